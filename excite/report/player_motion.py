@@ -97,10 +97,10 @@ def _some(samples: Samples) -> Samples:
 
 
 def _short(values: Array, digits: int) -> Any:
-    """Nested lists of numbers with so many significant digits."""
+    """Nested lists of numbers with so many significant digits, None where a number is not known."""
     if values.ndim > 1:
         return [_short(row, digits) for row in values]
-    return [float(f"{value:.{digits}g}") for value in values.tolist()]
+    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _bodies(robot: Robot, number: Mapping[str, int]) -> list[dict[str, Any]]:
@@ -129,7 +129,7 @@ def _limit(course: LimitCourse, number: Mapping[str, int]) -> dict[str, Any]:
         "unit": course.unit,
         "lower": course.lower if np.isfinite(course.lower) else None,
         "upper": course.upper if np.isfinite(course.upper) else None,
-        "most": max(float(np.abs(course.values).max()), 1e-12),
+        "most": max(float(np.nanmax(np.abs(course.values))), 1e-12),
         "bodies": [number[name] for name in course.bodies if name in number],
     }
 
@@ -185,8 +185,6 @@ def _linear_courses(
 ) -> Iterator[LimitCourse]:
     motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[limit.derivative]
     values = motion @ limit.matrix.T + limit.offset
-    if not np.all(np.isfinite(values)):  # jerks of approach and return are not in trajectory.csv
-        return
     for k, label in enumerate(limit.labels):
         owner = label.removesuffix(f" {limit.quantity}")
         bounds = float(limit.lower[k]), float(limit.upper[k])

@@ -10,6 +10,7 @@ import numpy as np
 
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part
 from excite.design.design import Design
+from excite.design.designed_motion import DesignedMotion
 from excite.files.urdf_meshes import urdf_meshes
 from excite.report.decimation import decimated
 from regressors.errors import InputError
@@ -49,7 +50,7 @@ def player_shapes(
     }
 
 
-def matches(design: Design, robot_file: str) -> bool:
+def matches(design: DesignedMotion, robot_file: str) -> bool:
     """True if a URDF describes the robot of a design.
 
     Raises

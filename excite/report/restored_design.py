@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,68 +16,15 @@ from excite.design.imposed_limits import nonlinear_limits
 from excite.design.start_results import StartResult, read_start, start_files
 from excite.design.stated_limits import stated_limits
 from excite.design.stored_design import StoredDesign
-from excite.files.design_folder import STARTS, TRAJECTORY
-from excite.files.sampled_motion import read_motion
+from excite.files.design_folder import STARTS
 from excite.files.stored import complete
 from excite.files.world_file import world_of
 from excite.information.metrics import PredictedAccuracy
 from excite.information.target import IdentificationTarget, target_of
-from excite.simulation.reference import SampledMotion
-from excite.trajectories.sequence import EXCITE, Motion, MotionSequence, Piece
+from excite.trajectories.scurve import SCurve
+from excite.trajectories.sequence import APPROACH, RETURN
+from excite.trajectories.transfer import Leg, Transfer
 from regressors.models.motor_side import MotorSide
-from regressors.samples import Array, Samples
-
-
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """Part of a longer motion.
-
-    Parameters
-    ----------
-    whole : SampledMotion
-    begin, end : float
-        [s]
-    """
-
-    whole: SampledMotion
-    begin: float
-    end: float
-
-    @property
-    def duration(self) -> float:
-        """Duration from start to end [s]."""
-        return self.end - self.begin
-
-    def samples(self, time: Array) -> Samples:
-        """Motion at given instants between 0 and the duration [s]."""
-        part = self.whole.samples(np.clip(self.begin + time, 0.0, self.whole.duration))
-        return Samples(time, part.q, part.dq, part.ddq, part.dddq)
-
-
-@dataclass(frozen=True, eq=False)
-class WrittenTransfers(ApproachAndReturn):
-    """Approach and return as they are in ``trajectory.csv``.
-
-    Parameters
-    ----------
-    whole : SampledMotion
-        Motion of every joint, from home to home.
-    spans : mapping of str to (float, float)
-        Start and end of each segment [s].
-    """
-
-    whole: SampledMotion | None = None
-    spans: Mapping[str, tuple[float, float]] | None = None
-
-    def sequence(self, motion: Motion, steps: int) -> MotionSequence:
-        """The approach, a motion, and the return; see `ApproachAndReturn.sequence`."""
-        if self.whole is None or self.spans is None:
-            return super().sequence(motion, steps)
-        pieces = []
-        for name, (begin, end) in self.spans.items():
-            part: Motion = motion if name == EXCITE else Stretch(self.whole, begin, end)
-            pieces.append(Piece(name, part, steps if name == EXCITE else round((end - begin) * self.rate)))
-        return MotionSequence(tuple(pieces))
 
 
 def restore(stored: StoredDesign) -> Design:
@@ -146,12 +92,41 @@ def _starts(folder: Path) -> tuple[StartResult, ...]:
     return tuple(read_start(path)[0] for _, path in start_files(folder)) if folder.is_dir() else ()
 
 
-def _transfers(stored: StoredDesign) -> WrittenTransfers | None:
-    """Approach and return from the file that plays them."""
-    played = stored.content["played"]
-    spans = {each["name"]: (each["start"], each["end"]) for each in played["segments"]}
-    if len(spans) == 1:
+def _transfers(stored: StoredDesign) -> ApproachAndReturn | None:
+    """Approach and return, from the lines and laws of motion that the file has."""
+    if stored.task.output.home is None:
         return None
-    limits = {name: tuple(limit_use(use) for use in played[name]["limits"]) for name in spans if name in played}
-    whole = read_motion(stored.folder / TRAJECTORY, stored.robot.joint_names)
-    return WrittenTransfers(None, None, 0, played["rate"], limits, whole, spans)
+    played = stored.content["played"]
+    written = {name: played[name] for name in (APPROACH, RETURN) if name in played}
+    limits = {name: tuple(limit_use(use) for use in entry["limits"]) for name, entry in written.items()}
+    transfers = {name: _transfer(entry) for name, entry in written.items()}
+    spans = {each["name"]: each["end"] - each["start"] for each in played["segments"]}
+    rests = [round((spans[name] - transfer.duration) * played["rate"]) for name, transfer in transfers.items()]
+    return ApproachAndReturn(
+        transfers.get(APPROACH), transfers.get(RETURN), max(rests, default=0), played["rate"], limits
+    )
+
+
+def _transfer(content: Mapping[str, Any]) -> Transfer:
+    legs = tuple(
+        Leg(np.array(leg["start"]), np.array(leg["end"]), law_of_jerks(leg["breaks"], leg["jerk"]))
+        for leg in content["legs"]
+    )
+    return Transfer(legs, content["shortest"], {"acceleration": (), "jerk": ()})
+
+
+def law_of_jerks(breaks: Sequence[float], jerks: Sequence[float]) -> SCurve:
+    """The law from rest at 0 whose jerk is constant between breaks.
+
+    Parameters
+    ----------
+    breaks : sequence of float, length m + 1
+        [s]
+    jerks : sequence of float, length m
+        [1/s^3]
+    """
+    pieces, s, ds, dds = [], 0.0, 0.0, 0.0
+    for h, j in zip(np.diff(breaks), jerks, strict=True):
+        pieces.append([j / 6, dds / 2, ds, s])
+        s, ds, dds = s + h * (ds + h * (dds / 2 + h * j / 6)), ds + h * (dds + h * j / 2), dds + h * j
+    return SCurve(np.array(breaks), np.array(pieces).T)

@@ -27,6 +27,7 @@ function element(name, text, className) {
 }
 
 export function shown(value) {
+  if (Number.isNaN(value)) return "\u2013";
   if (Math.abs(value) >= 1e5) return value.toExponential(2);
   const digits = Math.max(0, 2 - Math.floor(Math.log10(Math.max(Math.abs(value), 1e-3))));
   return value.toFixed(Math.min(4, digits)).replace("-", "\u2212");
@@ -72,7 +73,7 @@ export class Meters {
     const states = this.limits.map((limit, k) => stateOf(limit, now[k]));
     states.forEach(({ use, value, state }, k) => {
       const limit = this.limits[k];
-      if (worst < 0 || use > states[worst].use) worst = k;
+      if (!Number.isNaN(use) && (worst < 0 || use > states[worst].use)) worst = k;
       this.fillIn(k, limit, use, value, state);
       if (state === "ok") return;
       limit.bodies.forEach((body) => {
@@ -88,7 +89,7 @@ export class Meters {
     const cell = this.cells.get(number);
     if (cell === undefined) return;
     cell.text.textContent = `${shown(value)} ${limit.unit} ${MARKS[state]}`.trim();
-    cell.fill.style.width = `${100 * Math.min(1, Math.max(0, use))}%`;
+    cell.fill.style.width = `${100 * Math.min(1, Math.max(0, use || 0))}%`;
     cell.cell.dataset.state = state;
   }
 

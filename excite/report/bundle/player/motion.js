@@ -23,8 +23,9 @@ export function positions({ time, q, dq }, t) {
   return q[k].map((_, j) => a * q[k][j] + b * dq[k][j] + c * q[k + 1][j] + d * dq[k + 1][j]);
 }
 
-// Values of rows of samples at t, straight between them.
+// Values of rows of samples at t, straight between them; NaN where one is not known.
 export function between(time, rows, t) {
   const [k, u] = place(time, t);
-  return rows[k].map((_, j) => (1 - u) * rows[k][j] + u * rows[k + 1][j]);
+  const [before, after] = [rows[k], rows[k + 1]];
+  return before.map((value, j) => (value === null || after[j] === null ? NaN : (1 - u) * value + u * after[j]));
 }
