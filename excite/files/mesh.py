@@ -84,7 +84,7 @@ def _faces(path: Path, count: int) -> Array:
     except ValueError as error:
         raise MeshError(f"{path}: not a mesh: {error}") from error
     faces = np.array(fans, dtype=int).reshape(-1, 3)
-    if faces.size and not (0 <= faces.min() and faces.max() < count):
+    if faces.size and not (faces.min() >= 0 and faces.max() < count):
         raise MeshError(f"{path}: a face has a corner that is not there; it has {count}")
     return faces
 

@@ -33,10 +33,8 @@ class LinkMesh:
     triangles: Array
 
 
-def urdf_meshes(
-    path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
-) -> tuple[LinkMesh, ...]:
-    """Meshes of the links and of what is fixed to them: of ``<visual>`` where they can be read, else of ``<collision>``.
+def urdf_meshes(path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True) -> tuple[LinkMesh, ...]:
+    """Meshes of the links and of what is fixed to them: of ``<visual>`` where these can be read, else ``<collision>``.
 
     Files that are missing, or in a format without a reader, are left out.
 

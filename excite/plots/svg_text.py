@@ -16,9 +16,7 @@ from excite.plots.style import DPI, literal
 LARGE = 300_000  # characters; longer ones have their curves as a picture
 FONTS = "DejaVu Sans, Verdana, Arial, sans-serif"
 _SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "excite"}
-_FONT = re.compile(
-    r"(?P<style>italic |oblique )?(?P<weight>bold |\d{3} )?(?P<size>[\d.]+)px (?P<family>.+)", re.DOTALL
-)
+_FONT = re.compile(r"(?P<style>italic |oblique )?(?P<weight>bold |\d{3} )?(?P<size>[\d.]+)px (?P<family>.+)", re.DOTALL)
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _ROUNDED = ("d", "transform", "x", "y", "points")
 _LEFT_OUT = ("metadata", "style")

@@ -12,7 +12,7 @@ from excite.design.designed_motion import DesignedMotion
 from excite.identification.identification import Identification
 from excite.identification.result import IdentificationResult, StoredResult
 from excite.information.metrics import CONVENTIONS
-from excite.report.sections import ReportCell, ReportSection, ReportTable, number, percent, plain_number
+from excite.report.sections import ReportCell, ReportSection, ReportTable, number, percent, plain_number, unit
 
 _LARGER_IS_BETTER = ("smallest_singular_value", "log_det")
 
@@ -88,13 +88,13 @@ def parameters_section(results: Sequence[IdentificationResult]) -> ReportSection
     known = [_intervals(result) for result in results]
     overlap = [name for name in names if _agree([each[name] for each in known if name in each])]
     columns = ("parameter", "unit", *(text for r in results for text in (r.name, f"{r.name}, half-width")), "agree")
-    unit = {name: unit for result in results for name, unit in zip(result.names, result.units, strict=True)}
+    units = {name: each for result in results for name, each in zip(result.names, result.units, strict=True)}
     rows = []
     for name in names:
         pairs = [each.get(name, (np.nan, np.nan)) for each in known]
         cells = (number(x) for value, half in pairs for x in (value, half))
         agree = ReportCell("yes" if name in overlap else "NO", state="" if name in overlap else "bad")
-        rows.append((ReportCell(name), ReportCell(unit[name]), *cells, agree))
+        rows.append((ReportCell(name), unit(units[name]), *cells, agree))
     return ReportSection(
         kind="comparison",
         title=f"{len(results)} identifications",

@@ -18,7 +18,17 @@ from excite.report.player_motion import player_motion
 from excite.report.player_shapes import matches
 from excite.report.provenance_facts import facts
 from excite.report.restored_design import restore
-from excite.report.sections import ReportCell, ReportSection, ReportTable, kept, number, percent, plain_number
+from excite.report.sections import (
+    ReportCell,
+    ReportSection,
+    ReportTable,
+    kept,
+    number,
+    percent,
+    plain_number,
+    raised,
+    unit,
+)
 from excite.report.task_text import asked, task_file
 from regressors.errors import ExciteError
 
@@ -101,7 +111,7 @@ def _verdict(content: Mapping[str, Any], unchecked: tuple[Unchecked, ...]) -> st
         limits = f"the motion breaks {len(broken)} limit{'s' * (len(broken) > 1)}: {', '.join(broken)}"
     rank, condition = content["base"]["rank"], content["criteria"]["condition_number"]
     known = f"all {rank} base parameters" if rank > 1 else "its base parameter"
-    size = "which is not finite" if condition is None else plain_number(condition)
+    size = "which is not finite" if condition is None else f"{condition:.4g}"
     stopped = " The search was interrupted." if content["interrupted"] else ""
     first = limits[:1].upper() + limits[1:]
     return f"{first}. It is designed to identify {known}, with condition number {size} (Gautier's base, SI).{stopped}"
@@ -140,6 +150,7 @@ def _limits(content: Mapping[str, Any]) -> list[ReportTable]:
             if name == ""
             else "",
             f"limits{'-' * bool(name)}{name}",
+            folded=name != "",
         )
         for name, uses in parts.items()
     ]
@@ -152,7 +163,7 @@ def _limit(use: Mapping[str, Any]) -> tuple[ReportCell, ...]:
         number(use["margin"]),
         number(use["extreme"]),
         number(use["bound"]),
-        ReportCell(use["unit"]),
+        unit(use["unit"]),
         number(use["time"]),
         kept(use["holds"]),
     )
@@ -164,7 +175,7 @@ def _predictions(content: Mapping[str, Any]) -> ReportTable:
     sizes = plain_number(noise[0]) if len(noise) == 1 else f"{plain_number(noise[0])} to {plain_number(noise[-1])}"
     units = " or ".join(dict.fromkeys(unit for _, unit in predicted["equations"]))
     rows = tuple(
-        (ReportCell(p["name"]), number(p["standard_deviation"]), ReportCell(p["unit"]), ReportCell(p["expression"]))
+        (ReportCell(p["name"]), number(p["standard_deviation"]), unit(p["unit"]), ReportCell(raised(p["expression"])))
         for p in predicted["parameters"]
     )
     return ReportTable(

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 _LARGEST = 4_000_000  # bytes of a picture that a page takes in
 
 
-def drawn(
-    figures: Mapping[str, Callable[[], Figure]], prefix: str
-) -> tuple[tuple[ReportFigure, ...], tuple[str, ...]]:
+def drawn(figures: Mapping[str, Callable[[], Figure]], prefix: str) -> tuple[tuple[ReportFigure, ...], tuple[str, ...]]:
     """Draw figures as SVG.
 
     Parameters

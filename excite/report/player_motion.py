@@ -15,6 +15,7 @@ from excite.design.design import Design
 from excite.design.imposed_limits import nonlinear_limits
 from excite.design.stated_limits import stated_limits
 from excite.report.player_shapes import player_shapes
+from excite.report.sections import raised
 from regressors.robot.robot import BASE, Robot
 from regressors.samples import Array, Samples
 
@@ -126,7 +127,7 @@ def _limit(course: LimitCourse, number: Mapping[str, int]) -> dict[str, Any]:
     return {
         "owner": course.owner,
         "quantity": course.quantity,
-        "unit": course.unit,
+        "unit": raised(course.unit),
         "lower": course.lower if np.isfinite(course.lower) else None,
         "upper": course.upper if np.isfinite(course.upper) else None,
         "most": max(float(np.nanmax(np.abs(course.values))), 1e-12),
@@ -167,9 +168,7 @@ def _nonlinear(design: Design, joints: tuple[str, ...]) -> tuple[NonlinearConstr
     return (*nonlinear_limits(design.robot, joints, design.task), *stated.constraints)
 
 
-def _bodies_of(
-    robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstraint]
-) -> dict[str, tuple[str, ...]]:
+def _bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstraint]) -> dict[str, tuple[str, ...]]:
     """Links whose joints a joint or a drive moves, by its name in labels."""
     link = {joint.name: body.name for joint, body in zip(robot.joints, robot.links, strict=True)}
     owners = {f"joint {name}": (link[name],) for name in joints}

@@ -14,8 +14,17 @@ from excite.identification.result import IdentificationResult, StoredResult
 from excite.report.drawings import drawn, pictures
 from excite.report.provenance_facts import facts
 from excite.report.restored_result import stored_estimate
-from excite.report.sections import ReportCell, ReportFigure, ReportSection, ReportTable, number, percent, plain_number
-from excite.report.sections import text_of
+from excite.report.sections import (
+    ReportCell,
+    ReportFigure,
+    ReportSection,
+    ReportTable,
+    number,
+    percent,
+    raised,
+    text_of,
+    unit,
+)
 from excite.report.task_text import asked
 
 if TYPE_CHECKING:
@@ -128,8 +137,8 @@ def _parameter(each: Mapping[str, Any], *, compared: bool) -> tuple[ReportCell, 
     ends = number(low, state=state), number(high, state=state)
     relative = percent(each["relative_deviation"])
     return (
-        ReportCell(each["name"]), number(each["value"]), *ends, ReportCell(each["unit"]), relative, *known,
-        ReportCell(each["expression"]),
+        ReportCell(each["name"]), number(each["value"]), *ends, unit(each["unit"]), relative, *known,
+        ReportCell(raised(each["expression"])),
     )  # fmt: skip
 
 
@@ -144,7 +153,7 @@ def _residuals(content: Mapping[str, Any]) -> ReportTable:
     rows = tuple(
         (
             ReportCell(each["log"]), ReportCell(each["equation"]), number(each["rms"]), number(each["worst"]),
-            ReportCell(each["unit"]), percent(each["relative"]), number(each["lag_one"]),
+            unit(each["unit"]), percent(each["relative"]), number(each["lag_one"]),
         )
         for each in content["residuals"]
     )  # fmt: skip
@@ -154,7 +163,10 @@ def _residuals(content: Mapping[str, Any]) -> ReportTable:
 
 def _conditions(content: Mapping[str, Any]) -> ReportTable:
     condition = content["condition_number"]
-    rows = ((ReportCell("measured"), number(condition["measured"])), (ReportCell("designed"), number(condition["designed"])))
+    rows = (
+        (ReportCell("measured"), number(condition["measured"])),
+        (ReportCell("designed"), number(condition["designed"])),
+    )
     return ReportTable("Condition of the equations", ("", "value"), rows, f"{condition['convention']}.", "condition")
 
 

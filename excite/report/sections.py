@@ -46,6 +46,8 @@ class ReportTable:
         Stands below it.
     name : str
         What tests find it by.
+    folded : bool
+        Shown when asked for.
     """
 
     title: str
@@ -53,6 +55,12 @@ class ReportTable:
     rows: tuple[tuple[ReportCell, ...], ...]
     note: str = ""
     name: str = ""
+    folded: bool = False
+
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """Whether each column holds numbers."""
+        return tuple(any(cell.value is not None for cell in cells) for cells in zip(*self.rows, strict=True))
 
 
 @dataclass(frozen=True)
@@ -134,6 +142,16 @@ def number(value: Any, unit: str = "", state: str = "") -> ReportCell:
 def plain_number(value: float) -> str:
     """A number with up to six significant digits and a true minus sign."""
     return f"{value:.{DIGITS}g}".replace("-", "\N{MINUS SIGN}")
+
+
+def unit(text: str) -> ReportCell:
+    """Cell of a unit."""
+    return ReportCell(raised(text).replace(" ", "\N{NO-BREAK SPACE}"))
+
+
+def raised(text: str) -> str:
+    """A unit or a sum with raised exponents, such as ``kg m²``."""
+    return text.replace("^2", "²").replace("^3", "³")
 
 
 def percent(value: float | None, state: str = "") -> ReportCell:

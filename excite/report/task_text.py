@@ -55,9 +55,7 @@ def _is_default(name: str, value: Any) -> bool:
 
 def _defaults() -> dict[str, Any]:
     fields = [(field, part) for part in PARTS.values() for field, _ in options_of(part)]
-    return {
-        field.name: field.default if field.default is not dataclasses.MISSING else None for field, _ in fields
-    }
+    return {field.name: field.default if field.default is not dataclasses.MISSING else None for field, _ in fields}
 
 
 def _cut(text: str) -> str:

@@ -13,7 +13,7 @@ from excite.files.stored import complete, stored_content
 from excite.files.verification_json import SCHEMA, verification_content
 from excite.report.drawings import drawn, pictures
 from excite.report.provenance_facts import facts
-from excite.report.sections import ReportCell, ReportSection, ReportTable, number, percent
+from excite.report.sections import ReportCell, ReportFigure, ReportSection, ReportTable, number, percent, unit
 from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
 from excite.storage.manifest import check_files
@@ -77,30 +77,36 @@ def verification_section(verification: StoredVerification | Verification, prefix
     prefix : str
         Begins the identifiers of its figures.
     """
-    stored = isinstance(verification, StoredVerification)
-    content = verification.content if isinstance(verification, StoredVerification) else verification_content(verification)
-    name = verification.name if isinstance(verification, StoredVerification) else f"verification on {content['log']['file']}"
     if isinstance(verification, StoredVerification):
-        path = verification.path
+        content, path = verification.content, verification.path
         titles = {f"{path.stem}_{part}.png": title for part, title in _TITLES.items()}
-        figures, missing = pictures(path.parent, path.stem, titles), ()
-    else:
-        figures, missing = drawn(_figures(verification), prefix)
-    tolerances = content["tolerances"]
+        command = shlex.join(["excite", "verify", str(path.parent), str(content["log"]["file"])])
+        return _section(content, verification.name, pictures(path.parent, path.stem, titles), (), (command,))
+    content = verification_content(verification)
+    figures, missing = drawn(_figures(verification), prefix)
+    return _section(content, f"verification on {content['log']['file']}", figures, missing, ())
+
+
+def _section(
+    content: Mapping[str, Any],
+    title: str,
+    figures: tuple[ReportFigure, ...],
+    missing: tuple[str, ...],
+    commands: tuple[str, ...],
+) -> ReportSection:
+    log, robot = content["log"], content["robot"]
     return ReportSection(
         kind="verification",
-        title=name,
+        title=title,
         verdict=content["verdict"],
         holds=bool(content["holds"]),
-        asked=tuple((f"tolerance of the {key}", f"{100 * value:g} %") for key, value in tolerances.items()),
-        assumed=(*content["remarks"], *content["log"]["notes"]),
+        asked=tuple((f"tolerance of the {key}", f"{100 * value:g} %") for key, value in content["tolerances"].items()),
+        assumed=(*content["remarks"], *log["notes"]),
         notes=(*content["against"], *missing),
         tables=(_errors(content), _torques(content), *_motions(content)),
         figures=figures,
-        facts=facts({}, robot=content["robot"]["name"], log=content["log"]["file"], log_sha256=content["log"]["sha256"]),
-        commands=(shlex.join(["excite", "verify", str(verification.path.parent), content["log"]["file"]]),)
-        if stored and isinstance(verification, StoredVerification)
-        else (),
+        facts=facts({}, robot=robot["name"], robot_sha256=robot["sha256"], log=log["file"], log_sha256=log["sha256"]),
+        commands=commands,
     )
 
 
@@ -127,7 +133,7 @@ def _torques(content: Mapping[str, Any]) -> ReportTable:
     columns = ("equation", "measured", "error", "unit", "relative", "worst", "at [s]", "limited by")
     rows = tuple(
         (
-            ReportCell(t["name"]), number(t["measured"]), number(t["error"]), ReportCell(t["unit"]),
+            ReportCell(t["name"]), number(t["measured"]), number(t["error"]), unit(t["unit"]),
             percent(t["relative"]), number(t["worst"]), number(t["worst_time"]), ReportCell(str(t["limited_by"])),
         )
         for t in content["torques"]
@@ -141,7 +147,7 @@ def _motions(content: Mapping[str, Any]) -> tuple[ReportTable, ...]:
     columns = ("joint", "travel", "error", "unit", "relative", "worst", "at [s]")
     rows = tuple(
         (
-            ReportCell(m["name"]), number(m["travel"]), number(m["error"]), ReportCell(m["unit"]),
+            ReportCell(m["name"]), number(m["travel"]), number(m["error"]), unit(m["unit"]),
             percent(m["relative"]), number(m["worst"]), number(m["worst_time"]),
         )
         for m in content["motions"]

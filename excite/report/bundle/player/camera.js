@@ -25,10 +25,19 @@ export class Orbit {
   // Looks at everything within `radius` of a point.
   frame(target, radius) {
     this.home.target.copy(target);
-    this.home.distance = Math.max(0.2, (1.25 * radius) / Math.sin((this.camera.fov * Math.PI) / 360));
-    this.camera.near = this.home.distance / 200;
-    this.camera.far = this.home.distance * 40;
+    this.radius = radius;
+    this.fit(1);
     this.reset();
+  }
+
+  // Takes the shape of the view, width over height: a narrow one needs more distance.
+  fit(aspect) {
+    const before = this.home.distance;
+    this.home.distance = Math.max(0.1, this.radius / Math.sin((this.camera.fov * Math.PI) / 360)) / Math.min(1, aspect);
+    this.distance *= this.home.distance / before;
+    Object.assign(this.camera, { aspect, near: this.home.distance / 200, far: this.home.distance * 40 });
+    this.camera.updateProjectionMatrix();
+    this.update();
   }
 
   reset() {

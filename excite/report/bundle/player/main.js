@@ -19,9 +19,23 @@ class Player {
     this.stage = find("stage");
     [this.button, this.scrub, this.clock] = ["play", "scrub", "clock"].map(find);
     this.meters = new Meters(find("meters"), find("nearest"), data);
-    this.view = this.viewed();
+    this.view = null;
     this.listen(find("speed"), find("reset"));
     this.seek(0);
+    this.whenSeen(() => {
+      this.view = this.viewed();
+      this.seek(this.time);
+    });
+  }
+
+  // The page opens first; what is further down costs nothing until it comes into view.
+  whenSeen(begin) {
+    const observer = new IntersectionObserver((entries) => {
+      if (!entries.some((entry) => entry.isIntersecting)) return;
+      observer.disconnect();
+      setTimeout(begin);
+    });
+    observer.observe(this.stage);
   }
 
   // The 3D view; without WebGL the numbers move, and a sentence says why there is no picture.

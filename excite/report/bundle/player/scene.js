@@ -1,7 +1,7 @@
 // The scene of one player: it is drawn when something changed, and not otherwise.
 import {
-  BufferGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, Line, LineBasicMaterial, Matrix4, Mesh,
-  Scene, Vector3, WebGLRenderer, CylinderGeometry,
+  Box3, BufferGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, Line, LineBasicMaterial, Matrix4, Mesh,
+  CylinderGeometry, Scene, Sphere, Vector3, WebGLRenderer,
 } from "three";
 import { Orbit } from "./camera.js";
 import { capsule, joint, material, object, reachOf, triangles } from "./bodies.js";
@@ -58,7 +58,9 @@ export class View {
     this.looks = this.groups.map(() => material("#aab2bd"));
     this.path = new LineBasicMaterial({ color: "#56B4E9" });
     this.scene.add(new Line(new BufferGeometry().setFromPoints(trace), this.path));
-    const extent = this.addLinks(size) + Math.max(...trace.map((point) => point.length()), size);
+    const width = this.addLinks(size);
+    const space = new Box3().setFromPoints([new Vector3(), ...trace]).expandByScalar(Math.min(width, 4 * size));
+    const extent = Math.max(...trace.map((point) => point.length()), width);
     this.objectLooks = [];
     this.objects = new Map(data.objects.map((each) => [each.name, this.addObject(each, extent)]));
     this.grid = new GridHelper(2 * Math.ceil(extent), 4 * Math.ceil(extent));
@@ -67,8 +69,8 @@ export class View {
     this.grid.material.opacity = 0.35;
     this.grid.material.vertexColors = false;
     this.scene.add(this.grid);
-    const middle = trace.reduce((sum, point) => sum.add(point), new Vector3()).divideScalar(2 * trace.length);
-    this.orbit.frame(middle, 0.75 * extent);
+    const ball = space.getBoundingSphere(new Sphere());
+    this.orbit.frame(ball.center, ball.radius);
     return extent;
   }
 
@@ -92,13 +94,15 @@ export class View {
     data.meshes.forEach((each) => add(each.body, triangles(each, this.looks[each.body])));
     data.capsules.forEach((each) => add(each.body, capsule(each, this.looks[each.body])));
     const drawn = new Set([...data.meshes, ...data.capsules].map((each) => each.body));
-    if (drawn.size === 0) data.bodies.forEach((body, k) => this.addLine(body, k + 1, size));
+    data.bodies.forEach((body, k) => {
+      if (drawn.size === 0) this.groups[k + 1].add(joint(body, size, this.looks[k + 1]));
+      if (!drawn.has(body.parent)) this.addLine(body, size);
+    });
     return widest;
   }
 
-  // A joint, and the line that leads to it from the frame before.
-  addLine(body, number, size) {
-    this.groups[number].add(joint(body, size, this.looks[number]));
+  // The line that leads to a joint from the frame before.
+  addLine(body, size) {
     const to = new Vector3(...body.translation);
     const length = to.length();
     if (length === 0) return;
@@ -132,8 +136,7 @@ export class View {
     if (width === 0 || height === 0) return;
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
-    this.orbit.camera.aspect = width / height;
-    this.orbit.camera.updateProjectionMatrix();
+    this.orbit.fit(width / height);
     this.ask();
   }
 
