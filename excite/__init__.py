@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
     from excite.plots import write_figures
+    from excite.report.write_report import write_report
     from excite.simulation.degradation.degradation import Degradation
     from excite.simulation.degradation.degrade import degrade
     from excite.simulation.impact_pulse import ImpactPulse
@@ -176,6 +177,7 @@ _PLACES = {
     "study_over_time": "excite.timecourse.study_over_time",
     "verify": "excite.verification.verify",
     "write_figures": "excite.plots",
+    "write_report": "excite.report.write_report",
 }
 # names of the last release, with what they are called now; they go with the next one
 _RENAMED = {
@@ -270,6 +272,7 @@ __all__ = [
     "study_over_time",
     "verify",
     "write_figures",
+    "write_report",
 ]
 
 

@@ -28,6 +28,7 @@ _COMMANDS = {
     "simulate": "Simulate the motion of a design, and write what the robot would measure.",
     "study": "Follow estimates over the growing time of logs and simulated designs.",
     "compare": "Compare candidate designs by the same metrics.",
+    "report": "Write one HTML page on designs, identifications and verifications, with a 3D player.",
 }
 BAD_INPUT, NOT_HELD = 2, 1
 
@@ -54,6 +55,7 @@ Start with:
   excite simulate designs/irp6 --out run.csv                          what the robot would measure
   excite identify irp6 run.csv --design designs/irp6 --out results    its parameters, with their uncertainty
   excite verify results other.csv                                     whether they predict another log
+  excite report designs/irp6 results --out irp6.html                  one page to read, with the motion in 3D
 
 \b
 Exit status: 0 done; 1 done, but the result does not meet what was asked;

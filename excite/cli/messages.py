@@ -27,6 +27,7 @@ _COMMANDS: Mapping[str, str] = {
     "compare": "'excite compare'",
     "plan_friction": "'excite friction plan'",
     "fit_friction": "'excite friction fit'",
+    "write_report": "'excite report'",
 }
 
 

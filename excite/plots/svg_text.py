@@ -15,7 +15,6 @@ from excite.plots.style import DPI, literal
 
 LARGE = 300_000  # characters; longer ones have their curves as a picture
 FONTS = "DejaVu Sans, Verdana, Arial, sans-serif"
-_SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "excite"}
 _FONT = re.compile(r"(?P<style>italic |oblique )?(?P<weight>bold |\d{3} )?(?P<size>[\d.]+)px (?P<family>.+)", re.DOTALL)
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _ROUNDED = ("d", "transform", "x", "y", "points")
@@ -47,7 +46,7 @@ def svg_text(figure: Figure, prefix: str, label: str) -> str:
 
 def _drawn(figure: Figure) -> str:
     stream = io.StringIO()
-    with matplotlib.rc_context(_SETTINGS):
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
         figure.savefig(stream, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
     return stream.getvalue()
 

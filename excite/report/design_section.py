@@ -20,6 +20,7 @@ from excite.report.provenance_facts import facts
 from excite.report.restored_design import restore
 from excite.report.sections import (
     ReportCell,
+    ReportFigure,
     ReportSection,
     ReportTable,
     kept,
@@ -58,7 +59,8 @@ def design_section(design: DesignedMotion, prefix: str, robot_file: str | None =
     """
     content = design.content if isinstance(design, StoredDesign) else _content(design)
     whole, missing = _whole(design)
-    figures, motion = (), None
+    figures: tuple[ReportFigure, ...] = ()
+    motion = None
     if whole is not None:
         figures, missing = drawn(_figures(whole), prefix)
         motion = player_motion(whole, robot_file if robot_file is not None and matches(whole, robot_file) else None)
@@ -159,7 +161,7 @@ def _limits(content: Mapping[str, Any]) -> list[ReportTable]:
 def _limit(use: Mapping[str, Any]) -> tuple[ReportCell, ...]:
     return (
         ReportCell(use["label"]),
-        percent(use["use"], "" if use["holds"] else "bad"),
+        _used(use),
         number(use["margin"]),
         number(use["extreme"]),
         number(use["bound"]),
@@ -167,6 +169,12 @@ def _limit(use: Mapping[str, Any]) -> tuple[ReportCell, ...]:
         number(use["time"]),
         kept(use["holds"]),
     )
+
+
+def _used(use: Mapping[str, Any]) -> ReportCell:
+    """Fraction of a limit that is used; far inside a limit on one side, as of a distance, it says nothing."""
+    cell = percent(use["use"], "" if use["holds"] else "bad")
+    return cell if cell.value is None or cell.value >= 0 else ReportCell("far from it", cell.value)
 
 
 def _predictions(content: Mapping[str, Any]) -> ReportTable:

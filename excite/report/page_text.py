@@ -33,7 +33,7 @@ def page_text(sections: Sequence[ReportSection]) -> str:
     moves = any(section.motion is not None for section in sections)
     scripts = [_asset("tables.js"), *([_asset("player.min.js")] if moves else [])]
     style = _asset("style.css")
-    return _template().render(
+    page: str = _template().render(
         sections=sections,
         motions=[None if each.motion is None else _data(each.motion) for each in sections],
         policy=_policy(scripts, style),
@@ -43,6 +43,7 @@ def page_text(sections: Sequence[ReportSection]) -> str:
         version=version("excite-trajectories"),
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
+    return page
 
 
 def _template() -> Any:

@@ -156,7 +156,7 @@ def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitC
     linear = linear_limits(robot if whole else design.moving)
     bodies = _bodies_of(robot, joints, linear)
     courses = [course for limit in linear for course in _linear_courses(limit, motion, bodies)]
-    distances = []
+    distances: list[LimitCourse] = []
     for constraint in _nonlinear(design, joints) if whole else design.nonlinear:
         near = isinstance(constraint, Clearance)
         (distances if near else courses).extend(_nonlinear_courses(constraint, motion, bodies))
@@ -171,7 +171,7 @@ def _nonlinear(design: Design, joints: tuple[str, ...]) -> tuple[NonlinearConstr
 def _bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstraint]) -> dict[str, tuple[str, ...]]:
     """Links whose joints a joint or a drive moves, by its name in labels."""
     link = {joint.name: body.name for joint, body in zip(robot.joints, robot.links, strict=True)}
-    owners = {f"joint {name}": (link[name],) for name in joints}
+    owners: dict[str, tuple[str, ...]] = {f"joint {name}": (link[name],) for name in joints}
     for limit in linear:
         for label, row in zip(limit.labels, limit.matrix, strict=True):
             moved = tuple(link[name] for name, factor in zip(joints, row, strict=True) if factor != 0.0)

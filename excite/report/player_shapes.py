@@ -93,6 +93,7 @@ def _capsule(capsule: Capsule) -> dict[str, Any]:
 
 def _object(each: Obstacle) -> dict[str, Any]:
     shape = each.shape
+    place: dict[str, Any]
     if isinstance(shape, Box):
         place = {"kind": "box", "centre": list(shape.centre), "size": list(shape.size), "rpy": list(shape.rpy)}
     elif isinstance(shape, HalfSpace):

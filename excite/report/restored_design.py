@@ -84,7 +84,7 @@ def _accuracy(content: Mapping[str, Any]) -> PredictedAccuracy:
 
 def _rows(target: IdentificationTarget, stored: StoredDesign) -> int:
     times = target.model.times(stored.trajectory.duration, stored.task.output.rate)
-    return target.model.assemble(stored.trajectory.samples(times)).shape[0]
+    return int(target.model.assemble(stored.trajectory.samples(times)).shape[0])
 
 
 def _starts(folder: Path) -> tuple[StartResult, ...]:

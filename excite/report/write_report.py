@@ -36,8 +36,8 @@ def write_report(
     """Write one self-contained HTML page on designs, campaigns, identifications, verifications, or several of them.
 
     The page has the verdict in words, what was asked and what was assumed, figures, tables, a 3D player of each
-    design's motion, and how to repeat it. It needs no network and no other file, and its content policy forbids both. Several
-    designs are compared under the metrics of the first one, several identifications parameter by parameter.
+    design's motion, and how to repeat it. It needs no network and no other file, and its content policy forbids both.
+    Several designs are compared under the metrics of the first one, several identifications parameter by parameter.
 
     Parameters
     ----------
