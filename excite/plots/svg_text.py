@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from excite.plots.style import DPI, literal
+from regressors.quoting import printable
 
 LARGE = 300_000  # characters; longer ones have their curves as a picture
 FONTS = "DejaVu Sans, Verdana, Arial, sans-serif"
@@ -66,7 +67,7 @@ def _element(text: str, prefix: str, label: str) -> str:
         element.tail = None
     for name in ("width", "height", "version"):
         root.attrib.pop(name, None)
-    root.attrib |= {"role": "img", "aria-label": label, "font-family": FONTS}
+    root.attrib |= {"role": "img", "aria-label": printable(label), "font-family": FONTS}
     root.attrib |= {"stroke-linejoin": "round", "stroke-linecap": "butt"}  # of all elements, as in the style left out
     return ElementTree.tostring(root, encoding="unicode", short_empty_elements=False)
 

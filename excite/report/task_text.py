@@ -30,7 +30,7 @@ def asked(task: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 
 
 def task_file(task: Mapping[str, Any]) -> str:
-    """The same task as the text of a task file; JSON is YAML.
+    """The same task as the text of a task file, an option per line; JSON is YAML.
 
     Parameters
     ----------
@@ -38,7 +38,9 @@ def task_file(task: Mapping[str, Any]) -> str:
     """
     limits = {name: value for name, value in (task.get(_LIMITS) or {}).items() if value is not None}
     plain = {name: value for name, value in task.items() if value is not None and name != _LIMITS}
-    return json.dumps({**plain, **({_LIMITS: limits} if limits else {})}, indent=1, ensure_ascii=False) + "\n"
+    options = {**plain, **({_LIMITS: limits} if limits else {})}
+    lines = (f"{json.dumps(name)}: {json.dumps(value, ensure_ascii=False)}" for name, value in options.items())
+    return "{\n  " + ",\n  ".join(lines) + "\n}\n"
 
 
 def _flat(task: Mapping[str, Any]) -> dict[str, Any]:

@@ -175,6 +175,7 @@ BASE: Mapping[str, tuple[str, ...]] = {
     "plan": ("plan", "two.yaml"),
     "compare": ("compare", "d"),
     "robots": ("robots", "two.yaml"),
+    "report": ("report", "d", "--out", "o/page.html"),
     "friction plan": (
         "friction", "plan", "two.yaml", "--drives", "1", "--speeds", "100", "--warm-up", "0", "--rate", "100",
         "--breakaways", "0", "--out", "o",

@@ -34,6 +34,8 @@ from excite.logs.sidecar import read_sidecar
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
+from excite.storage.result_file import settle_files
+from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurves
 
 VERSIONS = ("old", "new")
@@ -204,12 +206,23 @@ def _stub_study(patch: Patch, version: str) -> None:
     _pictures(patch, "excite.plots.time_course_plot", version, "estimates_over_time_figure")
 
 
+def _stub_report(patch: Patch, version: str) -> None:
+    patch.setattr("excite.report.write_report.report_text", lambda *_, **__: f"<html>{version}</html>")
+
+
 def _same(arguments: str) -> dict[str, str]:
     return dict.fromkeys(VERSIONS, arguments)
 
 
 def _read_run(path: Path) -> object:
     return read_log(path), read_sidecar(path)
+
+
+def _read_page(path: Path) -> object:
+    settle_files(path)
+    if not path.exists():
+        raise InputError(f"there is no {path}")
+    return path.read_text(encoding="utf-8")
 
 
 def _settled(file: str) -> Callable[[Path], object]:
@@ -237,5 +250,6 @@ COMMANDS = {
     ),
     "friction plan": Command(_same("friction plan irp6 --out OUT"), _stub_plan, lambda folder: read_plan(folder)),
     "friction fit": Command(_same("friction fit irp6 run.csv --out OUT"), _stub_fit, _read_fit),
+    "report": Command(_same("report designs/any --out OUT"), _stub_report, _read_page, out="pages/page.html"),
     "study": Command(_same("study irp6 run.csv --out OUT"), _stub_study, _settled("study.json")),
 }

@@ -96,7 +96,7 @@ export class Meters {
   nearest(limit, { use, value, state }) {
     const bound = limit.upper !== null && (limit.lower === null || value > (limit.lower + limit.upper) / 2)
       ? limit.upper : limit.lower;
-    const how = state === "over" ? "BROKEN" : `${(100 * use).toFixed(0)} % used`;
+    const how = state === "over" ? "BROKEN" : `${(100 * use).toFixed(1)} % used`;
     return `Nearest limit: ${limit.owner} ${limit.quantity}, ${shown(value)} of ${shown(bound)} ${limit.unit}, ${how}`;
   }
 }
