@@ -195,7 +195,7 @@ def test_bad_input(given: list[object], message: str, tmp_path: Path, monkeypatc
 
 
 def test_other_endings_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="ends in .html"):
+    with pytest.raises(InputError, match=r"ends in \.html"):
         excite.write_report(tmp_path, tmp_path / "page.pdf")
 
 
