@@ -13,7 +13,7 @@ from excite.report.sections import ReportCell, ReportSection, ReportTable, numbe
 
 
 def campaign_of(content: Mapping[str, Any], path: Path) -> Campaign:
-    """The campaign that ``excite plan --json`` has printed into a file.
+    """The campaign that the JSON of ``excite plan`` describes.
 
     Parameters
     ----------
