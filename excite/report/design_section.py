@@ -36,6 +36,7 @@ from regressors.errors import ExciteError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_ASKED = ("robot", "model", "trajectory", "period", "criterion", "starts", "seed")
 _TITLES = {
     "motion": "Motion and its limits over time",
     "phase": "Velocity over position",
@@ -70,7 +71,7 @@ def design_section(design: DesignedMotion, prefix: str, robot_file: str | None =
         title=design.name,
         verdict=_verdict(content, design.unchecked),
         holds=bool(content["feasible"]),
-        asked=asked(content["task"]),
+        asked=asked(content["task"], _ASKED),
         assumed=(*unchecked, *content["notes"]),
         notes=missing,
         tables=(_conditions(content), *_limits(content), _predictions(content)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
@@ -12,6 +11,7 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result import IdentificationResult, StoredResult
 from excite.report.drawings import drawn, pictures
+from excite.report.identify_commands import commands_of
 from excite.report.provenance_facts import facts
 from excite.report.restored_result import stored_estimate
 from excite.report.sections import (
@@ -57,13 +57,13 @@ def result_section(result: IdentificationResult, prefix: str) -> ReportSection:
         title=result.name,
         verdict=_verdict(content),
         holds=False if content["doubts"] else None,
-        asked=(*asked(content["task"]), *_recipe(content["recipe"])),
+        asked=(*asked(content["task"], ("robot", "model")), *_recipe(content["recipe"])),
         assumed=(*scope, *content["notes"], *logs),
         notes=(*doubts, *missing),
         tables=(_parameters(content), *_standard(content), _residuals(content), _conditions(content)),
         figures=figures,
         facts=facts(content["provenance"], robot=content["robot"]["name"], **_hashes(content)),
-        commands=_commands(result, content),
+        commands=commands_of(content, str(result.folder or "results/this")),
     )
 
 
@@ -167,7 +167,9 @@ def _conditions(content: Mapping[str, Any]) -> ReportTable:
         (ReportCell("measured"), number(condition["measured"])),
         (ReportCell("designed"), number(condition["designed"])),
     )
-    return ReportTable("Condition of the equations", ("", "value"), rows, f"{condition['convention']}.", "condition")
+    return ReportTable(
+        "Condition of the equations", ("equations", "value"), rows, f"{condition['convention']}.", "condition"
+    )
 
 
 def _recipe(recipe: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
@@ -183,13 +185,3 @@ def _hashes(content: Mapping[str, Any]) -> dict[str, Any]:
     logs = {f"log {log['file']} sha256": log["sha256"] for log in content["logs"]}
     design = content["design"] or {}
     return {"robot_sha256": content["robot"]["sha256"], "design": design.get("file"), **logs}
-
-
-def _commands(result: IdentificationResult, content: Mapping[str, Any]) -> tuple[str, ...]:
-    design = (content["design"] or {}).get("folder")
-    logs = [str(log["file"]) for log in content["logs"]]
-    words = ["excite", "identify", str(content["task"]["robot"]), *logs, "--model", str(content["task"]["model"])]
-    words += ["--design", str(design)] if design else []
-    words += ["--estimator", str(content["estimator"])]
-    folder = str(result.folder or "results/this")
-    return (shlex.join([*words, "--out", f"{folder}-again"]), shlex.join(["excite", "verify", folder, "OTHER.csv"]))

@@ -20,7 +20,7 @@ class ReportCell:
     text : str
     value : float, optional
         The number behind it, by which rows are sorted.
-    state : {"", "good", "bad", "best"}
+    state : {"", "bad", "best", "unit"}
     """
 
     text: str
@@ -146,7 +146,7 @@ def plain_number(value: float) -> str:
 
 def unit(text: str) -> ReportCell:
     """Cell of a unit."""
-    return ReportCell(raised(text).replace(" ", "\N{NO-BREAK SPACE}"))
+    return ReportCell(raised(text), state="unit")
 
 
 def raised(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from excite.report.sections import text_of
@@ -16,15 +16,16 @@ _BESIDE = ("executor", "workers")  # change nothing in the result
 _LONG = 200  # characters
 
 
-def asked(task: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    """Robot, model, trajectory, criterion and every option that is not the default, as names and texts.
+def asked(task: Mapping[str, Any], always: Collection[str]) -> tuple[tuple[str, str], ...]:
+    """Some options of a task, and every other one that is not the default, as names and texts.
 
     Parameters
     ----------
     task : mapping
         Entry ``task`` of a file of results.
+    always : collection of str
+        Options that are shown in any case.
     """
-    always = ("robot", "model", "trajectory", "period", "criterion", "starts", "seed")
     changed = {name: value for name, value in _flat(task).items() if name in always or not _is_default(name, value)}
     return tuple((name.replace("_", " "), _cut(text_of(value))) for name, value in changed.items())
 

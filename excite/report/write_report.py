@@ -7,8 +7,10 @@ from pathlib import Path
 
 from excite.design.campaign import Campaign
 from excite.design.designed_motion import DesignedMotion
+from excite.design.stored_design import StoredDesign
 from excite.errors import TakenError
-from excite.identification.result import IdentificationResult
+from excite.files.stored import complete
+from excite.identification.result import IdentificationResult, StoredResult
 from excite.report.campaign_section import campaign_section
 from excite.report.comparison_section import comparison_section, parameters_section
 from excite.report.design_section import design_section
@@ -17,7 +19,7 @@ from excite.report.player_shapes import matches
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
 from excite.report.subjects import Subject, subjects_of
-from excite.report.verification_section import verification_section
+from excite.report.verification_section import StoredVerification, verification_section
 from excite.storage.atomic import replacing
 from excite.storage.result_file import replace_files, result_file
 from regressors.errors import InputError
@@ -111,6 +113,27 @@ def _comparisons(subjects: Iterable[Subject]) -> list[ReportSection]:
 
 
 def _section(subject: Subject, prefix: str, robot_file: str | None) -> ReportSection:
+    """Section of a subject; of one that was read from a file, entries that are missing are named."""
+    source = _source(subject)
+    if source is None:
+        return _built(subject, prefix, robot_file)
+    path, kind = source
+    try:
+        return _built(subject, prefix, robot_file)
+    except (AttributeError, KeyError, TypeError) as error:
+        with complete(path, kind):
+            raise error
+
+
+def _source(subject: Subject) -> tuple[Path, str] | None:
+    if isinstance(subject, StoredDesign):
+        return subject.folder, "design"
+    if isinstance(subject, StoredResult):
+        return subject.folder, "result"
+    return (subject.path, "verification") if isinstance(subject, StoredVerification) else None
+
+
+def _built(subject: Subject, prefix: str, robot_file: str | None) -> ReportSection:
     if isinstance(subject, DesignedMotion):
         return design_section(subject, prefix, robot_file)
     if isinstance(subject, IdentificationResult):

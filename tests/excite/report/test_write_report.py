@@ -6,6 +6,7 @@ import base64
 import hashlib
 import json
 import re
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,11 @@ from reported import HOSTILE, ParsedPage, reported_design, saved
 from written_results import result, verification
 
 import excite
+from excite.files.result_json import result_content
 from excite.files.task_file import read_task_file, task_content, task_from_options
 from excite.information.metrics import CONVENTIONS
 from excite.report.comparison_section import comparison_section, parameters_section
+from excite.report.identify_commands import commands_of
 from excite.report.page_text import page_text
 from excite.report.restored_design import restore
 from excite.report.write_report import report_text
@@ -205,3 +208,31 @@ def test_edited_results_are_refused(tmp_path: Path) -> None:
     (target / "design.json").write_text(text.replace('"feasible": true', '"feasible": false'))
     with pytest.raises(InputError, match="has been changed"):
         report_text(target)
+
+
+def test_commands_repeat_an_identification(tmp_path: Path) -> None:
+    from excite.cli.identify_command import command
+
+    made = json.loads(json.dumps(result_content(result("old"))))
+    made["logs"][0]["file"] = "run.csv"
+    made["recipe"] |= {"cutoff": 12.5, "estimator": "least-squares"}
+    again, _ = commands_of(made, "results/irp6")
+    _, name, *words = shlex.split(again)
+    (tmp_path / "run.csv").touch()
+    given = command.make_context(name, words).params
+    assert (given["robot"], given["logs"], given["cutoff"]) == ("irp6", (Path("run.csv"),), 12.5)
+    assert given["estimator"] == "least-squares"
+    assert np.ravel(given["sign_width"]) == [made["recipe"]["sign_width"]]
+    assert given["out"] == Path("results/irp6-again")
+
+
+@pytest.mark.parametrize("entry", ["predicted", "played", "base", "conventions", "criteria"])
+def test_entries_that_are_missing_are_named(entry: str, folder: Path, tmp_path: Path) -> None:
+    content = json.loads((folder / "design.json").read_text())
+    del content[entry]
+    (tmp_path / "older.json").write_text(json.dumps(content))
+    if entry == "conventions":  # of an older version
+        assert "Gautier 1991" in report_text(tmp_path / "older.json")
+        return
+    with pytest.raises(InputError, match=f"not a complete design: .*'{entry}'.* is missing"):
+        report_text(tmp_path / "older.json")
