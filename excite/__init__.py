@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from excite.payload.payload_result import PayloadResult
     from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures
+    from excite.report.write_report import write_report
     from excite.simulation.degradation.degradation import Degradation
     from excite.simulation.degradation.degrade import degrade
     from excite.simulation.impact_pulse import ImpactPulse
@@ -207,6 +208,7 @@ _PLACES = {
     "calibrate_gains": "excite.payload.calibrate_gains",
     "design_payload_motion": "excite.payload.payload_motion",
     "identify_payload": "excite.payload.identify_payload",
+    "write_report": "excite.report.write_report",
 }
 # names of the last release, with what they are called now; they go with the next one
 _RENAMED = {
@@ -318,6 +320,7 @@ __all__ = [
     "study_over_time",
     "verify",
     "write_figures",
+    "write_report",
 ]
 
 

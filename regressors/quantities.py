@@ -94,6 +94,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     # model
     "window_length": TIME,
     "sensor_xyz": LENGTH,
+    "frame": LENGTH,
     "sensor_rpy": ANGLE,
     "stribeck_speed": SPEED,
     "carried": ANY,

@@ -10,7 +10,6 @@ from constraints.linear import LinearConstraint
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
-
 _WIDE = 1e9  # [rad or m]; a pose is sought within it of zero, or of the nearer bound
 
 

@@ -21,16 +21,17 @@ from regressors.quoting import one_line
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
     "design": "Find the motion that identifies a robot's parameters best, and write it.",
-    "friction": "Plan runs that measure friction, and fit friction curves to their logs.",
+    "plan": "Propose the shortest campaign of partial motions that identifies every parameter.",
+    "export": "Write a design as a motion that a controller plays, or a result as a model.",
+    "simulate": "Simulate the motion of a design, and write what the robot would measure.",
     "logs": "Show what a recording holds, and write the mapping that reads it.",
     "identify": "Estimate a robot's parameters from its logs, with their uncertainty.",
     "verify": "Judge a result on a log that was not used to identify.",
-    "plan": "Propose the shortest campaign of partial motions that identifies every parameter.",
-    "simulate": "Simulate the motion of a design, and write what the robot would measure.",
     "study": "Follow estimates over the growing time of logs and simulated designs.",
-    "compare": "Compare candidate designs by the same metrics.",
-    "export": "Write a design as a motion that a controller plays, or a result as a model.",
+    "friction": "Plan runs that measure friction, and fit friction curves to their logs.",
     "payload": "Measure what a robot holds: design the motion, calibrate gains, identify.",
+    "report": "Write one HTML page on designs, identifications and verifications, with a 3D player.",
+    "compare": "Compare candidate designs by the same metrics.",
 }
 BAD_INPUT, NOT_HELD = 2, 1
 
@@ -57,6 +58,7 @@ Start with:
   excite simulate designs/irp6 --out run.csv                          what the robot would measure
   excite identify irp6 run.csv --design designs/irp6 --out results    its parameters, with their uncertainty
   excite verify results other.csv                                     whether they predict another log
+  excite report designs/irp6 results --out irp6.html                  one page to read, with the motion in 3D
 
 \b
 Exit status: 0 done; 1 done, but the result does not meet what was asked;

@@ -33,6 +33,7 @@ _COMMANDS: Mapping[str, str] = {
     "calibrate_gains": "'excite payload gains'",
     "identify_payload": "'excite payload identify'",
     "guess_mapping": "'excite logs'",
+    "write_report": "'excite report'",
 }
 
 

@@ -49,6 +49,46 @@ def mesh_corners(path: Path) -> Array:
     return corners
 
 
+def mesh_triangles(path: Path) -> Array:
+    """Corners of each triangle of a mesh, shape (N, 3, 3), in the units of the file.
+
+    Parameters
+    ----------
+    path : Path
+        Ends with ``.stl`` or ``.obj``.
+
+    Raises
+    ------
+    MeshError
+        As of `mesh_corners`, or faces with corners that are not there.
+    """
+    corners = mesh_corners(path)
+    if path.suffix.lower() == ".stl":
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3, 3)
+    faces = _faces(path, len(corners))
+    if not len(faces):
+        raise MeshError(f"{path}: expected faces, given corners only")
+    return np.asarray(corners[faces])
+
+
+def _faces(path: Path, count: int) -> Array:
+    """Indices of the corners of triangles, a face of more corners as a fan, shape (N, 3)."""
+    fans: list[tuple[int, int, int]] = []
+    try:
+        for line in read_bytes(path).decode("utf-8", "replace").splitlines():
+            words = line.split()
+            if words[:1] == ["f"]:
+                index = [int(word.partition("/")[0]) for word in words[1:]]
+                places = [each - 1 if each > 0 else count + each for each in index]
+                fans += [(places[0], *places[k : k + 2]) for k in range(1, len(places) - 1)]  # type: ignore[misc]
+    except ValueError as error:
+        raise MeshError(f"{path}: not a mesh: {error}") from error
+    faces = np.array(fans, dtype=int).reshape(-1, 3)
+    if faces.size and not (faces.min() >= 0 and faces.max() < count):
+        raise MeshError(f"{path}: a face has a corner that is not there; it has {count}")
+    return faces
+
+
 def _from_text(content: bytes, word: str, path: Path) -> Array:
     lines = (line.split() for line in content.decode("utf-8", "replace").splitlines())
     try:

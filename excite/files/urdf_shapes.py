@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -78,17 +79,12 @@ def urdf_shape(
         content = read_bytes(path)
     except OSError as error:
         raise InputError(f"cannot read the URDF file {str(path)!r}: {error.strerror}") from error
-    tree = parse_tree(content, path.name, snap_angles=snap_angles)
-    moving = {link.name for link in robot.links}
-    poses = _poses(tree)
     parts, left_out = [], []
-    for link in robot_element(content, path.name).below("link"):
+    for carrier, link, pose in carried_links(content, path, robot, base, snap_angles=snap_angles):
         name = link.attributes["name"]
-        carrier = _carrier(tree, name, moving)
-        above = poses[base or tree.root] if carrier == BASE else poses[carrier]
         for element in link.below("collision"):
             try:
-                parts.append(Part(carrier, _capsule(element, np.linalg.inv(above) @ poses[name], path)))
+                parts.append(Part(carrier, _capsule(element, pose, path)))
             except MeshError as error:
                 left_out.append(f"{path.name}: link {name!r}, <collision>: {error}")
             except (InputError, KeyError, ValueError) as error:
@@ -100,6 +96,33 @@ def urdf_shape(
     if not parts:
         raise InputError(f"{path.name}: no link has a <collision> element to take the robot's shape from")
     return tuple(parts), tuple(left_out)
+
+
+def carried_links(
+    content: bytes, path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
+) -> Iterator[tuple[str, XmlElement, Array]]:
+    """Every ``<link>`` of a URDF with the link of the robot, or the base, that carries it, and its pose in that frame.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the file.
+    path : Path
+    robot : Robot
+        Read from the same file.
+    base : str, optional
+        Name of the first link; the root if not given.
+    snap_angles : bool
+        As the robot was read.
+    """
+    tree = parse_tree(content, path.name, snap_angles=snap_angles)
+    moving = {link.name for link in robot.links}
+    poses = _poses(tree)
+    for link in robot_element(content, path.name).below("link"):
+        name = link.attributes["name"]
+        carrier = _carrier(tree, name, moving)
+        above = poses[base or tree.root] if carrier == BASE else poses[carrier]
+        yield carrier, link, np.linalg.inv(above) @ poses[name]
 
 
 def _poses(tree: UrdfTree) -> dict[str, Array]:
@@ -124,21 +147,34 @@ def _carrier(tree: UrdfTree, link: str, moving: set[str]) -> str:
     return link
 
 
-def _numbers(element: XmlElement | None, attribute: str, default: str) -> Array:
+def numbers_of(element: XmlElement | None, attribute: str, default: str) -> Array:
+    """Numbers of an attribute."""
     text = default if element is None else element.attributes.get(attribute, default)
     return np.array([float(word) for word in text.split()])
 
 
 def _capsule(element: XmlElement, pose: Array, path: Path) -> Capsule:
     """Capsule around one ``<collision>``, in the frame of the carrier."""
+    shape, place = placed_shape(element)
+    return _moved(_around(shape, path), pose @ place)
+
+
+def placed_shape(element: XmlElement) -> tuple[XmlElement, Array]:
+    """The shape of a ``<collision>`` or ``<visual>``, and its pose in the link's frame.
+
+    Raises
+    ------
+    InputError
+        None, or several.
+    """
     origin = next(element.below("origin"), None)
     shapes = [shape for geometry in element.below("geometry") for shape in geometry.children if ":" not in shape.tag]
     if len(shapes) != 1:
         raise InputError("expected one shape in <geometry>")
     place = np.eye(4)
-    place[:3, :3] = rotation_from_rpy(_numbers(origin, "rpy", "0 0 0"))
-    place[:3, 3] = _numbers(origin, "xyz", "0 0 0")
-    return _moved(_around(shapes[0], path), pose @ place)
+    place[:3, :3] = rotation_from_rpy(numbers_of(origin, "rpy", "0 0 0"))
+    place[:3, 3] = numbers_of(origin, "xyz", "0 0 0")
+    return shapes[0], place
 
 
 def _around(shape: XmlElement, path: Path) -> Capsule:
@@ -148,10 +184,10 @@ def _around(shape: XmlElement, path: Path) -> Capsule:
     if shape.tag == "cylinder":
         return enclosing_cylinder(float(given["radius"]), float(given["length"]))
     if shape.tag == "box":
-        return enclosing_capsule(_CORNERS * _numbers(shape, "size", ""))
+        return enclosing_capsule(_CORNERS * numbers_of(shape, "size", ""))
     if shape.tag == "mesh":
-        corners = mesh_corners(_file(given["filename"], path))
-        return enclosing_capsule(corners * _numbers(shape, "scale", "1 1 1"))
+        corners = mesh_corners(mesh_file(given["filename"], path))
+        return enclosing_capsule(corners * numbers_of(shape, "scale", "1 1 1"))
     raise InputError(f"no shape named {shape.tag!r}; available: sphere, cylinder, box, mesh")
 
 
@@ -165,7 +201,7 @@ def _vector(values: Array) -> Vector:
     return x, y, z
 
 
-def _file(name: str, urdf: Path) -> Path:
+def mesh_file(name: str, urdf: Path) -> Path:
     """The file of a mesh name: relative to the URDF, or in a package below one of the folders above it."""
     if not name.startswith("package://"):
         return urdf.parent / name.removeprefix("file://")

@@ -70,7 +70,6 @@ class LogMapping(Section):
     """Layout of a file, and units of its columns; see the module's example."""
 
     joints: Annotated[list[str], Field(min_length=1)] | None = None
-    design: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
     time: TimeSection
     position: PositionSection
     velocity: VelocitySection | None = None
@@ -81,6 +80,7 @@ class LogMapping(Section):
     separator: Literal[",", ";", "\t", "tab", "whitespace"] = ","
     header: bool = True
     skip: Annotated[int, AfterValidator(within("skip"))] = 0
+    design: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
 
     @field_validator("joints")
     @classmethod

@@ -112,6 +112,8 @@ RIGHT: Mapping[str, tuple[str, ...]] = {
     "plan": ("p",),
     "design_folder": ("d",),
     "designs": ("d",),
+    "paths": ("d", "r", "d/design.json"),
+    "robot_file": ("two.yaml",),
     "begin": ("d",),
     "impact": ("a:0.5:10", "b:1:1e9", "a:1:1:1e-6", "b:1:-1:1e5"),
     "drives": ("1", "2", "1,2", "z1", "none", "all"),
@@ -192,6 +194,7 @@ BASE: Mapping[str, tuple[str, ...]] = {
     "robots": ("robots", "two.yaml"),
     "export": ("export", "d", "--format", "npz", "--rate", "50", "--out", "o/motion.npz"),
     "logs": ("logs", "log.csv", "--write-mapping", "o/map.yaml"),
+    "report": ("report", "d", "--out", "o/page.html"),
     "friction plan": (
         "friction", "plan", "two.yaml", "--drives", "1", "--speeds", "100", "--warm-up", "0", "--rate", "100",
         "--breakaways", "0", "--out", "o",
@@ -494,12 +497,14 @@ def _memory_from_here() -> float:
 def without_figures() -> Iterator[None]:
     """Nothing is rendered: figures are made, but their files stay empty, and their texts are not looked at."""
     savefig = patch("matplotlib.figure.Figure.savefig", lambda self, stream, **_: None)
-    with savefig, patch("excite.plots.figure_files.literal", lambda figure: None):
+    in_pages = patch("excite.plots.svg_text.svg_text", lambda *_: "<svg></svg>")
+    with savefig, in_pages, patch("excite.plots.figure_files.literal", lambda figure: None):
         yield
 
 
 FIGURES = (
     "excite.plots.write_figures",
+    "excite.report.design_section._figures",
     "excite.plots.write_verification_figures",
     "excite.plots.time_course_plot.write_time_study_figure",
     "excite.cli.identify_run.write_identification_figures",
@@ -511,7 +516,7 @@ def nothing_drawn() -> Iterator[None]:
     """Figures, which take half of the time, are not made."""
     with contextlib.ExitStack() as stack:
         for name in FIGURES:
-            stack.enter_context(patch(name, lambda *_, **__: []))
+            stack.enter_context(patch(name, lambda *_, **__: {}))
         yield
 
 

@@ -280,12 +280,23 @@ def _stub_logs(patch: Patch, version: str) -> None:
     patch.setattr(excite, "guess_mapping", lambda *_: guess(version))
 
 
+def _stub_report(patch: Patch, version: str) -> None:
+    patch.setattr("excite.report.write_report.report_text", lambda *_, **__: f"<html>{version}</html>")
+
+
 def _same(arguments: str) -> dict[str, str]:
     return dict.fromkeys(VERSIONS, arguments)
 
 
 def _read_run(path: Path) -> object:
     return read_log(path), read_sidecar(path)
+
+
+def _read_page(path: Path) -> object:
+    settle_files(path)
+    if not path.exists():
+        raise InputError(f"there is no {path}")
+    return path.read_text(encoding="utf-8")
 
 
 def _settled(file: str) -> Callable[[Path], object]:
@@ -344,5 +355,6 @@ COMMANDS = {
         _same("payload identify panda --wrench run.csv --out OUT"), _stub_payload_identify, _settled("payload.json")
     ),
     "logs": Command(_same("logs run.csv --write-mapping OUT"), _stub_logs, read_mapping, out="maps/run.yaml"),
+    "report": Command(_same("report designs/any --out OUT"), _stub_report, _read_page, out="pages/page.html"),
     "study": Command(_same("study irp6 run.csv --out OUT"), _stub_study, _settled("study.json")),
 }

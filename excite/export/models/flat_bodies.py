@@ -37,8 +37,8 @@ def flat_note(bodies: Mapping[str, Array]) -> tuple[str, ...]:
     return (
         (
             f"the identified parameters leave {names} only just possible, as flat as a sheet or as thin as a rod: "
-            "simulators may need shorter steps; an identification with `estimator='physical'` and `described_within=0.5` "
-            "keeps all bodies near the description",
+            "simulators may need shorter steps; an identification with `estimator='physical'` and "
+            "`described_within=0.5` keeps all bodies near the description",
         )
         if names
         else ()

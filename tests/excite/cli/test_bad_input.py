@@ -423,4 +423,4 @@ def test_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
         check=False,
     )
     assert ended.stdout.startswith("irp6: ")
-    assert ended.stderr == ""
+    assert [line for line in ended.stderr.splitlines() if not line.endswith(" ...")] == []  # steps of slow machines

@@ -32,6 +32,18 @@ READ_BY_PATTERNS = {
     "excite/cli/messages.py",
     "excite/plots/style.py",
     "excite/storage/destination.py",
+    "excite/export/models/isaac_model.py",
+    "excite/export/models/xml_spans.py",
+    "excite/export/motions/krl_spline.py",
+    "excite/export/motions/rapid_module.py",
+    "excite/export/motions/recorder.py",
+    "excite/export/motions/urscript.py",
+    "excite/logs/guess/channel_group.py",
+    "excite/logs/recordings/array_streams.py",
+    "excite/logs/recordings/column_name.py",
+    "excite/logs/recordings/text_makers.py",
+    "excite/plots/svg_text.py",
+    "excite/report/page_text.py",
 }
 
 

@@ -1,0 +1,64 @@
+"""``excite report``: one HTML page on designs, campaigns, identifications and verifications."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from excite.cli.options import own_parts
+
+
+@click.command(
+    name="report",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="""\b
+Examples:
+  excite report designs/irp6 --out irp6.html
+  excite report designs/arm --robot-file arm.urdf --out arm.html             with the meshes of its links
+  excite report designs/short designs/long --out which.html                  compared by the same metrics
+  excite report designs/irp6 results/irp6 --out experiment.html              with the verifications in results/irp6
+  excite plan irp6 --json > plan.json; excite report plan.json --out plan.html
+
+\b
+The page has, for each result: the verdict in words; what was asked; what was assumed and not checked; parameters with
+their intervals, conditions under each convention and margins of the limits, in tables that sort when a heading is
+pressed; figures; provenance, and the commands that repeat it. A design's motion plays in 3D: space plays and pauses,
+comma and full stop step, arrow keys turn the view, plus and minus zoom. The robot is drawn by the meshes of
+--robot-file, else by the capsules of its world file or URDF, else by lines through the frames of its joints.
+Several designs, or several identifications, are compared.
+
+\b
+The page is one file that needs no network: mail it, or open it from a disk in any browser of today. Figures of an
+identification that need its logs are those that 'excite identify' has drawn.
+Exit status 0: written; 2: bad input, and an older page stays.""",
+)
+@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE.html", help="Page to write.")
+@click.option(
+    "--robot-file",
+    type=click.Path(path_type=Path),
+    metavar="FILE.urdf",
+    help="URDF of the robot, whose meshes (STL or OBJ) the player shows.",
+)
+@own_parts
+@click.option("--force", is_flag=True, help="Replace a page that is already there.")
+@click.option("--json", "as_json", is_flag=True, help="Print the page's name and size as JSON.")
+def command(
+    paths: tuple[Path, ...],
+    out: Path,
+    robot_file: Path | None,
+    parts: tuple[str, ...],
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Write one HTML page on what is in each DIR: designs, identifications, verifications; or in their JSON files."""
+    import excite
+
+    page = excite.write_report(paths, out, replace=force, robot_file=robot_file, part=parts)
+    size = page.stat().st_size
+    if as_json:
+        click.echo(json.dumps({"out": str(page), "bytes": size}, indent=1))
+    else:
+        click.echo(f"written: {page} ({size / 1e6:.2f} MB); open it in a browser")

@@ -1,0 +1,143 @@
+"""A report: one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+from excite.design.campaign import Campaign
+from excite.design.designed_motion import DesignedMotion
+from excite.design.stored_design import StoredDesign
+from excite.errors import TakenError
+from excite.files.stored import complete
+from excite.identification.result import IdentificationResult, StoredResult
+from excite.report.campaign_section import campaign_section
+from excite.report.comparison_section import comparison_section, parameters_section
+from excite.report.design_section import design_section
+from excite.report.page_text import page_text
+from excite.report.player_shapes import matches
+from excite.report.result_section import result_section
+from excite.report.sections import ReportSection
+from excite.report.subjects import Subject, subjects_of
+from excite.report.verification_section import StoredVerification, verification_section
+from excite.storage.atomic import replacing
+from excite.storage.result_file import replace_files, result_file
+from regressors.errors import InputError
+
+_ENDINGS = (".html", ".htm")
+
+
+def write_report(
+    paths_or_objects: object,
+    out: str | Path,
+    replace: bool = False,
+    *,
+    robot_file: str | Path | None = None,
+    part: str | Collection[str] = (),
+) -> Path:
+    """Write one self-contained HTML page on designs, campaigns, identifications, verifications, or several of them.
+
+    The page has the verdict in words, what was asked and what was assumed, figures, tables, a 3D player of each
+    design's motion, and how to repeat it. It needs no network and no other file, and its content policy forbids both.
+    Several designs are compared under the metrics of the first one, several identifications parameter by parameter.
+
+    Parameters
+    ----------
+    paths_or_objects : path, object, or several
+        Folders of results, their files, what ``excite plan --json`` prints, or designs, results, verifications and
+        campaigns.
+    out : path
+        Ends in ``.html``.
+    replace : bool
+        Replace an existing file, when the new one is complete.
+    robot_file : path, optional
+        URDF of the robot, whose meshes the player then shows; without it, capsules, or lines through the joints'
+        frames. A design does not store meshes.
+    part : str or collection of str
+        User-defined parts, as ``module:Name``, that may be imported where a file names them.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        Nothing to report on, files that cannot be read or were changed since they were written, a robot file of another
+        robot, a file that is already there, or one that cannot be written.
+    """
+    page = Path(out)
+    if page.suffix.lower() not in _ENDINGS:
+        raise InputError(f"{page}: expected a name that ends in .html")
+    with result_file(page):
+        if page.exists() and not replace:
+            raise TakenError(f"{page} already there")
+        text = report_text(paths_or_objects, robot_file=robot_file, part=part)
+        with replace_files(page) as staged, replacing(staged / page.name) as stream:
+            stream.write(text)
+    return page
+
+
+def report_text(
+    paths_or_objects: object, *, robot_file: str | Path | None = None, part: str | Collection[str] = ()
+) -> str:
+    """The page of `write_report` as text.
+
+    Parameters
+    ----------
+    paths_or_objects, robot_file, part
+        See `write_report`.
+    """
+    single = isinstance(paths_or_objects, str | Path) or not isinstance(paths_or_objects, Iterable)
+    given = [paths_or_objects] if single else list(paths_or_objects)  # type: ignore[call-overload]
+    subjects = subjects_of(given, (part,) if isinstance(part, str) else part)
+    file = None if robot_file is None else str(robot_file)
+    if file is not None:
+        _check_robot(subjects, file)
+    return page_text([*_comparisons(subjects), *(_section(each, f"s{k}", file) for k, each in enumerate(subjects))])
+
+
+def _check_robot(subjects: Iterable[Subject], file: str) -> None:
+    designs = [each for each in subjects if isinstance(each, DesignedMotion)]
+    if not any(matches(each, file) for each in designs):
+        robots = ", ".join(dict.fromkeys(each.robot.name for each in designs)) or "no design is given"
+        raise InputError(f"`robot_file`: {file} does not describe the robot of a design here: {robots}")
+
+
+def _comparisons(subjects: Iterable[Subject]) -> list[ReportSection]:
+    designs = [each for each in subjects if isinstance(each, DesignedMotion)]
+    results = [each for each in subjects if isinstance(each, IdentificationResult)]
+    sections = [comparison_section(designs)] if len(designs) > 1 else []
+    return [*sections, *([parameters_section(results)] if len(results) > 1 else [])]
+
+
+def _section(subject: Subject, prefix: str, robot_file: str | None) -> ReportSection:
+    """Section of a subject; of one that was read from a file, entries that are missing are named."""
+    source = _source(subject)
+    if source is None:
+        return _built(subject, prefix, robot_file)
+    path, kind = source
+    try:
+        return _built(subject, prefix, robot_file)
+    except (AttributeError, KeyError, TypeError) as error:
+        with complete(path, kind):
+            raise error
+
+
+def _source(subject: Subject) -> tuple[Path, str] | None:
+    if isinstance(subject, StoredDesign):
+        return subject.folder, "design"
+    if isinstance(subject, StoredResult):
+        return subject.folder, "result"
+    return (subject.path, "verification") if isinstance(subject, StoredVerification) else None
+
+
+def _built(subject: Subject, prefix: str, robot_file: str | None) -> ReportSection:
+    if isinstance(subject, DesignedMotion):
+        return design_section(subject, prefix, robot_file)
+    if isinstance(subject, IdentificationResult):
+        return result_section(subject, prefix)
+    if isinstance(subject, Campaign):
+        return campaign_section(subject)
+    return verification_section(subject, prefix)
