@@ -56,7 +56,9 @@ def test_examples_are_a_dozen_lines() -> None:
     assert max(len([line for line in code.splitlines() if line.strip()]) for code in CHAINS) <= 13
 
 
-@pytest.mark.parametrize("chain", CHAINS[:2], ids=["README.md", "python.md"])
+@pytest.mark.parametrize(
+    "chain", [CHAINS[0], pytest.param(CHAINS[1], marks=pytest.mark.slow)], ids=["README.md", "python.md"]
+)
 def test_the_chain_in_the_documents_runs(chain: str, here: Here) -> None:
     assert {"starts=12", "harmonics=5"} <= set(re.findall(r"\w+=\d+", chain))
     quick = chain.replace("starts=12", "starts=1").replace("harmonics=5", "harmonics=3")
