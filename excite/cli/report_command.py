@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from excite.cli.options import own_parts
+from excite.cli.options import Folder, own_parts
 
 
 @click.command(
@@ -34,7 +34,7 @@ The page is one file that needs no network: mail it, or open it from a disk in a
 identification that need its logs are those that 'excite identify' has drawn.
 Exit status 0: written; 2: bad input, and an older page stays.""",
 )
-@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.argument("paths", nargs=-1, required=True, type=Folder(), metavar="DIR...")
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE.html", help="Page to write.")
 @click.option(
     "--robot-file",

@@ -40,7 +40,7 @@ def _model(task: Mapping[str, Any]) -> list[str]:
     chain = [(f"--{name.replace('_', '-')}", task.get(name)) for name in ("base_link", "tip", "model")]
     words = [word for flag, value in chain if value is not None for word in (flag, str(value))]
     words += ["--joints", ",".join(map(str, task["joints"]))] if task.get("joints") else []
-    return [*words, *(f"--no-{name}" for name in ("friction", "rotor") if task.get(name) is False)]
+    return [*words, *("--no-" + name for name in ("friction", "rotor") if task.get(name) is False)]
 
 
 def _recipe(recipe: Mapping[str, Any]) -> list[str]:

@@ -197,14 +197,13 @@ def _nonlinear_courses(
     pairs = {pair.label: pair for pair in limit.pairs} if isinstance(limit, Clearance) else {}
     for k, label in enumerate(limit.labels):
         bounds = float(limit.lower[k]), float(limit.upper[k])
+        names: tuple[str, ...] = ()
+        owner, quantity = label, "tool"
         if label in pairs:
-            pair = pairs[label]
-            names, owner, quantity = (pair.link, pair.other), label, "distance"
+            names, quantity = (pairs[label].link, pairs[label].other), "distance"
         elif label.endswith(_TORQUE):
             owner, quantity = label.removesuffix(_TORQUE), "torque"
-            names = bodies.get(owner, ())  # type: ignore[assignment]
-        else:
-            names, owner, quantity = (), label, "value"  # type: ignore[assignment]
+            names = bodies.get(owner, ())
         yield LimitCourse(owner, quantity, limit.units[k], *bounds, values[:, k], names)
 
 

@@ -2,6 +2,7 @@
 import { between } from "./motion.js";
 
 const NEAR = 0.9; // of a limit, above which it is marked
+const ORDER = ["position", "velocity", "acceleration", "jerk", "torque", "tool", "distance"]; // of the columns
 const MARKS = { ok: "", near: "near", over: "BROKEN" };
 const EXACT = 1e-4; // of the bound: values in the page are rounded
 
@@ -37,7 +38,7 @@ export class Meters {
   constructor(table, sentence, { time, limits, values }) {
     Object.assign(this, { sentence, time, limits, values });
     const owners = [...new Set(limits.map((limit) => limit.owner))];
-    const quantities = [...new Set(limits.map((limit) => limit.quantity))];
+    const quantities = ORDER.filter((quantity) => limits.some((limit) => limit.quantity === quantity));
     const head = element("tr");
     head.append(element("th", ""), ...quantities.map((name) => element("th", name)));
     head.childNodes.forEach((cell) => cell.setAttribute("scope", "col"));
