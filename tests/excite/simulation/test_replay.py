@@ -15,6 +15,7 @@ from excite.simulation.replay import Outcome, forward_motion, windowed_motion
 from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import Simulation
+from excite.simulation.window_choice import chosen_windows
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
@@ -95,6 +96,33 @@ def test_windows_start_anew_from_the_measured_state(horizon: float) -> None:
     assert np.all(np.isfinite(error))
     within = np.max([error[starts, k].max() for k in range(3)])
     assert within < 1e-13 < error.max()
+
+
+def test_a_choice_of_windows_is_simulated_as_among_all() -> None:
+    found, which = run(), target()
+    samples, beta = found.run.samples, 1.05 * truth(run(), target())
+    given = (which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, 0.1)
+    every, some, enough = (windowed_motion(*given, most=most) for most in (None, 7, 20))
+    np.testing.assert_array_equal(enough.q, every.q)
+    assert (every.left_out, enough.left_out, some.left_out) == (0, 0, 13)
+    assert some.sign_width == every.sign_width
+    assert some.starts == tuple(50 * chosen_windows(20, 7))
+    assert some.bounds == tuple((first, 1001 if first == 950 else first + 50) for first in some.starts)
+    seen = np.isin(np.arange(1001), some.rows)
+    for name in ("q", "dq"):
+        np.testing.assert_array_equal(getattr(some, name)[seen], getattr(every, name)[seen])
+        assert np.all(np.isnan(getattr(some, name)[~seen]))
+
+
+def test_an_estimate_that_is_no_robot_somewhere_is_told_of_windows_left_out() -> None:
+    found, which = run(), target()
+    samples, beta = found.run.samples, truth(run(), target()).copy()
+    beta[list(which.base.names).index("X3")] = _NOT_EVERYWHERE
+    given = (which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, 0.01)
+    every, one = windowed_motion(*given), windowed_motion(*given, most=1)
+    assert (one.starts, one.outcome) == ((0,), Outcome.NOT_POSITIVE)
+    assert every.failed_at <= one.failed_at < every.failed_at + 0.01
+    assert np.all(np.isfinite(one.q[:5]))
 
 
 def test_shorter_windows_miss_less() -> None:
