@@ -152,7 +152,8 @@ def _draw(
 def _motion_legend(replay: Replay) -> list[Line2D]:
     first, stop = replay.bounds[0]
     window = replay.time[stop] - replay.time[first] if stop < replay.time.size else None
-    anew = "starts at the measured state" + ("" if window is None else f", anew every {significant(window, 2)} s")
+    how = "every {} s where it is simulated" if replay.left_out else "anew every {} s"
+    anew = "starts at the measured state" + ("" if window is None else f", {how.format(significant(window, 2))}")
     handles = [
         Line2D([], [], color=GREY, linewidth=1.8, label="measured"),
         Line2D([], [], color=BLUE, linewidth=0.9, label="simulated"),

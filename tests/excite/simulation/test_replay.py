@@ -115,14 +115,17 @@ def test_a_choice_of_windows_is_simulated_as_among_all() -> None:
 
 
 def test_an_estimate_that_is_no_robot_somewhere_is_told_of_windows_left_out() -> None:
+    """Its mass matrix is positive definite where the motion begins, and not where it ends."""
     found, which = run(), target()
     samples, beta = found.run.samples, truth(run(), target()).copy()
-    beta[list(which.base.names).index("X3")] = _NOT_EVERYWHERE
-    given = (which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, 0.01)
-    every, one = windowed_motion(*given), windowed_motion(*given, most=1)
-    assert (one.starts, one.outcome) == ((0,), Outcome.NOT_POSITIVE)
-    assert every.failed_at <= one.failed_at < every.failed_at + 0.01
-    assert np.all(np.isfinite(one.q[:5]))
+    beta[list(which.base.names).index("X2")] *= -9.0
+    q = samples.q + np.linspace(0.0, 1.2, 1001)[:, None] * np.array([0.0, -1.0, 1.0])
+    given = (which.model, beta, which.base, samples.time, found.run.effort, q, samples.dq, 0.02)
+    one = windowed_motion(*given, most=1)
+    assert (one.starts, one.outcome, one.failed_at) == ((0,), Outcome.NOT_POSITIVE, 1.52)
+    assert np.all(np.isfinite(one.q[:10]))
+    before = windowed_motion(*(x[:700] if np.shape(x)[:1] == (1001,) else x for x in given), most=1)
+    assert before.ok
 
 
 def test_shorter_windows_miss_less() -> None:
@@ -262,6 +265,12 @@ def other_equations() -> object:
                 target().model, np.ones(13), target().base, TIME, TORQUE, TORQUE[:2], TORQUE, horizon=1.0
             ),
             "5 instants, but q of shape",
+        ),
+        (
+            lambda: windowed_motion(
+                target().model, np.ones(13), target().base, TIME, TORQUE, TORQUE, TORQUE, horizon=1.0, most=0
+            ),
+            "`most` must be one window or more, given 0",
         ),
     ],
 )
