@@ -60,6 +60,9 @@ def verify(
 ) -> Verification:
     """Verify a result on a log.
 
+    Torques are predicted in all rows. The motion is simulated as a whole up to `simulated_windows.WHOLE`; of longer
+    logs, in windows of `simulated_windows.SAMPLE` in all, spread evenly over the log.
+
     Parameters
     ----------
     result : IdentificationResult

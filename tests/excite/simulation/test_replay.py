@@ -99,9 +99,12 @@ def test_windows_start_anew_from_the_measured_state(horizon: float) -> None:
 
 
 def test_a_choice_of_windows_is_simulated_as_among_all() -> None:
+    """Also where the robot is lighter, so that the sign of friction is wider, than in any of the chosen windows."""
     found, which = run(), target()
     samples, beta = found.run.samples, 1.05 * truth(run(), target())
-    given = (which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, 0.1)
+    beta[list(which.base.names).index("X2")] *= -9.0
+    q = samples.q + np.where(np.arange(1001) == 50, 0.88, 0.0)[:, None] * np.array([0.0, -1.0, 1.0])
+    given = (which.model, beta, which.base, samples.time, found.run.effort, q, samples.dq, 0.1)
     every, some, enough = (windowed_motion(*given, most=most) for most in (None, 7, 20))
     np.testing.assert_array_equal(enough.q, every.q)
     assert (every.left_out, enough.left_out, some.left_out) == (0, 0, 13)
