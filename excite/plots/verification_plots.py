@@ -136,9 +136,7 @@ def simulated_motion_figure(verification: Verification) -> Figure:
     return figure
 
 
-def _draw(
-    ax: Axes, time: Array, values: Array, windows: Sequence[tuple[int, int]], bottom: bool, **style: Any
-) -> None:
+def _draw(ax: Axes, time: Array, values: Array, windows: Sequence[tuple[int, int]], bottom: bool, **style: Any) -> None:
     """Draw a curve with a gap before every restart; long ones by their extremes."""
     timeline = Timeline.of([""], time, np.zeros(time.size, dtype=np.intp))
     drawn = [first + extremes(values[first:stop], max(1, BINS // len(windows))) for first, stop in windows]

@@ -38,7 +38,8 @@ def sampling_remark(replay: Replay, horizon: float) -> str | None:
     if not replay.left_out:
         return None
     count = len(replay.starts)
+    total = count + replay.left_out
     return (
-        f"simulated motion: {count} of {count + replay.left_out} windows of {horizon:.3g} s, spread evenly over the log; "
+        f"simulated motion: {count} of {total} windows of {horizon:.3g} s, spread evenly over the log; "
         "torques are predicted in all of its rows"
     )

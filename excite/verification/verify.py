@@ -129,7 +129,11 @@ def _judged(
     failed = failure(replay) if replay is not None and counts else None
     judged_motions = motions if counts else None
     judged = verdict(errors, total, result.training_error, judged_motions, failed, tolerances, corrected, whole)
-    further = (*_motion_remarks(motion), *_friction_remarks(result, target, part, recipe), *_event_remarks(part, predicted))
+    further = (
+        *_motion_remarks(motion),
+        *_friction_remarks(result, target, part, recipe),
+        *_event_remarks(part, predicted),
+    )
     return Verification(
         robot=result.robot,
         tolerances=tolerances,

@@ -352,8 +352,10 @@ def test_a_long_log_is_simulated_in_windows_all_over_it(result: StoredResult, mo
     some = verify(result, log)
     monkeypatch.setattr("excite.verification.verify.most_windows", lambda duration, horizon: None)
     every = verify(result, log)
-    assert some.replay is not None and some.motions is not None
-    assert every.replay is not None and every.motions is not None
+    assert some.replay is not None
+    assert some.motions is not None
+    assert every.replay is not None
+    assert every.motions is not None
     starts = np.array(some.replay.starts)
     assert (len(starts), some.replay.left_out) == (60, len(every.replay.starts) - 60)
     counts = np.histogram(some.replay.time[starts], 10, (0.0, 100.0))[0]
