@@ -209,7 +209,10 @@ def verdict(folder: Path, data: dict[str, Any]) -> dict[str, Any]:
     options = ["--mapping", str(mapping), "--offset", "--out", str(out)]
     measured(["-m", "excite", "identify", ROBOT, str(training), *options])
     log = write_bag(folder / "log", data, "MCAP") / "log.mcap"
-    return {**measured(["-m", "excite", "verify", str(out), str(log)]), "size": log.stat().st_size / 1e6}
+    load = os.getloadavg()[0]
+    found = measured(["-m", "excite", "verify", str(out), str(log)])
+    windows = json.loads((out / f"verification-{log.stem}.json").read_text(encoding="utf-8"))["windows"]
+    return {**found, "size": log.stat().st_size / 1e6, "load": load, "windows": windows}
 
 
 def study(names: Collection[str]) -> dict[str, dict[str, Any]]:
@@ -255,7 +258,9 @@ def page(found: dict[str, dict[str, Any]]) -> str:
             "",
             f"`excite verify` on an MCAP of {m['size']:.0f} MB, from the start of the process to the verdict with its "
             f"figure: {m['wall']:.1f} s, {m['cpu']:.1f} s of processor time, {m['memory']:.2f} GB, exit status "
-            f"{m['exit']}; at most {VERDICT_LIMIT:g} s.",
+            f"{m['exit']}; at most {VERDICT_LIMIT:g} s on 2 quiet cores. Others' load was {m['load']:.1f} on "
+            f"{os.cpu_count()} cores. The motion is simulated in {m['windows']['simulated']} of {m['windows']['of']} "
+            "windows, torques are predicted in all rows.",
         ]
     return "\n".join([*lines, "", "Limitations:", "", *(f"- {text}" for text in LIMITATIONS)]) + "\n"
 

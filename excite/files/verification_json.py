@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from excite.simulation.replay import Replay
 from excite.storage.atomic import read_json, write_json
 from excite.storage.manifest import read_manifest
 from excite.storage.result_folder import replace_result, result_folder
@@ -97,6 +98,7 @@ def verification_content(verification: Verification) -> dict[str, Any]:
         "corrected_error": _corrected(verification),
         "event_free_error": None if verification.event_free_error is None else _finite(verification.event_free_error),
         "horizon": verification.horizon,
+        "windows": _windows(verification.replay),
         "torques": [
             {**_plain(asdict(error)), "limited_by": error.limited_by, "corrected": corrected}
             for error, corrected in zip(verification.torques, _of_equations(verification), strict=True)
@@ -109,6 +111,14 @@ def _corrected(verification: Verification) -> float | None:
     """Relative error over all equations, without the noise of the measurement."""
     whole = verification.corrected_total
     return None if whole is None else _finite(whole.relative)
+
+
+def _windows(replay: Replay | None) -> dict[str, int] | None:
+    """How many windows of the motion there are, and of how many it was simulated."""
+    if replay is None:
+        return None
+    count = len(replay.starts)
+    return {"simulated": count, "of": count + replay.left_out}
 
 
 def _of_equations(verification: Verification) -> list[dict[str, Any] | None]:

@@ -31,7 +31,7 @@ from excite.plots.style import (
     tidy,
     typeset,
 )
-from excite.plots.timeline import Timeline
+from excite.plots.timeline import BINS, Timeline, extremes
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -113,14 +113,14 @@ def simulated_motion_figure(verification: Verification) -> Figure:
     joints, errors = verification.prepared.log.joints, verification.motions
     title = f"{_name(verification)}: motion simulated from the measured torques"
     figure, rows = panels(len(joints), Panel((6.8, 3.8), 1.4 if len(joints) > 1 else 3.0, left=0.95), title)
-    difference = replay.q - samples.q
+    difference, whole = replay.q - samples.q, ((0, samples.time.size),)
     failed = "" if replay.failed_at is None else f"failed at {replay.failed_at:.3f} s: {replay.outcome.value}"
     for j, (name, (over, beside)) in enumerate(zip(joints, rows, strict=True)):
         bottom, unit = j == len(joints) - 1, "rad or m" if errors is None else errors[j].unit
-        _draw(over, samples.time, samples.q[:, j], (0,), bottom, color=GREY, linewidth=1.8)
-        _draw(over, replay.time, replay.q[:, j], replay.starts, bottom, color=BLUE, linewidth=0.9)
+        _draw(over, samples.time, samples.q[:, j], whole, bottom, color=GREY, linewidth=1.8)
+        _draw(over, replay.time, replay.q[:, j], replay.bounds, bottom, color=BLUE, linewidth=0.9)
         beside.axhline(0.0, color=DARK, linewidth=0.6)
-        _draw(beside, replay.time, difference[:, j], replay.starts, bottom, color=VERMILLION, linewidth=0.9)
+        _draw(beside, replay.time, difference[:, j], replay.bounds, bottom, color=VERMILLION, linewidth=0.9)
         for ax, values in ((over, replay.q[:, j]), (beside, difference[:, j])):
             ax.plot(replay.time[[*replay.starts]], values[[*replay.starts]], "o", color=DARK, markersize=_DOT, zorder=3)
             if replay.failed_at is not None:
@@ -136,17 +136,22 @@ def simulated_motion_figure(verification: Verification) -> Figure:
     return figure
 
 
-def _draw(ax: Axes, time: Array, values: Array, starts: Sequence[int], bottom: bool, **style: Any) -> None:
-    """Draw a curve with a gap before every restart."""
+def _draw(ax: Axes, time: Array, values: Array, windows: Sequence[tuple[int, int]], bottom: bool, **style: Any) -> None:
+    """Draw a curve with a gap before every restart; long ones by their extremes."""
     timeline = Timeline.of([""], time, np.zeros(time.size, dtype=np.intp))
-    again = list(starts[1:])
-    ax.plot(np.insert(time, again, time[again]), np.insert(values, again, np.nan), **style)
+    drawn = [first + extremes(values[first:stop], max(1, BINS // len(windows))) for first, stop in windows]
+    again = np.cumsum([part.size for part in drawn[:-1]], dtype=np.intp)
+    kept = np.concatenate(drawn)
+    after = time[[first for first, _ in windows[1:]]]
+    ax.plot(np.insert(time[kept], again, after), np.insert(values[kept], again, np.nan), **style)
     timeline.dress(ax, bottom=bottom, numbers=_NUMBERS)
 
 
 def _motion_legend(replay: Replay) -> list[Line2D]:
-    window = replay.time[replay.starts[1]] - replay.time[0] if len(replay.starts) > 1 else None
-    anew = "starts at the measured state" + ("" if window is None else f", anew every {significant(window, 2)} s")
+    first, stop = replay.bounds[0]
+    window = replay.time[stop] - replay.time[first] if stop < replay.time.size else None
+    how = "every {} s where it is simulated" if replay.left_out else "anew every {} s"
+    anew = "starts at the measured state" + ("" if window is None else f", {how.format(significant(window, 2))}")
     handles = [
         Line2D([], [], color=GREY, linewidth=1.8, label="measured"),
         Line2D([], [], color=BLUE, linewidth=0.9, label="simulated"),

@@ -9,17 +9,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.simulation.integration import rk4_step
 from excite.simulation.model_motion import ModelMotion
+from excite.simulation.window_choice import chosen_windows
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78
 _MOST_SUBSTEPS = 20
@@ -45,13 +48,17 @@ class Replay:
     time : ndarray, shape (N,)
         [s]
     q, dq : ndarray, shape (N, n)
-        [rad, rad/s, or with m]; NaN from where a window failed until the next one starts.
+        [rad, rad/s, or with m]; NaN from where a window failed until the next one starts, and between windows.
     starts : tuple of int
         Indices at which a window starts from the given state.
     failed_at : float or None
         First instant at which a window failed [s].
     sign_width : float
         Drive velocity over which friction changed its sign [rad/s or m/s].
+    stops : tuple of int, optional
+        Index before which each window ends; where the next one starts if not given.
+    left_out : int
+        Windows that were not simulated, since the motion has more than were asked for.
     """
 
     outcome: Outcome
@@ -61,6 +68,21 @@ class Replay:
     starts: tuple[int, ...]
     failed_at: float | None
     sign_width: float
+    stops: tuple[int, ...] | None = None
+    left_out: int = 0
+
+    @property
+    def bounds(self) -> tuple[tuple[int, int], ...]:
+        """First index of every window, and the one after its last."""
+        stops = (*self.starts[1:], self.time.size) if self.stops is None else self.stops
+        return tuple(zip(self.starts, stops, strict=True))
+
+    @property
+    def rows(self) -> Index | slice:
+        """Instants that windows cover."""
+        if not self.left_out:
+            return slice(None)
+        return np.concatenate([np.arange(first, stop) for first, stop in self.bounds])
 
     @property
     def ok(self) -> bool:
@@ -113,7 +135,8 @@ def forward_motion(
         Another kind of model, shapes that do not fit, times that are not uniform, or a sign width too small.
     """
     q, dq = (np.asarray(x, dtype=float)[None] for x in (q0, dq0))
-    return _replayed(ModelMotion(model, beta, base, friction), time, torque, q, dq, (0,), sign_width)
+    windows = _Windows((0,), (np.size(time),), q, dq)
+    return _replayed(ModelMotion(model, beta, base, friction), time, torque, windows, sign_width)
 
 
 def windowed_motion(
@@ -128,6 +151,7 @@ def windowed_motion(
     *,
     friction: FrictionCurves | None = None,
     sign_width: float | None = None,
+    most: int | None = None,
 ) -> Replay:
     """Motion under measured joint torques, restarted from the measured state after each horizon.
 
@@ -139,6 +163,9 @@ def windowed_motion(
         Measured position and velocity [rad, rad/s, or with m].
     horizon : float
         Length of a window, at least one sample [s].
+    most : int, optional
+        Largest number of windows to simulate, spread over the motion by `chosen_windows`; all of them if not given. Of
+        the others, only the mass matrix at their start is looked at.
 
     Returns
     -------
@@ -147,16 +174,35 @@ def windowed_motion(
     Raises
     ------
     InputError
-        See `forward_motion`, or a horizon that is shorter than a sample.
+        See `forward_motion`; a horizon that is shorter than a sample; no window to simulate.
     """
     step = _step(time)
     if not (np.isfinite(horizon) and round(horizon / step) >= 1):
         raise InputError(f"replay: a horizon of {horizon:g} s is shorter than a sample of {step:g} s")
-    starts = tuple(range(0, max(time.size - 1, 1), round(horizon / step)))
+    if most is not None and most < 1:
+        raise InputError(f"replay: `most` must be one window or more, given {most}")
     if np.shape(q) != np.shape(dq) or len(q) != time.size:
         raise InputError(f"replay: {time.size} instants, but q of shape {np.shape(q)} and dq of shape {np.shape(dq)}")
-    at, rates = list(starts), ModelMotion(model, beta, base, friction)
-    return _replayed(rates, time, torque, np.asarray(q, float)[at], np.asarray(dq, float)[at], starts, sign_width)
+    starts = tuple(range(0, max(time.size - 1, 1), round(horizon / step)))
+    at = list(starts)
+    windows = _Windows(starts, (*starts[1:], time.size), np.asarray(q, float)[at], np.asarray(dq, float)[at], most)
+    return _replayed(ModelMotion(model, beta, base, friction), time, torque, windows, sign_width)
+
+
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """Bounds of all windows, the states at which they start, and how many of them to simulate at most."""
+
+    starts: tuple[int, ...]
+    stops: tuple[int, ...]
+    q: Array
+    dq: Array
+    most: int | None = None
+
+    @property
+    def chosen(self) -> Index:
+        count = len(self.starts)
+        return chosen_windows(count, count if self.most is None else self.most)
 
 
 def _step(time: Array) -> float:
@@ -168,22 +214,37 @@ def _step(time: Array) -> float:
     return step
 
 
-def _replayed(
-    rates: ModelMotion, time: Array, torque: Array, q: Array, dq: Array, starts: tuple[int, ...], width: float | None
-) -> Replay:
-    n, step = rates.robot.n, _step(time)
+def _replayed(rates: ModelMotion, time: Array, torque: Array, windows: _Windows, width: float | None) -> Replay:
+    n, step, q, dq = rates.robot.n, _step(time), windows.q, windows.dq
     if torque.shape != (time.size, n) or q.shape[1:] != (n,) or dq.shape != q.shape:
         raise InputError(
             f"replay: expected torques of shape {(time.size, n)} and states of {n} joints, given {torque.shape}, "
             f"{q.shape[1:]} and {dq.shape[1:]}"
         )
-    x0 = np.hstack([rates.to_moving(q, True), rates.to_moving(dq, False)])
-    substeps, width = _substeps(rates, x0, step, width)
-    length = max(np.diff([*starts, time.size - 1]))
-    inputs = _inputs(torque @ rates.N, starts, int(length), substeps)
-    integrated, least = _integrated(rates.function(width), x0, inputs, int(length), step / substeps, substeps)
-    states = np.concatenate([x0[:, None], integrated], axis=1)
-    return _result(rates, time, starts, states, least, width)
+    states = np.hstack([rates.to_moving(q, True), rates.to_moving(dq, False)])
+    substeps, width = _substeps(rates, states, step, width)
+    chosen, rate = windows.chosen, rates.function(width)
+    starts, stops = (tuple(int(k) for k in np.array(each)[chosen]) for each in (windows.starts, windows.stops))
+    length = max(b - a for a, b in pairwise([*windows.starts, time.size - 1]))
+    inputs = _inputs(torque @ rates.N, starts, length, substeps)
+    integrated, least = _integrated(rate, states[chosen], inputs, length, step / substeps, substeps)
+    motion, failures = _joined(
+        time.size, starts, stops, np.concatenate([states[chosen][:, None], integrated], axis=1), least
+    )
+    left_out = np.setdiff1d(np.arange(len(states)), chosen)
+    failures += [(windows.starts[k], Outcome.NOT_POSITIVE) for k in left_out[~_positive(rate, states[left_out])]]
+    at, outcome = min(failures, key=lambda failure: failure[0], default=(0, Outcome.DONE))
+    return Replay(
+        outcome=outcome,
+        time=time,
+        q=motion[:, : rates.k] @ rates.N.T + rates.q0,
+        dq=motion[:, rates.k :] @ rates.N.T,
+        starts=starts,
+        failed_at=float(time[at]) if failures else None,
+        sign_width=width,
+        stops=stops,
+        left_out=left_out.size,
+    )
 
 
 def _substeps(rates: ModelMotion, states: Array, step: float, width: float | None) -> tuple[int, float]:
@@ -210,21 +271,25 @@ def _substeps(rates: ModelMotion, states: Array, step: float, width: float | Non
 
 def _inputs(torque: Array, starts: tuple[int, ...], length: int, substeps: int) -> Array:
     """Torques at steps and half steps, shape (k, windows * length * (2 substeps + 1)); beyond the end, the last."""
-    fine = _refined(torque, 2 * substeps)
-    first = np.array(starts)[:, None, None] + np.arange(length)[None, :, None]
-    index = first * 2 * substeps + np.arange(2 * substeps + 1)
-    return np.asarray(fine[np.minimum(index, len(fine) - 1).reshape(-1)].T)
+    fine = _refined(torque, np.array(starts)[:, None] + np.arange(length + 1), 2 * substeps)
+    inputs = np.concatenate([fine[:, :-1], fine[:, 1:, :1]], axis=2)
+    return np.asarray(inputs.reshape(-1, torque.shape[1]).T)
 
 
-def _refined(values: Array, parts: int) -> Array:
-    """Values on a grid ``parts`` times as fine: cubics through two samples on either side (Catmull and Rom)."""
+def _refined(values: Array, rows: Index, parts: int) -> Array:
+    """Values at some rows and between them and the next, on a grid ``parts`` times as fine, shape (*rows, parts, k).
+
+    By cubics through two samples on either side (Catmull and Rom).
+    """
     padded = np.vstack([2 * values[:1] - values[1:2], values, 2 * values[-1:] - values[-2:-1]])
-    before, start, end, after = padded[:-3], padded[1:-2], padded[2:-1], padded[3:]
-    s = (np.arange(parts) / parts)[None, :, None]
-    slope, curve = (end - before)[:, None] / 2, (2 * before - 5 * start + 4 * end - after)[:, None] / 2
-    cubic = (3 * (start - end) + after - before)[:, None] / 2
-    fine = start[:, None] + s * (slope + s * (curve + s * cubic))
-    return np.vstack([fine.reshape(-1, values.shape[1]), values[-1:]])
+    at = np.minimum(rows, len(values) - 2)
+    before, start, end, after = (padded[at + k] for k in range(4))
+    s = (np.arange(parts) / parts)[:, None]
+    slope, curve = ((end - before) / 2)[..., None, :], ((2 * before - 5 * start + 4 * end - after) / 2)[..., None, :]
+    cubic = ((3 * (start - end) + after - before) / 2)[..., None, :]
+    fine = start[..., None, :] + s * (slope + s * (curve + s * cubic))
+    fine[rows > at] = values[-1]
+    return np.asarray(fine)
 
 
 def _integrated(
@@ -233,37 +298,44 @@ def _integrated(
     """States after each sample, shape (windows, length, 2k), and smallest pivots before it, (windows, length)."""
     k = rate.size1_in(1)
     x, tau = ca.MX.sym("x", 2 * k), ca.MX.sym("tau", k, 2 * substeps + 1)
-    advanced = rk4_step(lambda state, given: rate(state, given)[0], x, tau, h, substeps)
-    step = ca.Function("step", [x, tau], [advanced, rate(x, tau[:, 0])[1]])
+    pivots: list[ca.MX] = []
+
+    def motion(state: ca.MX, given: ca.MX) -> ca.MX:
+        moved, pivot = rate(state, given)
+        pivots.append(pivot)
+        return moved
+
+    advanced = rk4_step(motion, x, tau, h, substeps)
+    step = ca.Function("step", [x, tau], [advanced, pivots[0]])
     windows = step.mapaccum("window", length).map(len(x0))
     states, least = windows(x0.T, inputs)
     return np.array(states).T.reshape(len(x0), length, 2 * k), np.array(least).reshape(len(x0), length)
 
 
-def _result(
-    rates: ModelMotion, time: Array, starts: tuple[int, ...], states: Array, least: Array, width: float
-) -> Replay:
+def _positive(rate: ca.Function, states: Array) -> NDArray[np.bool_]:
+    """Whether the mass matrix is positive definite at some states, shape (N, 2k)."""
+    if not len(states):
+        return np.ones(0, dtype=bool)
+    least = rate.map(len(states))(states.T, np.zeros((rate.size1_in(1), len(states))))[1]
+    return np.array(least).reshape(-1) > 0
+
+
+def _joined(
+    count: int, starts: tuple[int, ...], stops: tuple[int, ...], states: Array, least: Array
+) -> tuple[Array, list[tuple[int, Outcome]]]:
     """Join the windows up to failures; `states`, (windows, length + 1, 2k), begin with the given ones."""
-    motion = np.full((time.size, 2 * rates.k), np.nan)
+    motion = np.full((count, states.shape[2]), np.nan)
     failures: list[tuple[int, Outcome]] = []
-    for first, window, pivots in zip(starts, states, least, strict=True):
-        count = min(len(window), time.size - first)
-        lost = ~np.all(np.abs(window[:count]) < _FAR, axis=1)
-        not_positive = ~(pivots[: count - 1] > 0)
-        good = count
+    for first, stop, window, pivots in zip(starts, stops, states, least, strict=True):
+        length = min(len(window), count - first)
+        lost = ~np.all(np.abs(window[:length]) < _FAR, axis=1)
+        not_positive = ~(pivots[: length - 1] > 0)
+        good = length
         if np.any(lost) or np.any(not_positive):
-            good = min(int(np.argmax(failed)) if np.any(failed) else count for failed in (lost, not_positive))
+            good = min(int(np.argmax(failed)) if np.any(failed) else length for failed in (lost, not_positive))
             failures.append(
                 (first + good, Outcome.NOT_POSITIVE if np.any(not_positive[: good + 1]) else Outcome.RAN_AWAY)
             )
-        motion[first : first + count] = np.where(np.arange(count)[:, None] < max(good, 1), window[:count], np.nan)
-    at, outcome = min(failures, key=lambda failure: failure[0], default=(0, Outcome.DONE))
-    return Replay(
-        outcome=outcome,
-        time=time,
-        q=motion[:, : rates.k] @ rates.N.T + rates.q0,
-        dq=motion[:, rates.k :] @ rates.N.T,
-        starts=starts,
-        failed_at=float(time[at]) if failures else None,
-        sign_width=width,
-    )
+        kept = np.arange(stop - first) < max(good, 1)
+        motion[first:stop] = np.where(kept[:, None], window[: stop - first], np.nan)
+    return motion, failures

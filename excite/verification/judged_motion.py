@@ -130,10 +130,11 @@ def _sensitive(
     tolerances: Tolerances,
 ) -> dict[str, float]:
     """How far wrong torques move joints, of their travel, where it is too far; infinite if either motion diverges."""
+    rows = replay.rows
     if motions is None or not moved.ok:
-        lost = [np.isnan(both).any() for both in np.concatenate([replay.q, moved.q]).T]
+        lost = [np.isnan(both).any() for both in np.concatenate([replay.q[rows], moved.q[rows]]).T]
         return {name: np.inf for name, gone in zip(units, lost, strict=True) if gone}
-    deviation = np.sqrt(np.mean((moved.q - replay.q) ** 2, axis=0))
+    deviation = np.sqrt(np.mean((moved.q - replay.q)[rows] ** 2, axis=0))
     return {
         m.name: float(d) / m.travel
         for m, d in zip(motions, deviation, strict=True)

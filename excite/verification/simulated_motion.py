@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -41,7 +40,7 @@ class MotionError:
 
 
 def motion_errors(replay: Replay, measured: Samples, units: dict[str, str]) -> tuple[MotionError, ...]:
-    """Errors of every joint over a motion that was integrated to its end.
+    """Errors of every joint over the windows of a motion that were all integrated to their ends.
 
     Parameters
     ----------
@@ -51,12 +50,12 @@ def motion_errors(replay: Replay, measured: Samples, units: dict[str, str]) -> t
     units : dict of str to str
         Joint to the unit of its position, in the order of the columns.
     """
-    difference = replay.q - measured.q
-    bounds = [*replay.starts, measured.time.size]
-    windows = [measured.q[a:b] for a, b in pairwise(bounds)]
+    rows = replay.rows
+    difference, time = (replay.q - measured.q)[rows], measured.time[rows]
+    windows = [measured.q[a:b] for a, b in replay.bounds]
     travel = np.sqrt(np.mean([np.ptp(q, axis=0) ** 2 for q in windows], axis=0))
     return tuple(
-        _motion_error(name, unit, float(travel[j]), difference[:, j], measured.time)
+        _motion_error(name, unit, float(travel[j]), difference[:, j], time)
         for j, (name, unit) in enumerate(units.items())
     )
 

@@ -27,6 +27,7 @@ from excite.verification.corrected_error import corrected_errors, corrected_tota
 from excite.verification.judged_motion import JudgedMotion, judged_motion
 from excite.verification.predicted_torques import torque_errors
 from excite.verification.simulated_motion import failure
+from excite.verification.simulated_windows import most_windows, sampling_remark
 from excite.verification.verdict import Tolerances, verdict
 from excite.verification.verification import Verification
 from excite.verification.verification_time import verification_seconds
@@ -58,6 +59,9 @@ def verify(
     training_too: bool = False,
 ) -> Verification:
     """Verify a result on a log.
+
+    Torques are predicted in all rows. The motion is simulated as a whole up to `simulated_windows.WHOLE`; of longer
+    logs, in windows of `simulated_windows.SAMPLE` in all, spread evenly over the log.
 
     Parameters
     ----------
@@ -125,8 +129,11 @@ def _judged(
     failed = failure(replay) if replay is not None and counts else None
     judged_motions = motions if counts else None
     judged = verdict(errors, total, result.training_error, judged_motions, failed, tolerances, corrected, whole)
-    of_motion = () if motion is None or motion.remark is None else (motion.remark,)
-    further = (*of_motion, *_friction_remarks(result, target, part, recipe), *_event_remarks(part, predicted))
+    further = (
+        *_motion_remarks(motion),
+        *_friction_remarks(result, target, part, recipe),
+        *_event_remarks(part, predicted),
+    )
     return Verification(
         robot=result.robot,
         tolerances=tolerances,
@@ -146,6 +153,14 @@ def _judged(
         event_free_error=event_free,
         horizon=None if motion is None else motion.horizon,
     )
+
+
+def _motion_remarks(motion: JudgedMotion | None) -> tuple[str, ...]:
+    """What shortened the horizon, and which windows were simulated."""
+    if motion is None:
+        return ()
+    remarks = (motion.remark, sampling_remark(motion.replay, motion.horizon))
+    return tuple(remark for remark in remarks if remark is not None)
 
 
 def _event_free_error(predicted: LogPrediction) -> float:
@@ -228,12 +243,13 @@ def _judged_motion(
         return None
     samples = part.samples
     friction = None if result.friction is None else mean_friction(result.friction, target.robot, part.temperature)
-    horizon = min(horizon, float(samples.time[-1] - samples.time[0]))
+    duration = float(samples.time[-1] - samples.time[0])
+    horizon = min(horizon, duration)
 
     def replayed(torque: Array, length: float, width: float | None) -> Replay:
         return windowed_motion(
             model, result.coefficients, target.base, samples.time, torque, samples.q, samples.dq, length,
-            friction=friction, sign_width=width,
+            friction=friction, sign_width=width, most=most_windows(duration, length),
         )  # fmt: skip
 
     def simulate(torque: Array, length: float) -> Replay:
@@ -242,7 +258,7 @@ def _judged_motion(
         except InputError:  # so sharp a sign change takes too many steps: use the sharpest that does not
             return replayed(torque, length, None)
 
-    rate = (samples.time.size - 1) / float(samples.time[-1] - samples.time[0])
+    rate = (samples.time.size - 1) / duration
     noise = measurement_noise(part.measured, part.measured, rate, motion_ends(samples.q, rate))
     units = {j.name: j.unit for j in target.robot.joints}
     return judged_motion(simulate, part.measured, np.sqrt(noise.square), samples, units, horizon, tolerances)

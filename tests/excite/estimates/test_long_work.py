@@ -94,6 +94,11 @@ def many(rows: int, joints: int, logs: int = 1) -> list[Log]:
     return [Log(f"log {k}", "", names, np.broadcast_to(0.0, rows), columns, effort=columns) for k in range(logs)]
 
 
+def lasting(log: Log, seconds: float) -> Log:
+    """The same over some time."""
+    return replace(log, time=np.linspace(0.0, seconds, log.count))
+
+
 # CPU seconds on one core that multiplies two matrices of 1000 x 1000 numbers in 0.03 s
 @pytest.mark.parametrize(
     ("predicted", "measured", "factor"),
@@ -109,6 +114,7 @@ def many(rows: int, joints: int, logs: int = 1) -> list[Log]:
         (verification_seconds(many(8000, 6)[0], simulated=True), 1.44, 4),
         (verification_seconds(many(8000, 7)[0], simulated=True), 21.1, 4),
         (verification_seconds(many(1000, 7)[0], simulated=True), 5.36, 4),
+        (verification_seconds(lasting(many(600_000, 7)[0], 600.0), simulated=True), 14.5, 4),
         (campaign_seconds(63, 72, 6), 2.19, 3),
         (campaign_seconds(119, 84, 7), 6.19, 3),
         (campaign_seconds(127, 84, 1), 0.59, 3),

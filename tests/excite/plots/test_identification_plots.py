@@ -466,6 +466,35 @@ def test_simulated_motion_breaks_where_it_starts_anew(verification: Verification
     assert "starts at the measured state, anew every 0.50 s" in legend_texts(figure)
 
 
+def test_windows_that_are_not_simulated_stay_empty(verification: Verification) -> None:
+    every = verification.replay
+    assert every is not None
+    q = np.full_like(every.q, np.nan)
+    rows = np.r_[50:100, 150:201]
+    q[rows] = every.q[rows]
+    some = dataclasses.replace(every, q=q, starts=(50, 150), stops=(100, 201), left_out=2)
+    figure = simulated_motion_figure(dataclasses.replace(verification, replay=some))
+    over = figure.axes[0]
+    np.testing.assert_array_equal(curve(over, BLUE), every.q[rows, 0])
+    np.testing.assert_array_equal(curve(over, GREY), verification.prepared.samples.q[:, 0])
+    assert "starts at the measured state, every 0.50 s where it is simulated" in legend_texts(figure)
+
+
+def test_long_curves_are_drawn_by_their_extremes(verification: Verification) -> None:
+    time = 0.001 * np.arange(40_000)
+    q = np.sin(3 * time)[:, None] * np.ones(3)
+    q[12_345] = 2.0
+    assert verification.replay is not None
+    starts = tuple(range(0, 40_000, 500))
+    replay = dataclasses.replace(verification.replay, time=time, q=q, dq=q, starts=starts)
+    prepared = dataclasses.replace(verification.prepared, samples=Samples(time, q, q, q, q))
+    figure = simulated_motion_figure(dataclasses.replace(verification, replay=replay, prepared=prepared))
+    for colour in (GREY, BLUE):
+        drawn = curve(figure.axes[0], colour)
+        assert drawn.size < 4000
+        assert drawn.max() == 2.0
+
+
 def test_a_simulation_that_failed_says_where_and_why() -> None:
     figure = simulated_motion_figure(made_verification(Outcome.RAN_AWAY))
     assert figure.axes[0].get_title(loc="right") == "failed at 3.600 s: the motion diverges"

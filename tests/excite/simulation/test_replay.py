@@ -15,6 +15,7 @@ from excite.simulation.replay import Outcome, forward_motion, windowed_motion
 from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import Simulation
+from excite.simulation.window_choice import chosen_windows
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
@@ -95,6 +96,39 @@ def test_windows_start_anew_from_the_measured_state(horizon: float) -> None:
     assert np.all(np.isfinite(error))
     within = np.max([error[starts, k].max() for k in range(3)])
     assert within < 1e-13 < error.max()
+
+
+def test_a_choice_of_windows_is_simulated_as_among_all() -> None:
+    """Also where the robot is lighter, so that the sign of friction is wider, than in any of the chosen windows."""
+    found, which = run(), target()
+    samples, beta = found.run.samples, 1.05 * truth(run(), target())
+    beta[list(which.base.names).index("X2")] *= -9.0
+    q = samples.q + np.where(np.arange(1001) == 50, 0.88, 0.0)[:, None] * np.array([0.0, -1.0, 1.0])
+    given = (which.model, beta, which.base, samples.time, found.run.effort, q, samples.dq, 0.1)
+    every, some, enough = (windowed_motion(*given, most=most) for most in (None, 7, 20))
+    np.testing.assert_array_equal(enough.q, every.q)
+    assert (every.left_out, enough.left_out, some.left_out) == (0, 0, 13)
+    assert some.sign_width == every.sign_width
+    assert some.starts == tuple(50 * chosen_windows(20, 7))
+    assert some.bounds == tuple((first, 1001 if first == 950 else first + 50) for first in some.starts)
+    seen = np.isin(np.arange(1001), some.rows)
+    for name in ("q", "dq"):
+        np.testing.assert_array_equal(getattr(some, name)[seen], getattr(every, name)[seen])
+        assert np.all(np.isnan(getattr(some, name)[~seen]))
+
+
+def test_an_estimate_that_is_no_robot_somewhere_is_told_of_windows_left_out() -> None:
+    """Its mass matrix is positive definite where the motion begins, and not where it ends."""
+    found, which = run(), target()
+    samples, beta = found.run.samples, truth(run(), target()).copy()
+    beta[list(which.base.names).index("X2")] *= -9.0
+    q = samples.q + np.linspace(0.0, 1.2, 1001)[:, None] * np.array([0.0, -1.0, 1.0])
+    given = (which.model, beta, which.base, samples.time, found.run.effort, q, samples.dq, 0.02)
+    one = windowed_motion(*given, most=1)
+    assert (one.starts, one.outcome, one.failed_at) == ((0,), Outcome.NOT_POSITIVE, 1.52)
+    assert np.all(np.isfinite(one.q[:10]))
+    before = windowed_motion(*(x[:700] if np.shape(x)[:1] == (1001,) else x for x in given), most=1)
+    assert before.ok
 
 
 def test_shorter_windows_miss_less() -> None:
@@ -234,6 +268,12 @@ def other_equations() -> object:
                 target().model, np.ones(13), target().base, TIME, TORQUE, TORQUE[:2], TORQUE, horizon=1.0
             ),
             "5 instants, but q of shape",
+        ),
+        (
+            lambda: windowed_motion(
+                target().model, np.ones(13), target().base, TIME, TORQUE, TORQUE, TORQUE, horizon=1.0, most=0
+            ),
+            "`most` must be one window or more, given 0",
         ),
     ],
 )

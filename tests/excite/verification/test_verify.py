@@ -11,6 +11,7 @@ from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joi
 from recordings import real_log
 
 from excite.files.result_json import load_result
+from excite.files.verification_json import verification_content
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
@@ -20,6 +21,7 @@ from excite.simulation.replay import Outcome, Replay
 from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError, torque_errors
 from excite.verification.simulated_motion import failure, motion_errors
+from excite.verification.simulated_windows import most_windows
 from excite.verification.verdict import Tolerances, Verdict, verdict
 from excite.verification.verification import Verification
 from excite.verification.verify import verify
@@ -320,3 +322,63 @@ def test_a_verdict_has_its_reasons(
     assert (len(v.against), len(v.remarks)) == (len(reasons), len(remarks))
     for given, expected in zip((*v.against, *v.remarks), (*reasons, *remarks), strict=True):
         assert expected in given
+
+
+# ---------------------------------------------------------------- long logs
+
+
+@pytest.mark.parametrize(
+    ("duration", "horizon", "most"),
+    [
+        (60.0, 0.5, None),
+        (60.0 + 1e-12, 0.5, None),
+        (60.001, 0.5, 60),
+        (600.0, 0.5, 60),
+        (600.0, 0.1, 300),
+        (600.0, 50.0, 10),
+    ],
+)
+def test_how_many_windows_are_simulated(duration: float, horizon: float, most: int | None) -> None:
+    assert most_windows(duration, horizon) == most
+
+
+def long_log(seconds: float) -> Log:
+    """A motion that repeats itself every 2 s, which is four windows."""
+    return noisy(played(three_joints(4), 3, 100.0, seconds, source="LONG"), 0.3, 1e-5, 2)
+
+
+def test_a_long_log_is_simulated_in_windows_all_over_it(result: StoredResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = long_log(100.0)
+    some = verify(result, log)
+    monkeypatch.setattr("excite.verification.verify.most_windows", lambda duration, horizon: None)
+    every = verify(result, log)
+    assert some.replay is not None
+    assert some.motions is not None
+    assert every.replay is not None
+    assert every.motions is not None
+    starts = np.array(some.replay.starts)
+    assert (len(starts), some.replay.left_out) == (60, len(every.replay.starts) - 60)
+    counts = np.histogram(some.replay.time[starts], 10, (0.0, 100.0))[0]
+    assert counts.min() >= 5
+    assert (
+        f"simulated motion: 60 of {len(every.replay.starts)} windows of 0.5 s, spread evenly over the log; torques are "
+        "predicted in all of its rows"
+    ) in some.verdict.remarks
+    assert not [remark for remark in every.verdict.remarks if remark.startswith("simulated motion: ")]
+    assert verification_content(some)["windows"] == {"simulated": 60, "of": len(every.replay.starts)}
+    assert (some.verdict.holds, some.torques, some.corrected) == (every.verdict.holds, every.torques, every.corrected)
+    np.testing.assert_array_equal(some.predicted, every.predicted)
+    for one, other in zip(some.motions, every.motions, strict=True):
+        assert one.error == pytest.approx(other.error, rel=0.1)
+        assert one.travel == pytest.approx(other.travel, rel=0.03)
+        assert 0.7 * other.worst < one.worst <= other.worst
+
+
+def test_a_log_of_a_minute_is_simulated_as_a_whole(result: StoredResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = long_log(60.0)
+    v = verify(result, log)
+    assert v.replay is not None
+    assert v.replay.left_out == 0
+    monkeypatch.setattr("excite.verification.verify.most_windows", lambda duration, horizon: None)
+    assert verification_content(v) == verification_content(verify(result, log))
+    np.testing.assert_array_equal(np.isfinite(v.replay.q), True)
