@@ -34,7 +34,7 @@ negative if an error exceeds its tolerance, if a joint is predicted no better th
 larger than on the logs of the identification. The errors that it judges are those of the model: the noise of the
 measurement, estimated from what the log has above the frequencies of the motion, does not count. Where an error of the
 torques that is allowed would move a joint too far, as a light wrist, the motion restarts earlier.
-Of a log longer than 60 s, the motion is simulated in windows of 30 s in all, spread evenly over the log; torques are
+Of a log longer than 60 s, the motion is simulated in 60 windows at most, spread evenly over the log; torques are
 predicted in all of its rows.
 Exit status 0: the verdict is positive; 1: it is negative.
 

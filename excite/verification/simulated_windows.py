@@ -5,8 +5,8 @@ from __future__ import annotations
 from excite.simulation.replay import Replay
 
 WHOLE = 60.0  # logs of up to this are simulated as a whole [s]
-SAMPLE = 30.0  # of longer ones so much, in windows [s]
-_FEWEST = 10  # windows, however long they are
+SAMPLE = 30.0  # of longer ones at most so much, in windows [s]
+_MOST, _FEWEST = 60, 10  # windows, however short or long they are
 _ROUNDING = 1e-9
 
 
@@ -23,7 +23,9 @@ def most_windows(duration: float, horizon: float) -> int | None:
     horizon : float
         Of a window [s].
     """
-    return None if duration <= WHOLE * (1 + _ROUNDING) else max(_FEWEST, round(SAMPLE / horizon))
+    if duration <= WHOLE * (1 + _ROUNDING):
+        return None
+    return min(_MOST, max(_FEWEST, round(SAMPLE / horizon)))
 
 
 def sampling_remark(replay: Replay, horizon: float) -> str | None:

@@ -16,7 +16,7 @@ def verification_seconds(log: Log, *, simulated: bool) -> float:
     The unit that it grows with is one evaluation of the equations of motion, whose instructions grow with the third
     power of the joints; there are about sixteen of them to a row. Measured with 1000 to 20,000 rows of 6 and 7 joints;
     robots with parallel axes take less, and a light wrist, for which the motion restarts often, takes more. Of a log
-    longer than `WHOLE`, only `SAMPLE` is simulated.
+    longer than `WHOLE`, no more than `SAMPLE` is simulated.
 
     Parameters
     ----------

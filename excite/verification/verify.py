@@ -61,7 +61,7 @@ def verify(
     """Verify a result on a log.
 
     Torques are predicted in all rows. The motion is simulated as a whole up to `simulated_windows.WHOLE`; of longer
-    logs, in windows of `simulated_windows.SAMPLE` in all, spread evenly over the log.
+    logs, in windows that are spread evenly over the log, see `simulated_windows.most_windows`.
 
     Parameters
     ----------

@@ -54,13 +54,14 @@ export class View {
       group.matrixAutoUpdate = false;
       this.scene.add(group);
     });
-    const trace = this.trace();
+    const { trace, frames } = this.places();
     const size = data.joint_size;
     this.looks = this.groups.map(() => material("#aab2bd"));
     this.path = new LineBasicMaterial({ color: "#56B4E9" });
     this.scene.add(new Line(new BufferGeometry().setFromPoints(trace), this.path));
     const width = this.addLinks(size);
-    const space = new Box3().setFromPoints([new Vector3(), ...trace]).expandByScalar(Math.min(width, 4 * size));
+    const all = [new Vector3(), ...trace, ...frames];
+    const space = new Box3().setFromPoints(all).expandByScalar(Math.min(width, 4 * size));
     const extent = Math.max(...trace.map((point) => point.length()), width);
     this.objectLooks = [];
     this.objects = new Map(data.objects.map((each) => [each.name, this.addObject(each, extent)]));
@@ -75,14 +76,17 @@ export class View {
     return extent;
   }
 
-  // Places of the tool at every sample.
-  trace() {
+  // Places of the tool and of all frames at every sample.
+  places() {
     const tip = this.poses[this.data.tip + 1];
     const tool = new Vector3(...this.data.tool);
-    return this.data.time.map((t) => {
+    const frames = [];
+    const trace = this.data.time.map((t) => {
       setPoses(this.data.bodies, positions(this.data, t), this.poses);
+      frames.push(...this.poses.map((pose) => new Vector3().setFromMatrixPosition(pose)));
       return tool.clone().applyMatrix4(tip);
     });
+    return { trace, frames };
   }
 
   addLinks(size) {
