@@ -9,7 +9,7 @@ import { positions } from "./motion.js";
 import { setPoses } from "./kinematics.js";
 
 const UP = new Vector3(0, 1, 0);
-const FILL = 0.8; // of the ball around the motion, that is in view: its corners are empty
+const FILL = 0.9; // of the ball around the motion, that is in view: its corners are empty
 const LINE = 0.28; // radius of a line through the frames, of a joint's
 
 export class View {
