@@ -6,7 +6,8 @@ Commands run in this process on a robot of two joints, with the judge of `tests/
 0, 1 or 2, an error of one line, no warning, no number in a file that is not finite, memory within the cap, and an end
 soon after Ctrl-C where a command is still at work after some seconds. Problems are collected, not raised, so that one
 does not hide the next. ``results/fuzz.json`` and ``results/fuzz.md`` are written after every round of cases, at the
-end, and on Ctrl-C and SIGTERM; the same command goes on from them, unless ``--fresh`` is given.
+end, and on Ctrl-C and SIGTERM; the same command goes on from them, unless ``--fresh`` is given. Two processes share the
+work by ``--commands`` and ``--out``; ``--join`` puts their results together.
 """
 
 from __future__ import annotations
@@ -158,13 +159,22 @@ def options_given() -> argparse.Namespace:
     parser.add_argument("--commands", nargs="*", default=[*BASE, FILES])
     parser.add_argument("--out", type=Path, default=HERE / "results")
     parser.add_argument("--fresh", action="store_true", help="do not go on from earlier results of the same seed")
+    parser.add_argument(
+        "--join", type=Path, nargs="+", help="run nothing: put together what runs in these folders found"
+    )
     return parser.parse_args()
 
 
 def main() -> int:
     options = options_given()
+    if options.join:
+        joined = {
+            name: tally for folder in options.join for name, tally in _found(options, folder).items() if tally.cases
+        }
+        _write(options, joined)
+        return int(any(t.problems for t in joined.values()))
     until = time.monotonic() + 60 * options.minutes
-    tallies = _found(options)
+    tallies = _found(options, options.out)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     ended_early = False
     try:
@@ -192,9 +202,9 @@ def _all_rounds(options: argparse.Namespace, tallies: dict[str, Tally], folder: 
             return
 
 
-def _found(options: argparse.Namespace) -> dict[str, Tally]:
+def _found(options: argparse.Namespace, folder: Path) -> dict[str, Tally]:
     """What earlier runs of the same seed came to; nothing at first."""
-    path = options.out / "fuzz.json"
+    path = folder / "fuzz.json"
     earlier: dict[str, Any] = {}
     if path.is_file() and not options.fresh:
         content = json.loads(path.read_text(encoding="utf-8"))
