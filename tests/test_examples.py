@@ -110,7 +110,13 @@ def typed(code: str) -> str:
     return "".join(f"{line}\n\n" if end else f"{line}\n" for line, end in zip(lines, (*ends, False), strict=True))
 
 
-@pytest.mark.parametrize("way", ["script", "standard input", "interactive session", "argument"])
+@pytest.mark.parametrize(
+    "way",
+    [
+        "script",
+        *(pytest.param(way, marks=pytest.mark.slow) for way in ("standard input", "interactive session", "argument")),
+    ],
+)
 def test_classes_of_the_main_module_reach_other_processes(way: str, tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(OWN_CRITERION, encoding="utf-8")
     options, text = {

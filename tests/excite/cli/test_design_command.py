@@ -100,6 +100,7 @@ def test_another_seed_gives_another_motion(first: tuple[Path, str], here: Here) 
     assert not same_motion(first[0], here.designed("irp6", *QUICK, "--seed", "1"))
 
 
+@pytest.mark.slow
 def test_the_task_in_a_design_gives_the_design_again(first: tuple[Path, str], here: Here) -> None:
     task = content_of(first[0])["task"]
     YAML().dump(task, here.cwd / "again.yaml")
@@ -120,7 +121,11 @@ def test_json_on_stdout(here: Here) -> None:
 
 @pytest.mark.parametrize(
     ("joints", "moving"),
-    [("1,3", ["q1", "q3"]), ("q3, 2", ["q2", "q3"]), ("1,2,3,4,5", ["q1", "q2", "q3", "q4", "q5"])],
+    [
+        ("1,3", ["q1", "q3"]),
+        pytest.param("q3, 2", ["q2", "q3"], marks=pytest.mark.slow),
+        pytest.param("1,2,3,4,5", ["q1", "q2", "q3", "q4", "q5"], marks=pytest.mark.slow),
+    ],
 )
 def test_only_the_named_joints_move(joints: str, moving: list[str], here: Here) -> None:
     folder = here.designed("irp6", "--joints", joints, "--starts", "1")
@@ -300,6 +305,7 @@ def test_a_folder_with_a_design_is_kept_unless_forced(here: Here) -> None:
     assert all(snapshot(folder)[name] != before[name] for name in FIGURES | {"trajectory.csv"})
 
 
+@pytest.mark.slow
 def test_a_forced_design_that_is_refused_keeps_the_old_one(here: Here) -> None:
     folder = here.designed("irp6", *QUICK)
     before = snapshot(folder)

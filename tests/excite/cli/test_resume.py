@@ -166,6 +166,7 @@ def edit(start: Path) -> None:
     start.write_text(json.dumps(content))
 
 
+@pytest.mark.slow
 def test_a_start_that_was_edited_runs_again(quick: Here) -> None:
     folder = stopped_before_the_end(quick, "--starts", "2", keep=2)
     start = folder / "starts" / "start-0001.json"

@@ -97,6 +97,7 @@ def test_rotor_inertias_are_found_on_both_sides(capsys: pytest.CaptureFixture[st
     assert f"Ia3: {rotors['Iar3']['motor_side']['value']:.4g}" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_both_forms_of_the_rotors_are_the_same_identification() -> None:
     """The least-squares estimate does not know the units: one log, two forms, the same rotors."""
     sides = {p["name"]: p for p in result_content(identified(True))["parameters"] if "motor_side" in p}

@@ -101,6 +101,7 @@ def test_the_defaults_of_every_robot_are_small(name: str) -> None:
     assert simulation_prediction(SimulationSettings(), 10.0, robot.n, wrench=True).bytes < 2 * BASE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "option"),
     [

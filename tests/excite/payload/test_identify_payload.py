@@ -92,6 +92,7 @@ def test_the_load_is_found_from_a_pair_of_logs(played: Played) -> None:
     assert result.doubts == ()
 
 
+@pytest.mark.slow
 def test_stated_gains_widen_the_interval_of_the_mass_only(played: Played) -> None:
     pair = noisy(played.held, 1), noisy(played.bare, 2)
     exact, stated = (excite.identify_payload("panda", pair[0], without=pair[1], gain_deviation=d) for d in (0.0, None))
@@ -117,6 +118,7 @@ def test_gains_from_a_known_mass_correct_another_load(played: Played, tmp_path: 
         pass
 
 
+@pytest.mark.slow
 def test_a_wrench_gives_the_load_and_the_frame_turns_it(played: Played) -> None:
     wrench = played.held.wrench_log
     found = excite.identify_payload("panda", wrench, wrench=True)
@@ -126,6 +128,7 @@ def test_a_wrench_gives_the_load_and_the_frame_turns_it(played: Played) -> None:
     assert there.content()["frame"]["name"] == "flange"
 
 
+@pytest.mark.slow
 def test_the_model_of_a_result_replaces_the_log_without_the_load(played: Played, tmp_path: Path) -> None:
     robot = excite.identify("panda", noisy(played.bare, 7), choose=False, offset=True)
     robot.save(tmp_path / "robot")

@@ -256,6 +256,7 @@ def test_long_plans_say_what_shorter_windows_would_make_of_them(capfd: pytest.Ca
     assert f"windows are as long as the range allows; --longest 1.5 shortens the plan to {shorter / 60:.1f} min" in told
 
 
+@pytest.mark.slow
 def test_the_whole_irp6_takes_a_quarter_of_an_hour_by_default() -> None:
     plan = friction_plan(built_in("irp6"), Schedule(rate=50.0))
     assert len(plan.coordinates) == 5
