@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Any
 
 import click
+
+from regressors.quoting import shortened
 
 
 class LazyGroup(click.Group):
@@ -18,13 +21,23 @@ class LazyGroup(click.Group):
         One-line help of each command, by name.
     modules : str
         Pattern of their modules, with ``{}`` for the name, such as ``excite.cli.{}_command``.
+    groups : mapping of str to sequence of str, optional
+        Headings of the help, and the commands below each.
     **options
         Options of `click.Group`.
     """
 
-    def __init__(self, *, summaries: Mapping[str, str], modules: str, **options: Any) -> None:
+    def __init__(
+        self,
+        *,
+        summaries: Mapping[str, str],
+        modules: str,
+        groups: Mapping[str, Sequence[str]] | None = None,
+        **options: Any,
+    ) -> None:
         super().__init__(**options)
         self._summaries, self._modules = dict(summaries), modules
+        self._groups = groups or {"Commands": tuple(summaries)}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the commands, in the order of the help."""
@@ -40,12 +53,16 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Resolve a command as click does, but list the available names for an unknown one."""
+        """Resolve a command as click does, but for an unknown one name what may be meant, and those that there are."""
         if args[0] not in self._summaries:
-            ctx.fail(f"no command named {args[0]!r}; available: {', '.join(self._summaries)}")
+            near = get_close_matches(args[0], self._summaries, 1)
+            meant = f"did you mean {near[0]}? " if near else ""
+            ctx.fail(f"no command named {shortened(args[0])}; {meant}available: {', '.join(self._summaries)}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands without importing any."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(self._summaries.items()))
+        widest = max(map(len, self._summaries))
+        for heading, names in self._groups.items():
+            with formatter.section(heading):
+                formatter.write_dl([(f"{name:<{widest}}", self._summaries[name]) for name in names])

@@ -33,6 +33,12 @@ _COMMANDS = {
     "report": "Write one HTML page on designs, identifications and verifications, with a 3D player.",
     "compare": "Compare candidate designs by the same metrics.",
 }
+_GROUPS = {
+    "Design a motion": ("robots", "design", "plan", "compare", "export"),
+    "From logs to parameters": ("simulate", "logs", "identify", "verify", "study"),
+    "Friction and payload": ("friction", "payload"),
+    "Share results": ("report",),
+}
 BAD_INPUT, NOT_HELD = 2, 1
 
 
@@ -47,6 +53,7 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.group(
     cls=LazyGroup,
     summaries=_COMMANDS,
+    groups=_GROUPS,
     modules="excite.cli.{}_command",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b
@@ -58,6 +65,7 @@ Start with:
   excite simulate designs/irp6 --out run.csv                          what the robot would measure
   excite identify irp6 run.csv --design designs/irp6 --out results    its parameters, with their uncertainty
   excite verify results other.csv                                     whether they predict another log
+  excite export results --format urdf --out irp6.urdf                 the identified model for simulators
   excite report designs/irp6 results --out irp6.html                  one page to read, with the motion in 3D
 
 \b

@@ -65,7 +65,7 @@ FIVE = "for the joints q1, q2, q3, q4, q5; given 2"
 COMMANDS = (
     plain(
         "desing irp6 --out out",
-        "no command named 'desing'; available: robots, design, ",
+        "no command named 'desing'; did you mean design? available: robots, design, ",
         "compare; see 'excite --help'",
     ),
     plain("--bogus", "No such option", "--bogus", "see 'excite --help'"),
