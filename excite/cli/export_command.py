@@ -126,6 +126,11 @@ def _export_motion(
 ) -> Exported:
     import excite
 
+    if form in MODEL_FORMATS and form not in MOTION_FORMATS and (folder / _DESIGN).exists():
+        raise click.UsageError(
+            f"{form} is a format of models, and {folder} holds a design: identify with it and export the result, or "
+            f"choose {', '.join(MOTION_FORMATS)}"
+        )
     if robot_file is not None:
         raise click.UsageError("--robot-file is for the model of a result, and DIR holds a design")
     exported: Exported = built_in("exporter", "motion")(
@@ -145,6 +150,11 @@ def _export_model(
 ) -> Exported:
     import excite
 
+    if form in MOTION_FORMATS and form not in MODEL_FORMATS:
+        raise click.UsageError(
+            f"{form} is a format of motions, and {folder} holds a result: export its design, or choose "
+            f"{', '.join(MODEL_FORMATS)}"
+        )
     if rate is not None:
         raise click.UsageError("--rate is for the motion of a design, and DIR holds a result")
     export_model = built_in("exporter", "model")

@@ -77,6 +77,7 @@ def test_summary_as_text_and_as_json(here: Here) -> None:
         (("designs/irp6", "--format", "npz", "--rate", "nan"), 2, ("rate",)),
         (("designs/irp6", "--format", "nope"), 2, ("ros2-yaml",)),
         (("designs/irp6", "--format", "mine:Plain"), 2, ("no module",)),
+        (("designs/irp6", "--format", "urdf"), 2, ("a format of models", "holds a design", "choose ros2-yaml")),
         (("designs", "--format", "npz"), 2, ("holds no design",)),
         (("missing", "--format", "npz"), 2, ("holds no design",)),
         (("designs/irp6", "--format", "npz", "--robot-file", "a.urdf"), 2, ("--robot-file",)),

@@ -57,7 +57,7 @@ def test_every_format_is_written(form: str, here: Here) -> None:
         (("r", "--format", "csv", "--robot-file", "none.urdf"), ("--robot-file", "takes none")),
         (("r", "--format", "urdf", "--rate", "100"), ("--rate",)),
         (("both", "--format", "npz"), ("result.json", "design.json")),
-        (("r", "--format", "krl"), ("krl",)),
+        (("r", "--format", "krl"), ("krl is a format of motions", "holds a result", "choose urdf")),
     ],
 )
 def test_what_does_not_fit_is_one_line_and_no_file(
