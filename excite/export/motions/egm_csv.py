@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.number_rows import rows_of
 from excite.export.motions.recorder import Recorder, columns
 from excite.export.motions.sampled_design import SampledDesign
@@ -26,14 +26,14 @@ class EgmCsv(MotionFormat):
         "after the positions is a setting of the controller"
     )
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """Comment, header and rows."""
         names = ["time", *columns("planned.joints[{}]", _AXES), *columns("speedRef.joints[{}]", _AXES)]
         comment = "".join(f"# {line}\n" for line in motion.heading)
         table = np.degrees(np.column_stack([motion.samples.q, motion.samples.dq]))
         rows = rows_of(table + 0.0, form="%.10f")
         lines = "".join(f"{t:.9f},{row}\n" for t, row in zip(motion.time.tolist(), rows, strict=True))
-        return WrittenMotion(f"{comment}{','.join(names)}\n{lines}".encode())
+        return MotionFile(f"{comment}{','.join(names)}\n{lines}".encode())
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """Feedback of EGM with torques of the controller's test signals."""

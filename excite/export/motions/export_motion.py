@@ -81,9 +81,9 @@ def export_motion(
     names = [name for name in (out.name, record, f"{out.name}{MAPPING}") if name is not None]
     with result_file(out):
         _check_free(out, names, replace=replace)
-        written = chosen.written(motion, out.stem)
+        file = chosen.file(motion, out.stem)
         beside = [*([recorder.content] if record else []), recorder.mapping_text(motion)]
-        contents = [written.content, *(text.encode() for text in beside)]
+        contents = [file.content, *(text.encode() for text in beside)]
         with replace_files(out, remove=[f"{out.name}.record{suffix}" for suffix in _RECORDS]) as staged:
             for name, content in zip(names, contents, strict=True):
                 with replacing(staged / name, "wb") as stream:
@@ -91,7 +91,7 @@ def export_motion(
     return Exported(
         name_of(format) if isinstance(format, str) else chosen.name,
         tuple(out.parent / name for name in names),
-        (*notes, *written.notes, *recorder.notes, chosen.checked),
+        (*notes, *file.notes, *recorder.notes, chosen.checked),
         _facts(motion, certificate),
     )
 

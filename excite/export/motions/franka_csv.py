@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.franka_limits import check_rates, is_fr3
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.number_rows import rows_of
 from excite.export.motions.recorder import Recorder, columns
 from excite.export.motions.sampled_design import SampledDesign
@@ -27,13 +27,13 @@ class FrankaCsv(MotionFormat):
         """Raise `BrokenLimitError` where libfranka would refuse the velocities, accelerations or jerks."""
         check_rates(motion.robot, motion.samples.q)
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """Comment and rows; the numbers read back exactly."""
         about = (*motion.heading, "columns: position of each joint [rad]; one row in a millisecond")
         comment = "".join(f"# {line}\n" for line in about)
         rows = "".join(f"{row}\n" for row in rows_of(motion.samples.q))
         whose = "the FR3, whose velocity limits fall with the position" if is_fr3(motion.robot) else "the Panda"
-        return WrittenMotion(
+        return MotionFile(
             f"{comment}{rows}".encode(),
             (f"differences of the rows keep libfranka's limits of velocity, acceleration and jerk for {whose}",),
         )

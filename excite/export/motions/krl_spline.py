@@ -11,7 +11,7 @@ import re
 import numpy as np
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.recorder import Recorder
 from excite.export.motions.rsi_recorder import rsi_recorder
 from excite.export.motions.sampled_design import SampledDesign
@@ -35,7 +35,7 @@ class KrlSpline(MotionFormat):
         "the spline that the controller lays through the positions is not documented"
     )
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The program."""
         if not _NAME.fullmatch(stem):
             raise InputError(
@@ -56,7 +56,7 @@ class KrlSpline(MotionFormat):
         for point, step in zip(points[1:], steps, strict=True):
             lines += [f"  SPTP {point}", f"  TIME_BLOCK PART = {step:.9f}"]
         lines += [f"  TIME_BLOCK END = {motion.time[-1]:.9f}", "ENDSPLINE", "END"]
-        return WrittenMotion(("\r\n".join(lines) + "\r\n").encode("ascii", "replace"))
+        return MotionFile(("\r\n".join(lines) + "\r\n").encode("ascii", "replace"))
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """A client of KUKA RSI."""

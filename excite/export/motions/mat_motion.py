@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.motion_arrays import ARRAY_SAMPLES, motion_arrays
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.recorder import Recorder, house_recorder
 from excite.export.motions.sampled_design import SampledDesign
 
@@ -26,7 +26,7 @@ class MatMotion(MotionFormat):
     interpolation = Interpolation.NONE
     checked = "when excite is tested, scipy.io reads such files back; MATLAB itself has not"
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The file, without the date that SciPy writes."""
         from scipy.io import savemat
 
@@ -38,7 +38,7 @@ class MatMotion(MotionFormat):
         stream = io.BytesIO()
         savemat(stream, {**arrays, **texts, "joint_names": names}, oned_as="column")
         head = f"MATLAB 5.0 MAT-file, coefficients sha256 {motion.design.coefficients_sha256}".encode().ljust(_HEAD)
-        return WrittenMotion(
+        return MotionFile(
             head + stream.getvalue()[_HEAD:], ("segment is 1 on the approach, 2 while it excites, 3 on the return",)
         )
 

@@ -11,7 +11,7 @@ import numpy as np
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.joint_trajectory import TOPIC, message_of, ros2_recorder
 from excite.export.motions.joint_trajectory_rules import check_rules
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.recorder import Recorder
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.errors import InputError
@@ -36,7 +36,7 @@ class McapTrajectory(MotionFormat):
         """Raise `BrokenLimitError` where joint_trajectory_controller would refuse the motion."""
         check_rules(message_of(motion), motion.joints)
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The bag, uncompressed, with version 8 of rosbag2's metadata, at time 0."""
         try:
             from rosbags.rosbag2 import StoragePlugin, Writer
@@ -53,7 +53,7 @@ class McapTrajectory(MotionFormat):
                 writer.set_custom_data("excite_coefficients_sha256", motion.design.coefficients_sha256)
                 writer.write(writer.add_connection(TOPIC, kind, typestore=types), 0, data)
             content = (bag / f"{stem}.mcap").read_bytes()
-        return WrittenMotion(content)
+        return MotionFile(content)
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The recorder of rosbag2."""

@@ -14,7 +14,7 @@ from regressors.robot.robot import Robot
 
 
 @dataclass(frozen=True)
-class WrittenMotion:
+class MotionFile:
     """Content of the file of a motion, and what has to be known of it.
 
     Parameters
@@ -63,7 +63,7 @@ class MotionFormat(ABC):
     checked: ClassVar[str]
 
     @abstractmethod
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """Content of the file, the same bytes for the same motion.
 
         Parameters

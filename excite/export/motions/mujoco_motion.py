@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.motion_arrays import ARRAY_SAMPLES, motion_arrays
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.recorder import Recorder, house_recorder
 from excite.export.motions.sampled_design import SampledDesign
 
@@ -28,14 +28,14 @@ class MujocoMotion(MotionFormat):
     interpolation = Interpolation.NONE
     checked = "when excite is tested, such arrays are set in a model of MuJoCo by the names of its joints"
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The archive, uncompressed."""
         arrays = motion_arrays(motion)
         named = {new: arrays.pop(old) for new, old in (("qpos", "q"), ("qvel", "dq"), ("qacc", "ddq"))}
         stream = io.BytesIO()
         np.savez(stream, allow_pickle=False, **named, ctrl=named["qpos"], **arrays)
         apart = f"samples are {1.0 / motion.rate:g} s apart: choose a timestep of the model that divides that"
-        return WrittenMotion(stream.getvalue(), (apart,))
+        return MotionFile(stream.getvalue(), (apart,))
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """CSV as of `excite simulate`, of ``data.qpos``, ``data.qvel`` and ``data.qfrc_actuator``."""

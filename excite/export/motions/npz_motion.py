@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.motion_arrays import ARRAY_SAMPLES, motion_arrays
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.recorder import Recorder, house_recorder
 from excite.export.motions.sampled_design import SampledDesign
 
@@ -24,11 +24,11 @@ class NpzMotion(MotionFormat):
     interpolation = Interpolation.NONE
     checked = "when excite is tested, NumPy reads such files back"
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The archive, uncompressed."""
         stream = io.BytesIO()
         np.savez(stream, allow_pickle=False, **motion_arrays(motion))
-        return WrittenMotion(stream.getvalue())
+        return MotionFile(stream.getvalue())
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """CSV as of `excite simulate`."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.egm_csv import abb_recorder
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.recorder import Recorder
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.errors import InputError
@@ -35,7 +35,7 @@ class RapidModule(MotionFormat):
         "how the controller passes the zones between the positions is not documented: EGM follows a motion more closely"
     )
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The module; the robot moves to the first pose slowly, and passes all but the last position."""
         if not _NAME.fullmatch(stem):
             raise InputError(
@@ -49,7 +49,7 @@ class RapidModule(MotionFormat):
             zone = "fine" if k == len(steps) else "z1"
             lines.append(f"    MoveAbsJ {target} \\NoEOffs, v1000 \\T:={step:.9f}, {zone}, tool0;")
         lines += ["  ENDPROC", "ENDMODULE"]
-        return WrittenMotion(("\n".join(lines) + "\n").encode("ascii", "replace"))
+        return MotionFile(("\n".join(lines) + "\n").encode("ascii", "replace"))
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """Test signals of the controller."""

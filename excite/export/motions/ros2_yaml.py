@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.joint_trajectory import ACTION, frame_of, message_of, ros2_recorder
 from excite.export.motions.joint_trajectory_rules import check_rules
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.recorder import Recorder
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.quoting import printable
@@ -32,7 +32,7 @@ class Ros2Yaml(MotionFormat):
         """Raise `BrokenLimitError` where joint_trajectory_controller would refuse the motion."""
         check_rules(message_of(motion), motion.joints)
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The goal; every number is one for YAML 1.1 too, which takes 1e-05 for a string."""
         message = message_of(motion)
         lines = [f"# {line}" for line in (*motion.heading, *_how(printable(stem)))]
@@ -49,7 +49,7 @@ class Ros2Yaml(MotionFormat):
             f"the goal has {len(content)} bytes, more than an argument of a command may have: send it on the "
             "standard input, as the comment of the file says, or play the format mcap",
         )
-        return WrittenMotion(content, long if len(content) > _ARGUMENT else ())
+        return MotionFile(content, long if len(content) > _ARGUMENT else ())
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The recorder of rosbag2."""

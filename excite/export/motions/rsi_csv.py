@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.number_rows import rows_of
 from excite.export.motions.recorder import Recorder
 from excite.export.motions.rsi_recorder import fri_recorder, rsi_recorder
@@ -29,7 +29,7 @@ class RsiCsv(MotionFormat):
         "file of its own"
     )
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """Comment, header and rows."""
         q = motion.samples.q
         if q.shape[1] == 7:
@@ -41,7 +41,7 @@ class RsiCsv(MotionFormat):
         comment = "".join(f"# {line}\n" for line in motion.heading)
         rows = rows_of(table + 0.0, form=form)
         lines = "".join(f"{t:.9f},{row}\n" for t, row in zip(motion.time.tolist(), rows, strict=True))
-        return WrittenMotion(f"{comment}{','.join(['time', *names])}\n{lines}".encode())
+        return MotionFile(f"{comment}{','.join(['time', *names])}\n{lines}".encode())
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The client itself."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.number_rows import rows_of
 from excite.export.motions.recorder import Recorder
 from excite.export.motions.rtde_recorder import rtde_recorder
@@ -29,14 +29,14 @@ class RtdeCsv(MotionFormat):
         "what it makes of the targets depends on the program that takes them"
     )
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """Header and rows."""
         names = ["timestamp", *(f"{what}_{k}" for what in ("target_q", "target_qd", "target_qdd") for k in range(6))]
         samples = motion.samples
         table = np.column_stack([samples.time, samples.q, samples.dq, samples.ddq])
         head = " ".join([*names, f"design_sha256_{motion.sha256}"])
         rows = "".join(f"{row} 0\n" for row in rows_of(table, " "))
-        return WrittenMotion(f"{head}\n{rows}".encode())
+        return MotionFile(f"{head}\n{rows}".encode())
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The RTDE client."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.motion_format import MotionFile, MotionFormat
 from excite.export.motions.recorder import Recorder
 from excite.export.motions.rtde_recorder import MARKER, rtde_recorder
 from excite.export.motions.sampled_design import SampledDesign
@@ -47,7 +47,7 @@ class UrScript(MotionFormat):
                 "a whole number"
             )
 
-    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+    def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The program, which stops unless the robot rests within 0.01 rad of the first pose."""
         if not _NAME.fullmatch(stem):
             raise InputError(
@@ -63,7 +63,7 @@ class UrScript(MotionFormat):
         lines[1 + len(motion.heading) : 1 + len(motion.heading)] = _beginning(rows[0], 1.0 / motion.rate)
         lines += ["  check_start()", *(f"  part_{number}()" for number in range(len(groups)))]
         lines += [f"  write_output_integer_register({MARKER}, 0)", "  stopj(2.0)", "end"]
-        return WrittenMotion(("\n".join(lines) + "\n").encode())
+        return MotionFile(("\n".join(lines) + "\n").encode())
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The RTDE client."""

@@ -19,7 +19,7 @@ from excite.files.named_design import find_design
 OWN = """\
 import excite
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import WrittenMotion
+from excite.export.motions.motion_format import MotionFile
 from excite.export.motions.recorder import house_recorder
 
 
@@ -29,8 +29,8 @@ class Plain(excite.MotionFormat):
     interpolation = Interpolation.NONE
     checked = "nothing was checked"
 
-    def written(self, motion, stem):
-        return WrittenMotion(f"{motion.sha256} {motion.time.size}".encode())
+    def file(self, motion, stem):
+        return MotionFile(f"{motion.sha256} {motion.time.size}".encode())
 
     def recorder(self, motion, name):
         return house_recorder(motion)
