@@ -114,4 +114,5 @@ def _rate(one: Any) -> str:
     if not one.clock:
         return f"{one.rows} rows, without a time that was recognised" if one.rows else "not read"
     gaps = f", {one.gaps} gap{'s' * (one.gaps != 1)} of up to {one.longest_gap:.3g} s" if one.gaps else ", no gaps"
-    return f"{one.rows} rows at {one.rate:.5g} Hz over {one.duration:.6g} s by {one.clock}{gaps}"
+    clock = f"column {one.clock}" if one.clock.isdecimal() else one.clock
+    return f"{one.rows} rows at {one.rate:.5g} Hz over {one.duration:.6g} s by {clock}{gaps}"

@@ -27,7 +27,7 @@ class StreamSummary:
     clock : str
         Empty where none was found; then the figures below are zero.
     rate, duration : float
-        [Hz], [s]
+        Mean rate outside the gaps [Hz], [s].
     gaps : int
         Steps longer than 3.5 times the median one and than 20 ms.
     longest_gap : float
@@ -93,7 +93,8 @@ def _summary(stream: str, columns: tuple[str, ...], clock: str, time: Array) -> 
         return StreamSummary(stream, columns, time.size, clock)
     step = np.diff(time)
     median = float(np.median(step))
-    long = step[(step > STEPS * median) & (step > LEAST)]
-    rate = 1.0 / median if median > 0 else 0.0
+    gap = (step > STEPS * median) & (step > LEAST)
+    long, rest = step[gap], float(step[~gap].sum())
+    rate = (step.size - long.size) / rest if rest > 0 else 0.0
     longest = float(long.max()) if long.size else 0.0
     return StreamSummary(stream, columns, time.size, clock, rate, float(time[-1] - time[0]), long.size, longest)

@@ -235,3 +235,14 @@ def test_texts_that_hold_no_log_are_refused_in_one_line(tmp_path: Path, text: st
         excite.read_log(path)
     assert "\n" not in str(error.value)
     assert str(path) in str(error.value)
+
+
+def test_the_rate_of_a_jittering_clock_is_its_mean_outside_gaps(tmp_path: Path) -> None:
+    step = np.tile([0.010, 0.010, 0.012], 200)
+    step[300] = 2.0
+    time = np.concatenate([[0.0], np.cumsum(step)])
+    table = np.column_stack([time, np.sin(time), np.cos(time)])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, table, delimiter=",", header="time,q1,dq1", comments="")
+    (summary,) = excite.guess_mapping(path).summaries
+    assert (summary.gaps, round(summary.rate, 2)) == (1, round(599 / (sum(step) - 2.0), 2))
