@@ -257,15 +257,19 @@ class LinkSection(Section):
         """Link of a robot, its parameters about the origin of its own frame."""
         if self.mass is None or self.inertia is None:
             return Link(self.name)
+        with np.errstate(over="ignore", invalid="ignore"):  # a link refuses what is not finite
+            return Link(self.name, self._theta(self.mass, self.inertia))
+
+    def _theta(self, mass: float, inertia: InertiaSection) -> Array:
         moment = np.array(self.first_moment if self.com is None else self.com)
         if self.com is not None:
-            moment = self.mass * moment
-        theta = np.array([self.mass, *moment, *self.inertia.elements()])
-        if self.inertia.about == "centre-of-mass" and self.mass > 0:
-            theta = from_centre_of_mass(self.mass, moment / self.mass, inertia_tensor(theta))
+            moment = mass * moment
+        theta = np.array([mass, *moment, *inertia.elements()])
+        if inertia.about == "centre-of-mass" and mass > 0:
+            theta = from_centre_of_mass(mass, moment / mass, inertia_tensor(theta))
         if self.frame == FrameSection():
-            return Link(self.name, theta)
-        return Link(self.name, transport(self.frame.rotation(), self.frame.xyz) @ theta)
+            return theta
+        return np.asarray(transport(self.frame.rotation(), self.frame.xyz) @ theta)
 
 
 class BranchJointSection(Section):
