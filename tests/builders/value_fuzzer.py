@@ -362,6 +362,7 @@ def prepare(folder: Path) -> None:
     for arguments in MADE:
         ended = run(arguments, folder, clean=False)
         assert ended.status in (0, 1), (arguments, ended)
+    shutil.copytree(folder, _copy_of(folder))
 
 
 def run(
@@ -384,6 +385,28 @@ def run(
     finally:
         for name in files or {}:
             (folder / name).write_text(FILES[name], encoding="utf-8")
+        if clean:
+            _restore(folder)
+
+
+def _copy_of(folder: Path) -> Path:
+    return folder.with_name(f"{folder.name}.as-made")
+
+
+def _restore(folder: Path) -> None:
+    """Put back what a command has replaced, such as ``--out two.yaml --force``: cases begin with the same files."""
+    made = _copy_of(folder)
+    for path in made.rglob("*"):
+        now = folder / path.relative_to(made)
+        if path.is_file() and not (now.is_file() and _mark(now) == _mark(path)):
+            shutil.rmtree(folder)
+            shutil.copytree(made, folder)
+            return
+
+
+def _mark(path: Path) -> tuple[int, int]:
+    state = path.stat()
+    return state.st_size, state.st_mtime_ns
 
 
 def _ended(arguments: Sequence[str], folder: Path, *, clean: bool, patience: float) -> Ended:
@@ -525,6 +548,7 @@ def prepared() -> Iterator[Path]:
     """A temporary folder with the files that commands read."""
     capped = patch.dict(os.environ, {CAP_VARIABLE: f"{CAP}"})
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name, without_figures(), capped:
-        folder = Path(name)
+        folder = Path(name) / "cases"
+        folder.mkdir()
         prepare(folder)
         yield folder

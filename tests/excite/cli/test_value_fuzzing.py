@@ -76,6 +76,12 @@ def test_two_hundred_values(name: str, folder: Path) -> None:
     fuzz(name, folder, 200)
 
 
+def test_every_case_begins_with_the_same_files(folder: Path) -> None:
+    before = (folder / "two.yaml").read_bytes()
+    assert run(("robots", "two.yaml", "--mount", "wall", "--out", "two.yaml", "--force"), folder).status == 0
+    assert (folder / "two.yaml").read_bytes() == before
+
+
 def test_the_fuzzer_sees_what_must_not_be(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import numpy as np
 
