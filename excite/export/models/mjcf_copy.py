@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,9 @@ from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.mjcf_text import inertial_values, joint_values
 from excite.export.models.same_robot import chain_in, moving_groups, pose_error
 from excite.export.models.shared_inertia import held_note, own_part
+from excite.export.models.xml_copy import XmlCopy
 from excite.export.models.xml_spans import XmlDocument, XmlSpan
-from excite.export.models.xml_text import comment, start
+from excite.export.models.xml_text import start
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.readers.mjcf import tree_of_mjcf
@@ -26,26 +26,7 @@ from regressors.robot.inertia import transport
 from regressors.samples import Array
 
 
-@dataclass(frozen=True, eq=False)
-class MjcfCopy:
-    """A user's MJCF with the parameters of a model to be written into it.
-
-    Parameters
-    ----------
-    document : XmlDocument
-    notes : tuple of str
-    """
-
-    document: XmlDocument
-    notes: tuple[str, ...]
-
-    def content(self, lines: tuple[str, ...]) -> bytes:
-        """The edited file, with a comment in front of its outermost element."""
-        self.document.insert_before(self.document.root, comment(lines))
-        return self.document.edited()
-
-
-def mjcf_copy(model: IdentifiedModel, file: Path) -> MjcfCopy:
+def mjcf_copy(model: IdentifiedModel, file: Path) -> XmlCopy:
     """Write the parameters of a model into a user's MJCF.
 
     Parameters
@@ -72,7 +53,7 @@ def mjcf_copy(model: IdentifiedModel, file: Path) -> MjcfCopy:
         if values := joint_values(model, k):
             own = _without_actuators(values, compiled, joints.index(name))
             document.set(_found(elements, name, "joint", document), own)
-    return MjcfCopy(document, tuple(notes))
+    return XmlCopy(document, tuple(notes))
 
 
 def _check_compiler(document: XmlDocument) -> None:

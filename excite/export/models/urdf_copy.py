@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from excite.export.models.exact_numbers import number
@@ -10,8 +9,9 @@ from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.same_robot import chain_in, moving_groups, pose_error
 from excite.export.models.shared_inertia import held_note, own_part
 from excite.export.models.urdf_text import dynamics_attributes, inertial_attributes
+from excite.export.models.xml_copy import XmlCopy
 from excite.export.models.xml_spans import XmlDocument, XmlSpan
-from excite.export.models.xml_text import comment, start
+from excite.export.models.xml_text import start
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
@@ -20,26 +20,7 @@ from regressors.samples import Array
 _NEAR = 1e-9  # of a pose that is the same
 
 
-@dataclass(frozen=True, eq=False)
-class UrdfCopy:
-    """A user's URDF with the parameters of a model to be written into it.
-
-    Parameters
-    ----------
-    document : XmlDocument
-    notes : tuple of str
-    """
-
-    document: XmlDocument
-    notes: tuple[str, ...]
-
-    def content(self, lines: tuple[str, ...]) -> bytes:
-        """The edited file, with a comment in front of its outermost element."""
-        self.document.insert_before(self.document.root, comment(lines))
-        return self.document.edited()
-
-
-def urdf_copy(model: IdentifiedModel, file: Path) -> UrdfCopy:
+def urdf_copy(model: IdentifiedModel, file: Path) -> XmlCopy:
     """Write the parameters of a model into a user's URDF.
 
     Parameters
@@ -64,7 +45,7 @@ def urdf_copy(model: IdentifiedModel, file: Path) -> UrdfCopy:
     for k, joint in enumerate(chain):
         if attributes := dynamics_attributes(model, k):
             _set_dynamics(document, joints[joint.name], attributes)
-    return UrdfCopy(document, tuple(notes))
+    return XmlCopy(document, tuple(notes))
 
 
 def _rounded_note(tree: UrdfTree, content: bytes, model: IdentifiedModel, file: Path) -> tuple[str, ...]:

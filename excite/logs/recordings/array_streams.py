@@ -232,7 +232,7 @@ def foreign_reader(path: Path, form: str) -> Iterator[None]:
     """
     try:
         yield
-    except ExciteError:
+    except (ExciteError, MemoryError):
         raise
     except Exception as error:  # each library has its own, and damaged files meet those of Python too
         said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)

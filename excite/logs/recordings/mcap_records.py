@@ -98,7 +98,7 @@ class McapFile(BagFile):
             return packed
         try:
             return _decompressor(kind, self.path).decompress(packed, max_length=size + 1) if size else b""
-        except InputError:
+        except (InputError, MemoryError):
             raise
         except Exception as error:  # each library has its own
             if not whole:

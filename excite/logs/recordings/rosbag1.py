@@ -133,6 +133,8 @@ class BagOfRos1(BagFile):
             )
         try:
             return bytes(decompressor.decompress(data, max_length=size + 1)) if size else b""
+        except MemoryError:
+            raise
         except Exception as error:  # each library has its own
             raise self._damaged(at) from error
 
