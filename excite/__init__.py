@@ -14,6 +14,8 @@ import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from excite.own_packages import check_packages
+
 if TYPE_CHECKING:
     from constraints.collision.collision_limits import Collisions
     from constraints.limit import Limit
@@ -106,6 +108,8 @@ if TYPE_CHECKING:
     from regressors.readers.library import built_in_names, load_robot
     from regressors.robot.robot import Robot
     from regressors.samples import Samples
+
+check_packages()
 
 _PLACES = {
     "BSpline": "excite.trajectories.bspline",

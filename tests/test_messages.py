@@ -16,7 +16,7 @@ from excite.tasks.task import PARTS
 
 ALL = messages()
 OF_THE_LIBRARY = [message for message in ALL if not message.place.startswith("excite/cli/")]
-OTHERS = ("ros2 run", "ros2 action", "record.py")  # command lines of other programs
+OTHERS = ("ros2 run", "ros2 action", "record.py", "pip install")  # command lines of other programs
 FORBIDDEN = (
     r"\bstands twice\b",
     r"\b(is|are|be) told\b",

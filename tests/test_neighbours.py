@@ -1,0 +1,167 @@
+"""Other distributions with packages named `regressors` or `constraints`: a sentence at import, in whatever order."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import venv
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from commands import ENVIRONMENT
+
+ROOT = Path(__file__).resolve().parents[1]
+NEEDED = {  # by `import excite`
+    name: (ROOT / name).read_text(encoding="utf-8")
+    for name in (
+        "excite/__init__.py",
+        "excite/own_packages.py",
+        "constraints/__init__.py",
+        "regressors/__init__.py",
+        "regressors/neighbours.py",
+    )
+}
+NOT_HERE = {key: value for key, value in ENVIRONMENT.items() if key not in ("PYTHONPATH", "PYTHONHOME")}
+
+
+def written(folder: Path, files: Mapping[str, str]) -> Path:
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+def metadata(name: str, files: Mapping[str, str]) -> dict[str, str]:
+    """Metadata of an installed distribution with these files, by their names."""
+    info = f"{name}-1.2.dist-info"
+    record = "".join(f"{file},,\n" for file in (*files, f"{info}/METADATA", f"{info}/RECORD"))
+    return {
+        f"{info}/METADATA": f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n",
+        f"{info}/WHEEL": "Wheel-Version: 1.0\nGenerator: tests\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        f"{info}/RECORD": record,
+    }
+
+
+def error_of(python: str, package: str, *paths: Path, cwd: Path) -> str:
+    """Last line that importing a package printed on stderr, empty if it was imported."""
+    code = f"import sys; sys.path[:0] = {[str(path) for path in paths]!r}; import {package}"
+    ended = subprocess.run(
+        [python, "-S", "-c", code] if paths else [python, "-c", code],
+        cwd=cwd,
+        env=NOT_HERE,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return ended.stderr.strip().splitlines()[-1] if ended.returncode else ""
+
+
+@pytest.mark.parametrize("package", ["excite", "constraints", "regressors"])
+def test_packages_are_imported_where_nothing_is_in_the_way(package: str, tmp_path: Path) -> None:
+    others = metadata("constraints-of-others", {"other/__init__.py": ""}) | metadata("numpy", {"numpy/__init__.py": ""})
+    folder = written(tmp_path / "site", NEEDED | metadata("excite-trajectories", NEEDED) | others)
+    assert error_of(sys.executable, package, folder, cwd=tmp_path) == ""
+
+
+OVERWRITTEN = "ImportError: The distribution `regressors` has a package `regressors` too, in SITE, and Python finds"
+MIXED = "ImportError: The distribution `{0}` 1.2 and `excite-trajectories` both have the package `{0}`, and"
+LOST = "ImportError: The package `{0}` of `excite-trajectories` in SITE has lost files"
+OTHER = "import statsmodels\n"  # which is not there
+CASES = [
+    pytest.param({"regressors/__init__.py": OTHER}, "regressors", OVERWRITTEN, id="fails itself"),
+    pytest.param({"regressors/__init__.py": "print 'two'\n"}, "regressors", OVERWRITTEN, id="for another Python"),
+    pytest.param({"regressors/__init__.py": ""}, "regressors", OVERWRITTEN, id="overwritten"),
+    pytest.param({"constraints/__init__.py": ""}, "constraints", MIXED.format("constraints"), id="constraints"),
+    pytest.param({"regressors/stats.py": OTHER}, "regressors", MIXED.format("regressors"), id="beside ours"),
+    pytest.param({"regressors/__init__.py": ""}, None, LOST.format("regressors"), id="no metadata"),
+    pytest.param(
+        {"constraints/__init__.py": None, "constraints/limit.py": ""}, None, LOST.format("constraints"), id="removed"
+    ),
+    pytest.param({"regressors/__init__.py": None}, None, LOST.format("regressors"), id="removed below"),
+]
+
+
+@pytest.mark.parametrize(("changes", "distribution", "expected"), CASES)
+def test_excite_says_what_is_in_its_place(
+    changes: dict[str, str | None], distribution: str | None, expected: str, tmp_path: Path
+) -> None:
+    files = {name: text for name, text in (NEEDED | changes).items() if text is not None}
+    others = metadata(distribution, dict.fromkeys(changes, "")) if distribution else {}
+    folder = written(tmp_path / "site", files | metadata("excite-trajectories", NEEDED) | others)
+    error = error_of(sys.executable, "excite", folder, cwd=tmp_path)
+    assert error.startswith(expected.replace("SITE", str(folder)))
+    assert "`python -m pip install --force-reinstall --no-deps excite-trajectories`" in error
+    assert distribution is None or f"`python -m pip uninstall {distribution}` and then" in error
+
+
+def test_nothing_is_left_of_a_package(tmp_path: Path) -> None:
+    folder = written(tmp_path / "site", {name: text for name, text in NEEDED.items() if "constraints" not in name})
+    error = error_of(sys.executable, "excite", folder, cwd=tmp_path)
+    assert error.startswith(f"ImportError: The package `constraints` of `excite-trajectories` is not in {folder} any")
+
+
+def test_a_file_of_the_users_in_the_way_is_named(tmp_path: Path) -> None:
+    mine = written(tmp_path / "mine", {"constraints.py": "LIMIT = 3\n"})
+    folder = written(tmp_path / "site", NEEDED)
+    error = error_of(sys.executable, "excite", mine, folder, cwd=tmp_path)
+    assert error == (
+        f"ImportError: Python finds {mine / 'constraints.py'} in place of the package `constraints` of "
+        f"`excite-trajectories` in {folder}. Rename it, or start Python in another folder."
+    )
+
+
+def test_another_distribution_elsewhere_needs_no_second_installation(tmp_path: Path) -> None:
+    theirs = {"regressors/__init__.py": ""}
+    first = written(tmp_path / "first", theirs | metadata("regressors", theirs))
+    folder = written(tmp_path / "site", NEEDED)
+    error = error_of(sys.executable, "excite", first, folder, cwd=tmp_path)
+    assert f"in {first}, and Python finds that one" in error
+    assert error.endswith("or run `python -m pip uninstall regressors`.")
+
+
+def test_constraints_alone_names_the_package_that_it_misses(tmp_path: Path) -> None:
+    folder = written(tmp_path / "site", NEEDED | {"regressors/__init__.py": OTHER})
+    error = error_of(sys.executable, "constraints", folder, cwd=tmp_path)
+    assert error.startswith("ImportError: The package `regressors` that Python finds is not that of `excite-traj")
+
+
+# With pip, in environments that are thrown away
+
+
+def wheel(folder: Path, name: str, files: Mapping[str, str]) -> str:
+    """A wheel that is made without any tool."""
+    path = folder / f"{name.replace('-', '_')}-1.2-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        for file, text in {**files, **metadata(name.replace("-", "_"), files)}.items():
+            archive.writestr(file, text)
+    return str(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("package", ["regressors", "constraints"])
+def test_pip_installs_and_uninstalls_beside_us(package: str, tmp_path: Path) -> None:
+    ours = wheel(tmp_path, "excite-trajectories", NEEDED)
+    other = wheel(tmp_path, package, {f"{package}/__init__.py": "", f"{package}/stats.py": OTHER})
+    environment = tmp_path / "environment"
+    python = str(environment / "bin" / "python")
+
+    def pip(*arguments: str) -> None:
+        command = [sys.executable, "-m", "pip", "--python", python, "--quiet", *arguments]
+        subprocess.run(command, check=True, env=NOT_HERE, capture_output=True)
+
+    def after(*wheels: str) -> str:
+        shutil.rmtree(environment, ignore_errors=True)
+        venv.create(environment, symlinks=True)
+        pip("install", "--no-index", "--no-deps", wheels[0])
+        pip("install", "--no-index", "--no-deps", wheels[1])
+        return error_of(python, "excite", cwd=tmp_path)
+
+    for order in ((ours, other), (other, ours)):
+        assert f"The distribution `{package}`" in after(*order)
+        pip("uninstall", "--yes", package)
+        assert f"The package `{package}` of `excite-trajectories`" in error_of(python, "excite", cwd=tmp_path)
+        pip("install", "--no-index", "--no-deps", "--force-reinstall", ours)
+        assert error_of(python, "excite", cwd=tmp_path) == ""
