@@ -214,7 +214,7 @@ _PLACES = {
     "identify_payload": "excite.payload.identify_payload",
     "write_report": "excite.report.write_report",
 }
-# names of the last release, with what they are called now; they go with the next one
+# deprecated names, with what they are called now; docs/development.md says when they go
 _RENAMED = {
     "LimitOverrides": "LimitChoice",
     "identified": "identify",

@@ -1,6 +1,7 @@
 """The distribution: whose the packages are, and that README, lock, metadata and continuous integration agree."""
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 from packaging.markers import Marker, default_environment
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from packaging.version import Version
 from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -54,6 +56,53 @@ def test_package_is_marked_as_typed(package: str) -> None:
 def test_version_agrees() -> None:
     citation = YAML(typ="safe").load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert metadata.version(DISTRIBUTION) == PROJECT["version"] == str(citation["version"])
+
+
+KINDS = ("Added", "Changed", "Deprecated", "Removed", "Fixed", "Security")
+
+
+def test_changelog_is_one() -> None:
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    headings = [line for line in changelog.splitlines() if line.startswith("#")]
+    assert headings[:2] == ["# Changelog", "## [Unreleased]"]
+    for release in re.split(r"^## ", changelog, flags=re.MULTILINE)[1:]:
+        assert re.match(r"\[Unreleased\]\n|\[\d+\.\d+\.\d+\] - \d{4}-\d\d-\d\d\n", release)
+        kinds = re.findall(r"^### (.*)$", release, re.MULTILINE)
+        assert set(kinds) <= set(KINDS)
+        assert len(kinds) == len(set(kinds))
+    lines = changelog.splitlines()
+    assert not [
+        n for n, line in enumerate(lines) if line.startswith("- ") and not lines[n - 1] and "- " in lines[n - 2]
+    ]
+
+
+DEPRECATED = re.findall(
+    r"^\| `([^`]+)` \| `([^`]+)` \| (\d+\.\d+\.\d+) \|$",
+    (ROOT / "docs" / "development.md").read_text(encoding="utf-8"),
+    re.MULTILINE,
+)
+
+
+def test_deprecated_names_are_listed_and_leave_in_time() -> None:
+    import excite.renamed
+
+    names = {f"excite.{name}" for name in excite.renamed.__all__}
+    assert {name for name, _, _ in DEPRECATED if name.startswith("excite.")} == names
+    current = Version(PROJECT["version"])
+    assert [name for name, _, removed in DEPRECATED if Version(removed) <= current] == []
+    for folder in PACKAGES:
+        for path in (ROOT / folder).rglob("*.py"):
+            for warned in re.findall(r'warn\(f?"(\S+?)(?:\(.*?\))? is now', path.read_text(encoding="utf-8")):
+                listed = warned.replace("{name}", "")
+                assert any(name.startswith(listed) for name, _, _ in DEPRECATED), f"{path}: {warned}"
+
+
+def test_continuous_integration_tries_the_distribution() -> None:
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert script.index('\nstep "$tests"\n') < script.index('\nstep ".ci/try_distribution"\n')
+    for shell in ("run", "try_distribution"):
+        subprocess.run(["bash", "-n", ROOT / ".ci" / shell], check=True)
+        assert os.access(ROOT / ".ci" / shell, os.X_OK)
 
 
 def test_command_is_installed() -> None:
