@@ -1,4 +1,8 @@
-"""Results as files: ``results/NAME.json``, and the same as text in ``results/NAME.md`` and in the README."""
+"""Results as files: ``results/NAME.json``, and the same as text in ``results/NAME.md``.
+
+The pages of the studies have the text too, between markers; the page of claims has short tables of its own (`claims`).
+Run alone, it writes them all anew from the files.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import claims
 from measure import HERE
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "pin", "example-robot-data")
@@ -56,7 +61,7 @@ def save(
     limitations: Sequence[str],
     folder: Path = HERE,
 ) -> None:
-    """Write a benchmark's files, put its text between the README's markers, and print it.
+    """Write a benchmark's files, bring the README up to date, and print the text.
 
     Parameters
     ----------
@@ -81,28 +86,41 @@ def save(
     }
     document = {"command": command(), "environment": environment, "limitations": list(limitations), **content}
     (folder / "results").mkdir(parents=True, exist_ok=True)
-    (folder / "results" / f"{name}.json").write_text(_json(document), encoding="utf-8")
+    _write(folder / "results" / f"{name}.json", _json(document))
     made = (
         f"`{command()}`, {environment['date']}, {environment['processor']}, load {load_before} before, {load()} after"
     )
     notes = "\n".join(f"- {limitation}" for limitation in limitations)
     body = f"{text}\n\nMade by {made}.\n\nLimitations:\n\n{notes}\n"
-    (folder / "results" / f"{name}.md").write_text(body, encoding="utf-8")
+    _write(folder / "results" / f"{name}.md", body)
     _into_readme(name, body, folder)
+    _refresh_claims()
     print(body)
+
+
+def _write(path: Path, text: str) -> None:
+    beside = path.with_suffix(".tmp")
+    beside.write_text(text, encoding="utf-8")
+    beside.replace(path)
+
+
+def _refresh_claims() -> None:
+    page = HERE / "README.md"
+    _write(page, claims.filled(page.read_text(encoding="utf-8")))
 
 
 def _into_readme(name: str, body: str, folder: Path) -> None:
     readme = folder / "README.md"
-    if not readme.exists():  # results of a folder elsewhere
+    if folder == HERE or not readme.exists():  # the page of claims, or results of a folder elsewhere
         return
     begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
     parts = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
     text = readme.read_text(encoding="utf-8")
-    readme.write_text(parts.sub(lambda _: f"{begin}\n{body}{end}", text), encoding="utf-8")
+    _write(readme, parts.sub(lambda _: f"{begin}\n{body}{end}", text))
 
 
-if __name__ == "__main__":  # the README's tables anew from the files
-    for folder in (HERE, HERE / "degradation", HERE / "identification", HERE / "real"):
+if __name__ == "__main__":
+    for folder in (HERE / name for name in ("coverage", "degradation", "identification", "real")):
         for file in sorted((folder / "results").glob("*.md")):
             _into_readme(file.stem, file.read_text(encoding="utf-8"), folder)
+    _refresh_claims()

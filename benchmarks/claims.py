@@ -1,0 +1,180 @@
+"""Short tables of the page of claims, ``README.md``, from the files of results: numbers only, no prose.
+
+A table stands between ``<!-- NAME -->`` and ``<!-- end of NAME -->``, and is made by the function NAME in `TABLES`;
+``python benchmarks/record.py`` fills them in.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import statistics
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+_PLACE = re.compile(r"(<!-- (?P<name>\w+) -->\n).*?(?=<!-- end of (?P=name) -->)", re.DOTALL)
+Cells = Sequence[object]
+
+
+def result(name: str) -> dict[str, Any]:
+    """Content of one file of results, below this folder."""
+    content: dict[str, Any] = json.loads((HERE / f"{name}.json").read_text(encoding="utf-8"))
+    return content
+
+
+def table(*rows: Cells) -> str:
+    """A Markdown table, whose first row is the head."""
+    head, *others = rows
+    lines = (head, ["---"] * len(head), *others)
+    return "".join("| " + " | ".join(map(str, line)) + " |\n" for line in lines)
+
+
+def yes(value: object) -> str:
+    """A truth value in a table."""
+    return "yes" if value else "no"
+
+
+def percents(values: Sequence[float]) -> str:
+    """Smallest and largest of some shares."""
+    return f"{100 * min(values):.1f} to {100 * max(values):.1f} %"
+
+
+def quality() -> str:
+    """Best designs in three conventions, beside the best of other systems."""
+    wanted = ("gautier", "pivoted-lapack", "orthonormal")
+    rows = [
+        (
+            case["problem"],
+            case["convention"],
+            f"**{case['condition_number']:.2f}**",
+            f"{case['known']['others']:.2f}",
+            yes(case["judgement"]["feasible"]),
+            f"{case['cpu_seconds']:.0f}",
+        )
+        for case in result("results/quality")["cases"]
+        if case["convention"] in wanted
+    ]
+    head = ("problem", "base columns", "cond(W)", "best of the other systems", "limits kept", "CPU s of 12 starts")
+    return table(head, *rows)
+
+
+def time_to_target() -> str:
+    """Processor time until the value of the baseline is reached."""
+    comparisons = result("results/time_to_target")["comparisons"]
+    rows = []
+    for problem in sorted({each["problem"] for each in comparisons}):
+        times = [time for each in comparisons if each["problem"] == problem for time in each["total"]]
+        reached = [time for time in times if math.isfinite(time)]
+        median = statistics.median(times)
+        rows.append(
+            (problem, f"{median:.1f}", f"{max(reached):.1f}", f"{len(reached)} of {len(times)}", f"{100 / median:.0f}")
+        )
+    head = ("problem", "CPU s, median", "largest", "reached within 60 s", "baseline's 100 s over the median")
+    return table(head, *rows)
+
+
+def paper() -> str:
+    """The main cases of the paper."""
+    printed = {
+        "differential, axes 1-3, 13 parameters, 10 s": "1e13",
+        "energy, drive 2 alone, 10 s": "500",
+        "differential, row of joint 1 only, 10 s": "88, beyond the robot's limits",
+        "load, differential, axes 1-5, 6.4 s": "3000, after 60 h",
+    }
+    runs = {run["case"]: run for run in result("results/paper")["runs"]}
+    rows = [
+        (
+            case,
+            of,
+            f"**{runs[case]['condition_number']:.3g}**",
+            yes(runs[case]["feasible"]),
+            f"{runs[case]['cpu_seconds']:.0f}",
+        )
+        for case, of in printed.items()
+    ]
+    return table(("case", "printed", "cond(W)", "limits kept", "CPU s"), *rows)
+
+
+def limits() -> str:
+    """Torques and the tool on P1, obstacles on the iiwa 7."""
+    cases = result("results/nonlinear")["cases"]
+    rows: list[Cells] = [
+        (f"P1, {case['case']}", f"{case['condition_number']:.2f}", yes(case["kept"]), f"{case['cpu_seconds']:.0f}")
+        for case in (cases[0], cases[-1])
+    ]
+    for run in result("results/iiwa7")["runs"]:
+        least = 1000 * min(run["judged_least_distance_of_links"], run["judged_least_distance_of_world"])
+        name = f"iiwa 7 among a table and walls, seed {run['seed']}"
+        value = f"{run['judged_condition_number']:.2f}"
+        rows.append((name, value, f"{yes(run['feasible'])}, {least:.1f} mm", f"{run['cpu_seconds']:.0f}"))
+    return table(("problem", "cond(W)", "limits kept, as judged", "CPU s"), *rows)
+
+
+def families() -> str:
+    """Condition numbers of three families with few and with many coefficients."""
+    robots = result("results/families")["robots"]
+    shown = ("fourier", "cosine", "fourier-quintic")
+    rows = []
+    for robot, runs in robots.items():
+        for wanted in sorted({run["wanted"] for run in runs}):
+            of = {run["family"]: run["criteria"]["condition_number"] for run in runs if run["wanted"] == wanted}
+            rows.append((robot, wanted, *(f"{of[family]:.3g}" for family in shown)))
+    return table(("problem", "coefficients a joint", *(f"`{family}`" for family in shown)), *rows)
+
+
+def real() -> str:
+    """Unseen error on real logs, beside ordinary least squares and the best rival in hindsight."""
+    rows = []
+    for name, robot in result("real/results/real")["robots"].items():
+        splits = robot["splits"]
+        ours = [split["ours"]["error"] for split in splits]
+        usual = [split["rivals"]["OLS, + offset, 10 Hz"]["error"] for split in splits]
+        best = [split["best"]["error"] for split in splits]
+        better = sum(a < b for a, b in zip(ours, best, strict=True))
+        rows.append((name, percents(ours), percents(usual), percents(best), f"{better} of {len(splits)}"))
+    head = ("robot", "plain defaults", "least squares", "best of 48 in hindsight", "splits better than it")
+    return table(head, *rows)
+
+
+def degradation() -> str:
+    """Plain defaults over the best fixed choice in hindsight."""
+    summary = result("degradation/results/degradation")["summary"]
+    shares = (f"{100 * summary[f'share_within_{bound}']:.0f} %" for bound in ("1.3", "2"))
+    head = ("cases", "within 1.3 times", "within 2 times", "median ratio", "worst")
+    row = (summary["cases"], *shares, f"{summary['median_ratio']:.2f}", f"{summary['worst_ratio']:.2f}")
+    return table(head, row)
+
+
+def coverage() -> str:
+    """How often 99 % intervals hold the truth with plain defaults."""
+    cases = [case for case in result("coverage/results/coverage")["cases"] if case["name"].startswith("plain defaults")]
+    rows = [
+        (
+            case["name"].removeprefix("plain defaults").strip(" ,:") or "white noise",
+            case["repetitions"],
+            f"{100 * statistics.mean(case['coverage']):.1f} %",
+            f"{100 * min(case['coverage']):.1f} %",
+        )
+        for case in cases
+    ]
+    return table(("simulated experiment", "repetitions", "in the interval, mean", "worst parameter"), *rows)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "quality": quality,
+    "time_to_target": time_to_target,
+    "paper": paper,
+    "limits": limits,
+    "families": families,
+    "real": real,
+    "degradation": degradation,
+    "coverage": coverage,
+}
+
+
+def filled(text: str) -> str:
+    """Text of the page with all its tables made anew."""
+    return _PLACE.sub(lambda place: f"{place[1]}{TABLES[place['name']]()}", text)
