@@ -39,7 +39,8 @@ def yes(value: object) -> str:
 
 def percents(values: Sequence[float]) -> str:
     """Smallest and largest of some shares."""
-    return f"{100 * min(values):.1f} to {100 * max(values):.1f} %"
+    ends = [f"{100 * value:.1f}" for value in (min(values), max(values))]
+    return " to ".join(dict.fromkeys(ends)) + " %"
 
 
 def quality() -> str:
@@ -121,7 +122,7 @@ def families() -> str:
     for robot, runs in robots.items():
         for wanted in sorted({run["wanted"] for run in runs}):
             of = {run["family"]: run["criteria"]["condition_number"] for run in runs if run["wanted"] == wanted}
-            rows.append((robot, wanted, *(f"{of[family]:.3g}" for family in shown)))
+            rows.append((robot, wanted, *(f"{of[family]:#.3g}" for family in shown)))
     return table(("problem", "coefficients a joint", *(f"`{family}`" for family in shown)), *rows)
 
 

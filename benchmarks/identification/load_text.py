@@ -60,8 +60,7 @@ def load(content: dict[str, Any]) -> list[str]:
         "cuboid's. Parameters in kg, kg m, kg m^2 about the sensor.",
         record.table(head, rows),
         "Noise that explains the printed deviations best (root mean square of the logarithms), for one motion of the "
-        "paper. The first is used below. No noise of the sensor explains why mcz is printed ten times worse, and Izz "
-        "ten times better, than it makes them.",
+        "paper. The first is used below.",
         record.table(("model", "force [N]", "torque [Nm]", "rms factor", "least rms factor", "printed / ours"), fitted),
     ]
 
@@ -94,9 +93,6 @@ def motions(content: dict[str, Any]) -> list[str]:
         "samples, which is time. Designs: `excite design irp6 --model load --period 6.4 --rate 250 --seed 0` "
         f"({long['cpu_seconds']:.0f} s of processor time) and the same with 1.832 s.",
         record.table(head, rows),
-        "The designed motion of 6.4 s is better in every row. At equal time it is as good in m and mcz and better in "
-        "the rest. In 1.832 s a motion that must come back gets less far than one that may end elsewhere: within the "
-        "same limits it is worse in mcx and mcy.",
     ]
 
 
@@ -167,9 +163,4 @@ def noisy(content: dict[str, Any]) -> list[str]:
         "Figure: `results/load_table1.png`.",
         "![bias and coverage](results/load_table1.png)",
         record.table(head, rows),
-        "With 1e-4 rad, differences at 4 ms put noise of several rad/s^2 into W: least squares, weighted or not, is "
-        "then wrong by many of its own standard deviations; on the paper's short motion the encoders' counts alone "
-        "bias it by about two. Instruments remove the bias but not the noise. A low-pass on both sides, or on the "
-        "positions, and a Fourier series remove both; so do differences at 32 ms, as in the paper, at the price of "
-        "seven samples of eight.",
     ]

@@ -12,17 +12,6 @@ from interval_agreement import ALL, GROUPS
 
 USUAL = (COMPARED, 10.0)
 ESTIMATORS = ("OLS", "weighted", "ridge", "physical (SDP)")
-TUNED = """### What was tuned on what
-
-- Ours: number of blocks (5), the rule of one standard error, the gap between blocks and the other thresholds of the
-  automatic choices were set while looking at UR10e 40sec -> 50sec, 30sec -> ptp, and KR300 A <-> B; thresholds of the
-  detector of impacts after looking at the KR300's logs. These splits, and 50sec -> 40sec, which has the same two logs,
-  are therefore not blind. Nothing else of the UR10e's logs was looked at for tuning: 20sec -> ptp, 20sec -> 30sec,
-  30sec + 40sec -> 50sec and unload -> ptp share logs with the splits above but were no criterion.
-- Rivals: nothing was tuned. Cutoffs (5 and 10 Hz), the Stribeck speed (0.1 rad/s), the five blocks of ridge and the
-  weak pull of the semidefinite program were fixed before the first run. Which friction terms help the UR10e (load
-  share, root of the speed) was known from earlier studies of these logs, so the rivals have it from hindsight.
-- "Best in hindsight" is the minimum of 48 rivals on the test log itself, which nobody could have chosen."""
 
 
 def page(robots: dict[str, Any], skipped: Sequence[str]) -> str:
@@ -54,7 +43,6 @@ def page(robots: dict[str, Any], skipped: Sequence[str]) -> str:
         time_table(robots),
         "### What ours chose",
         "\n".join(choices(robots)),
-        TUNED,
         "### Logs",
         "\n".join([*logs, *(f"- skipped: {reason}" for reason in skipped)]),
     ]
