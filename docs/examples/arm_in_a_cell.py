@@ -39,8 +39,8 @@ def joint_origins(q):
     return np.array(origins)
 
 
-figure = Figure(figsize=(6.8, 3.4), layout="constrained")
-side, over_time = figure.subplots(1, 2)
+figure = Figure(figsize=(5.8, 3.3), layout="constrained")
+side, over_time = figure.subplots(1, 2, width_ratios=(1.2, 1))
 side.axhline(0, color=GREY, linewidth=6)
 side.axvspan(-0.8, -0.5, color=GREY)
 side.add_patch(Rectangle((0.4, 0), 0.5, 0.7, color=GREY))
@@ -49,7 +49,7 @@ for x, z, name in ((-0.65, 1.3, "wall"), (0.65, 0.35, "machine"), (0.0, -0.09, "
 for name, design, colour in (("without the cell", careless, VERMILLION), ("with the cell", careful, BLUE)):
     distance, origins = nearest(design), np.array([joint_origins(q) for q in design.samples.q])
     print(
-        f"{name:16}: cond W = {design.condition_number:5.1f}, the nearest bodies {100 * distance.min():5.1f} cm apart"
+        f"{name + ':':17} cond W = {design.condition_number:.1f}, nearest bodies {100 * distance.min():5.1f} cm apart"
     )
     side.plot(*origins[:, -1, [0, 2]].T, color=colour, linewidth=1.8, label=name)
     over_time.plot(design.samples.time, 100 * distance, color=colour, linewidth=1.8, label=name)
@@ -57,8 +57,8 @@ for origins_now in origins[:: len(origins) // 8]:
     side.plot(origins_now[:, 0], origins_now[:, 2], color="#333333", linewidth=0.7, alpha=0.5)
 side.set(title="from the side", xlabel="x [m]", ylabel="z [m]", xlim=(-0.8, 0.9), ylim=(-0.15, 1.4), aspect="equal")
 over_time.axhspan(-100, 2, color="#F7DCC6")
-over_time.text(0.3, -38, "closer than the clearance", fontsize=9)
-over_time.set(title="nearest bodies", xlabel="time [s]", ylabel="distance [cm]", ylim=(-40, 35))
-over_time.legend(frameon=False, fontsize=8, ncols=2)
+over_time.text(0.3, -38, "closer than the clearance", fontsize=8)
+over_time.set(title="nearest bodies", xlabel="time [s]", ylabel="distance [cm]", ylim=(-40, 30))
+over_time.legend(frameon=False, fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 0.12))
 for folder in sys.argv[1:]:  # without one, nothing is written
-    figure.savefig(Path(folder) / "arm_in_a_cell.png", dpi=110)
+    figure.savefig(Path(folder) / "arm_in_a_cell.png", dpi=130)

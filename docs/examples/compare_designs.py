@@ -26,7 +26,7 @@ for name, judged in zip(designs, excite.compare(list(designs.values())), strict=
     numbers = f"{by['condition_number']:7.1f} {by['log_det']:8.1f} {by['trace_inverse']:7.4f}"
     print(f"{name:16} {numbers}  {judged.tightest.label}")
 
-figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+figure = Figure(figsize=(5.8, 3.3), layout="constrained")
 ax = figure.subplots()
 for (name, design), marker, colour in zip(
     designs.items(), "osD^", ("#0072B2", "#D55E00", "#009E73", "#CC79A7"), strict=True
@@ -40,4 +40,4 @@ ax.grid(color="#DDDDDD")
 ax.set_axisbelow(True)
 ax.legend(ncols=2, frameon=False, fontsize=8)
 for folder in sys.argv[1:]:  # without one, nothing is written
-    figure.savefig(Path(folder) / "compare_designs.png", dpi=110)
+    figure.savefig(Path(folder) / "compare_designs.png", dpi=130)

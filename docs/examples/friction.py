@@ -28,11 +28,11 @@ print(f"{len(drive.points)} runs; the form with the best BIC is {drive.fit.form.
 for name, value, half in zip(drive.fit.form.parameters, drive.fit.values, drive.fit.halfwidth, strict=True):
     print(f"{name:8} {value:6.2f} +- {half:.2f}, true {getattr(true, name, 0.0):.2f}")
 
-figure = Figure(figsize=(6.8, 3.4), layout="constrained")
+figure = Figure(figsize=(5.8, 3.3), layout="constrained")
 runs, curve = figure.subplots(1, 2)
 runs.plot(log.log.time, log.log.q[:, log.log.joints.index("q2")], color="#0072B2", linewidth=1.0)
-for start, words in ((16, "warm-up"), (66, "break-away"), (136, "constant speeds")):
-    runs.text(start, 0.8, words, ha="center", fontsize=9)
+for middle, height, words in ((16, 0.6, "warm-up"), (66, 0.06, "break-away"), (136, 0.75, "constant speeds")):
+    runs.text(middle, height, words, ha="center", fontsize=8)
 runs.set(title="the planned runs", xlabel="time [s]", ylabel="joint q2 [rad]", ylim=(-0.9, 0.95))
 speed, torque = np.array([(point.speed, point.torque) for point in drive.points]).T
 for sign in (-1, 1):
@@ -42,4 +42,4 @@ curve.plot(speed, torque, "o", color="#D55E00", markersize=4, label="mean torque
 curve.set(title="friction of drive z2", xlabel="speed [rad/s]", ylabel=f"friction [{drive.unit}]")
 curve.legend(frameon=False, fontsize=8)
 for out in sys.argv[1:]:  # without one, nothing is written
-    figure.savefig(Path(out) / "friction.png", dpi=110)
+    figure.savefig(Path(out) / "friction.png", dpi=130)

@@ -17,7 +17,7 @@ periods = (5, 10, 20)
 designs = [excite.design_trajectory("irp6", excite.Fourier(period, 5), search=search) for period in periods]
 study = excite.study_over_time("irp6", designs=designs, below=0.02)
 
-figure = Figure(figsize=(6.8, 3.4), layout="constrained")
+figure = Figure(figsize=(5.8, 3.3), layout="constrained")
 deviation, condition = figure.subplots(1, 2)
 for period, course, colour, dashes in zip(
     periods, study.courses, ("#0072B2", "#D55E00", "#009E73"), ("-", "--", "-."), strict=True
@@ -36,4 +36,4 @@ for ax in (deviation, condition):
     ax.grid(color="#DDDDDD")
 condition.legend(frameon=False, fontsize=8)
 for folder in sys.argv[1:]:  # without one, nothing is written
-    figure.savefig(Path(folder) / "how_long.png", dpi=110)
+    figure.savefig(Path(folder) / "how_long.png", dpi=130)

@@ -24,20 +24,21 @@ names, values, intervals = result.names, result.coefficients, np.array(result.es
 for k, name in enumerate(names):
     print(f"{name:3} {values[k]:8.4f}, 99 % from {intervals[k, 0]:8.4f} to {intervals[k, 1]:8.4f} {result.units[k]}")
 
-figure = Figure(figsize=(6.4, 3.4), layout="constrained")
-mass, moment, inertia = figure.subplots(1, 3, width_ratios=(1, 3, 6))
+figure = Figure(figsize=(5.8, 3.3), layout="constrained")
+mass, moment, inertia = figure.subplots(1, 3, width_ratios=(1, 2, 4))
 for ax, part, title in (
     (mass, slice(0, 1), "mass [kg]"),
-    (moment, slice(1, 4), "first moment [kg m]"),
+    (moment, slice(1, 4), "moment [kg m]"),
     (inertia, slice(4, 10), "inertia [kg m²]"),
 ):
     place, half = np.arange(10)[part], np.diff(intervals[part]).T / 2
     ax.errorbar(place, values[part], half, fmt="o", color="#0072B2", capsize=5, markersize=5, label="estimate, 99 %")
     ax.plot(place, load.phi[part], "_", color="#D55E00", markersize=16, markeredgewidth=2, label="true")
-    ax.set_xticks(place, names[part])
+    ax.set_xticks(place, names[part], fontsize=9)
+    ax.tick_params(axis="y", labelsize=8)
     ax.set_title(title, fontsize=10)
     ax.margins(x=0.3)
     ax.grid(axis="y", color="#DDDDDD")
-inertia.legend(frameon=False)
+inertia.legend(frameon=False, fontsize=8, loc="center")
 for folder in sys.argv[1:]:  # without one, nothing is written
-    figure.savefig(Path(folder) / "load_at_a_sensor.png", dpi=110)
+    figure.savefig(Path(folder) / "load_at_a_sensor.png", dpi=130)

@@ -51,16 +51,16 @@ if __name__ == "__main__":
         excite.design_trajectory("irp6", constraints=limits, search=excite.Search(starts=1))
         for limits in ([], [ShortHose()])
     ]
-    figure = Figure(figsize=(6.4, 3.0), layout="constrained")
+    figure = Figure(figsize=(5.8, 3.3), layout="constrained")
     ax = figure.subplots()
     for design, name, colour in zip(designs, ("without the hose", "with it"), ("#D55E00", "#0072B2"), strict=True):
-        q = design.samples.q
+        difference = design.samples.q[:, 1] - design.samples.q[:, 2]
         print(
-            f"{name:16}: cond W = {design.condition_number:.1f}, |q2 - q3| up to {abs(q[:, 1] - q[:, 2]).max():.2f} rad"
+            f"{name + ':':17} cond W = {design.condition_number:.1f}, |q2 - q3| up to {abs(difference).max():.2f} rad"
         )
-        ax.plot(design.samples.time, q[:, 1] - q[:, 2], color=colour, linewidth=1.8, label=name)
+        ax.plot(design.samples.time, difference, color=colour, linewidth=1.8, label=name)
     ax.axhspan(-0.6, 0.6, color="#CFE6F3", zorder=0)
-    ax.set(xlabel="time [s]", ylabel="q2 - q3 [rad]")
-    ax.legend(frameon=False)
+    ax.set(xlabel="time [s]", ylabel="q2 - q3 [rad]", ylim=(-0.8, 1.7))
+    ax.legend(frameon=False, ncols=2, loc="upper right")
     for folder in sys.argv[1:]:  # without one, nothing is written
-        figure.savefig(Path(folder) / "own_constraint.png", dpi=110)
+        figure.savefig(Path(folder) / "own_constraint.png", dpi=130)

@@ -52,7 +52,7 @@ if __name__ == "__main__":
         )
         for criterion in ("trace", FirstThree())
     }
-    figure = Figure(figsize=(6.4, 3.4), layout="constrained")
+    figure = Figure(figsize=(5.8, 3.3), layout="constrained")
     ax = figure.subplots()
     for (name, design), colour, marker in zip(designs.items(), ("#D55E00", "#0072B2"), "so", strict=True):
         deviations = [prediction.standard_deviation for prediction in design.predicted]
@@ -66,4 +66,4 @@ if __name__ == "__main__":
     ax.set(title="wanted are the first three", ylabel="predicted standard deviation", yscale="log")
     ax.legend(frameon=False)
     for folder in sys.argv[1:]:  # without one, nothing is written
-        figure.savefig(Path(folder) / "own_criterion.png", dpi=110)
+        figure.savefig(Path(folder) / "own_criterion.png", dpi=130)

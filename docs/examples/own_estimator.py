@@ -57,7 +57,7 @@ if __name__ == "__main__":
     rng = np.random.default_rng(2)
     outliers = 80.0 * (rng.random(clean.log.effort.shape) < 0.03)  # 3 % of all torques are 80 Nm too high
     log = replace(clean.log, effort=clean.log.effort + outliers)
-    figure = Figure(figsize=(6.4, 3.0), layout="constrained")
+    figure = Figure(figsize=(5.8, 3.3), layout="constrained")
     ax = figure.subplots()
     for estimator, colour, marker in (("least-squares", "#D55E00", "s"), (LeastAbsolute(), "#0072B2", "o")):
         result = excite.identify("irp6", log, design=design, estimator=estimator, choose=False)
@@ -69,4 +69,4 @@ if __name__ == "__main__":
     ax.axhline(0, color="#333333", linewidth=0.8)
     ax.legend(frameon=False)
     for folder in sys.argv[1:]:  # without one, nothing is written
-        figure.savefig(Path(folder) / "own_estimator.png", dpi=110)
+        figure.savefig(Path(folder) / "own_estimator.png", dpi=130)

@@ -31,13 +31,13 @@ if __name__ == "__main__":
     model = DragModel(excite.load_robot("irp6"))
     design = excite.design_trajectory(model, search=excite.Search(starts=1))
     print(design)
-    figure = Figure(figsize=(6.4, 3.0), layout="constrained")
+    figure = Figure(figsize=(5.8, 3.3), layout="constrained")
     ax = figure.subplots()
     for k, prediction in enumerate(design.predicted):
         drag = prediction.name.startswith("D")
         ax.bar(k, prediction.standard_deviation, color="#D55E00" if drag else "#56B4E9")
-    ax.set_xticks(range(len(design.predicted)), design.base.names)
+    ax.set_xticks(range(len(design.predicted)), design.base.names, fontsize=8)
     ax.set(title="drag is identified beside the rest", ylabel="predicted standard deviation [SI]")
     print(", ".join(design.base.names))
     for folder in sys.argv[1:]:  # without one, nothing is written
-        figure.savefig(Path(folder) / "own_model.png", dpi=110)
+        figure.savefig(Path(folder) / "own_model.png", dpi=130)

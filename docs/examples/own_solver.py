@@ -49,7 +49,7 @@ class RandomWalk(excite.Solver):
 
 
 if __name__ == "__main__":
-    figure = Figure(figsize=(6.4, 3.0), layout="constrained")
+    figure = Figure(figsize=(5.8, 3.3), layout="constrained")
     ax = figure.subplots()
     for solver, colour in ((RandomWalk(), "#D55E00"), ("sqp", "#0072B2")):
         design = excite.design_trajectory("irp6", search=excite.Search(starts=1, solver=solver))
@@ -58,4 +58,4 @@ if __name__ == "__main__":
     ax.set(xlabel="improvement", ylabel="cond(W)", yscale="log")
     ax.legend(frameon=False)
     for folder in sys.argv[1:]:  # without one, nothing is written
-        figure.savefig(Path(folder) / "own_solver.png", dpi=110)
+        figure.savefig(Path(folder) / "own_solver.png", dpi=130)

@@ -41,7 +41,7 @@ class OddFourier(excite.Fourier):
 
 
 if __name__ == "__main__":
-    figure = Figure(figsize=(6.4, 3.0), layout="constrained")
+    figure = Figure(figsize=(5.8, 3.3), layout="constrained")
     for ax, trajectory in zip(
         figure.subplots(1, 2, sharey=True), (OddFourier(10, 7), excite.Fourier(10, 4)), strict=True
     ):
@@ -55,4 +55,4 @@ if __name__ == "__main__":
     figure.axes[0].set_ylabel("joint q2 [rad]")
     figure.axes[0].legend(frameon=False, fontsize=8)
     for folder in sys.argv[1:]:  # without one, nothing is written
-        figure.savefig(Path(folder) / "own_trajectory.png", dpi=110)
+        figure.savefig(Path(folder) / "own_trajectory.png", dpi=130)

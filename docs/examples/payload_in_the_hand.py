@@ -30,7 +30,7 @@ for name, unit, scale, estimate, (low, high), is_true in zip(
         f"true {scale * is_true:6.2f}"
     )
 
-figure = Figure(figsize=(6.8, 3.4), layout="constrained")
+figure = Figure(figsize=(5.8, 3.3), layout="constrained")
 torques, centre = figure.subplots(1, 2, width_ratios=(3, 2))
 for log, colour, name in ((without.log, "#56B4E9", "without the load"), (held.log, "#D55E00", "with it")):
     torques.plot(log.time, log.effort[:, [1, 3]], color=colour, linewidth=1.2, label=(name, None))
@@ -43,4 +43,4 @@ centre.plot([1e3 * true[1]], [1e3 * true[3]], "x", color="#D55E00", markersize=9
 centre.set(title="centre of the load", xlabel="x [mm]", ylabel="z [mm]", xlim=(8, 12), ylim=(148, 152))
 centre.legend(frameon=False, fontsize=8)
 for folder in sys.argv[1:]:  # without one, nothing is written
-    figure.savefig(Path(folder) / "payload_in_the_hand.png", dpi=110)
+    figure.savefig(Path(folder) / "payload_in_the_hand.png", dpi=130)

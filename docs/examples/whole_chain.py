@@ -31,7 +31,7 @@ check = excite.verify(result, excite.simulate(other, noise=2.0, seed=2))
 print(f"torques of the other motion: {100 * check.relative_error:.1f} % off, noise included")
 print(check.verdict.text)
 
-figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+figure = Figure(figsize=(5.8, 3.3), layout="constrained")
 axes = figure.subplots(3, sharex=True)
 for ax, measured, predicted, (joint, unit) in zip(
     axes, check.measured.T, check.predicted.T, check.equations, strict=True
@@ -39,8 +39,8 @@ for ax, measured, predicted, (joint, unit) in zip(
     ax.plot(check.time, measured, color="#56B4E9", linewidth=1.0, label="measured")
     ax.plot(check.time, predicted, color="#D55E00", linewidth=1.6, label="predicted")
     ax.set_ylabel(f"{joint} [{unit}]")
-axes[0].set_title("a motion that was not used to identify", fontsize=11, loc="left")
+axes[0].set_title("another motion", fontsize=11, loc="left")
 axes[0].legend(ncols=2, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0))
 axes[-1].set_xlabel("time [s]")
 for folder in sys.argv[1:]:  # without one, nothing is written
-    figure.savefig(Path(folder) / "whole_chain.png", dpi=110)
+    figure.savefig(Path(folder) / "whole_chain.png", dpi=130)

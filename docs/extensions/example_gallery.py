@@ -109,7 +109,17 @@ It prints:
 
 .. literalinclude:: ../examples/{name}.py
    :language: python
-"""
+{"".join(map(beside, files_named(example.text)))}"""
+
+
+def files_named(text: str) -> list[str]:
+    """Files beside a script that its docstring names."""
+    return [name for name in re.findall(r"``([\w.]+)``", text) if (EXAMPLES / name).is_file()]
+
+
+def beside(name: str) -> str:
+    """Text of a file that a script reads."""
+    return f"\n:download:`{name} <../examples/{name}>`:\n\n.. literalinclude:: ../examples/{name}\n   :language: yaml\n"
 
 
 def write(folder: Path, names: list[str]) -> None:

@@ -26,7 +26,7 @@ print(len(model.names), "standard parameters:", *model.names[:10], "...")
 # %%
 design = excite.design_trajectory(model, excite.Fourier(period=10, harmonics=5), search=excite.Search(starts=1, seed=0))
 for column in design.predicted:
-    print(f"{column.name:4} {column.expression[:70]}")
+    print(f"{column.name:4} {column.expression}")
 
 # %% [markdown]
 # ## What a motion decides
@@ -53,7 +53,7 @@ plt.show()
 # %% [markdown]
 # ## Within the limits
 #
-# The motion holds every limit at all times, not only at the samples; the last column is a proven bound.
+# The motion holds every limit at all times, not only at the samples: the extremes are proven.
 
 # %%
 for use in sorted(design.limits, key=lambda use: use.extreme / use.bound, reverse=True)[:6]:
