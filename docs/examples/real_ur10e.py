@@ -1,7 +1,7 @@
 """A real UR10e: identify from the log of one exciting motion, and judge by the log of another.
 
-``python real_ur10e.py LOGS [FOLDER]``, with the folder of the logs. The raw columns are currents; ``ur10e.yaml`` says
-what they mean. Friction terms are chosen by what predicts the torques that are left out. The figure shows the torques
+``python real_ur10e.py LOGS [FOLDER]``, with the folder of the logs, which are not part of the project. The raw
+columns are currents; ``ur10e.yaml`` says what they mean. Friction terms are chosen by what predicts the torques that are left out. The figure shows the torques
 of the other log. Takes about 12 s.
 """
 
@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 
 import excite
 
+if len(sys.argv) < 2:
+    sys.exit("Name the folder with the logs of the UR10e.")
 logs, *folders = map(Path, sys.argv[1:])
 mapping = excite.read_mapping(Path(__file__).with_name("ur10e.yaml"))
 result = excite.identify("ur10e", logs / "ur-20_02_12-40sec_12harm.csv", mapping=mapping)
