@@ -1,8 +1,8 @@
 """A real UR10e: identify from the log of one exciting motion, and judge by the log of another.
 
-``python real_ur10e.py LOGS [FOLDER]``, with the folder of the logs, which are not part of the project. The raw
-columns are currents; ``ur10e.yaml`` says what they mean. Friction terms are chosen by what predicts the torques that are left out. The figure shows the torques
-of the other log. Takes about 12 s.
+``python real_ur10e.py LOGS [FOLDER]``, with the folder of the logs, which are not part of the project. Their columns
+are currents; ``ur10e.yaml`` says what they mean. Friction terms are chosen by what predicts the torques that are left
+out. The figure shows the torques of the other log. Takes about 12 s.
 """
 
 import sys
