@@ -20,7 +20,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_click",
     "public_names",  # the pages of the API
-    "example_scripts",
+    "example_gallery",
     "repository_files",  # files outside this folder
     "readable_docstrings",
     "drawn_equations",

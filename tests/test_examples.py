@@ -1,9 +1,12 @@
-"""The examples of docs/examples: scripts, parts named on the command line, and parts that files of results name."""
+"""The examples of docs/examples: scripts print and draw what their pages show, the notebook too; parts named on the
+command line, and parts that files of results name."""
 
 from __future__ import annotations
 
 import ast
 import importlib
+import importlib.util
+import json
 import os
 import re
 import subprocess
@@ -15,12 +18,15 @@ from typing import Any
 
 import pytest
 from commands import ENVIRONMENT, content_of, run
+from recordings import REAL
 
 import excite
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "docs" / "examples"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+EXAMPLES = DOCS / "examples"
 SCRIPTS = sorted(path.name for path in EXAMPLES.glob("*.py"))
 PARTS = [name for name in SCRIPTS if name.startswith("own_")]
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 CLEAN = {**ENVIRONMENT, "PYTHONDONTWRITEBYTECODE": "1"}
 IN_THIS_PROCESS: dict[str, Any] = {"starts": 1, "harmonics": 3, "executor": "serial"}
 
@@ -35,14 +41,123 @@ def ended(command: list[str], cwd: Path, text: str | None = None) -> subprocess.
     return process
 
 
+def loaded(file: Path) -> Any:
+    """A module of the site, from its file."""
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[file.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def gallery() -> Any:
+    """The extension of the site."""
+    return loaded(DOCS / "extensions" / "example_gallery.py")
+
+
 # Scripts
+
+
+def assert_same(found: str, recorded: str) -> None:
+    """The same words, and the same numbers to one unit of the last digit that is shown."""
+    shown = [" ".join(text.split()) for text in (found, recorded)]
+    words, expected_words = (NUMBER.sub("#", text) for text in shown)
+    assert words == expected_words
+    for number, expected in zip(*(NUMBER.findall(text) for text in shown), strict=True):
+        digits = len(expected.partition(".")[2])
+        assert abs(float(number) - float(expected)) < 1.5 * 10.0**-digits, f"{number} for {expected} in\n{found}"
+
+
+@pytest.mark.parametrize("found", ["cond W = 40.7 s", "cond W = 40.9", "cond V = 40.9 s", "cond W = -40.9 s"])
+def test_outputs_that_differ_are_seen(found: str) -> None:
+    assert_same("cond W  = 40.8 s\n", "cond W = 40.9 s")
+    with pytest.raises(AssertionError):
+        assert_same(found, "cond W = 40.9 s")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_examples_run_from_any_folder(name: str, tmp_path: Path) -> None:
-    assert ended([sys.executable, str(EXAMPLES / name)], tmp_path).stdout.strip()
+def test_scripts_print_and_draw_what_their_pages_show(name: str, tmp_path: Path) -> None:
+    logs = []
+    if name == "real_ur10e.py":
+        if not REAL.is_dir():
+            pytest.skip("the logs of the UR10e are not beside the repository")
+        logs = [str(REAL)]
+    (tmp_path / "out").mkdir()
+    printed = ended([sys.executable, str(EXAMPLES / name), *logs, "out"], tmp_path).stdout
+    assert_same(printed, (EXAMPLES / "printed" / f"{name[:-3]}.txt").read_text(encoding="utf-8"))
+    files = [file.relative_to(tmp_path) for file in tmp_path.rglob("*") if file.is_file()]
+    assert files == [Path("out", f"{name[:-3]}.png")]
+
+
+@pytest.mark.slow
+def test_scripts_without_a_folder_write_nothing(tmp_path: Path) -> None:
+    ended([sys.executable, str(EXAMPLES / "own_solver.py")], tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_gallery_shows_every_script_with_a_small_figure() -> None:
+    pytest.importorskip("sphinx", reason="the site needs Sphinx")
+    shown = gallery().names_in((DOCS / "examples.md").read_text(encoding="utf-8"))
+    assert sorted(shown) == [name[:-3] for name in SCRIPTS]
+    for name in shown:
+        example = gallery().Example.of(name)
+        assert example.sentence.endswith(".")
+        assert re.search(r"Takes about \d+ s\.", example.text), name
+        assert gallery().figure_of(name).stat().st_size < 120_000
+
+
+def test_scripts_without_what_their_pages_show_are_refused() -> None:
+    pytest.importorskip("sphinx", reason="the site needs Sphinx")
+    with pytest.raises(Exception, match=r"nowhere\.py is missing; python docs/draw_gallery\.py nowhere"):
+        gallery().Example.of("nowhere")
+
+
+# The notebook
+
+
+NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))
+RUN_NOTEBOOK = loaded(DOCS / "run_notebook.py")
+
+
+def printed_by_cells(notebook: Any) -> list[str]:
+    """What each cell with code prints."""
+    return [
+        "".join("".join(each["text"]) for each in cell["outputs"] if each["output_type"] == "stream")
+        for cell in notebook["cells"]
+        if cell["cell_type"] == "code"
+    ]
+
+
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+def test_notebooks_have_the_cells_of_their_sources(file: Path) -> None:
+    cells = json.loads(file.read_text(encoding="utf-8"))["cells"]
+    source = (EXAMPLES / "notebook" / f"{file.stem}.py").read_text(encoding="utf-8")
+    assert [(cell["cell_type"], "".join(cell["source"])) for cell in cells] == RUN_NOTEBOOK.cells_of(source)
+    assert all(cell["outputs"] for cell in cells[2:] if cell["cell_type"] == "code")
+    assert not [text for cell in cells for each in cell.get("outputs", ()) if (text := each.get("name")) == "stderr"]
+    assert file.stat().st_size < 400_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+@pytest.mark.parametrize("by", ["python", "nbclient"])
+def test_notebooks_run_again_to_the_same_outputs(by: str, file: Path, tmp_path: Path) -> None:
+    """As a script, which needs no package of Jupyter's, and as ``docs/run_notebook.py`` runs it."""
+    source = EXAMPLES / "notebook" / f"{file.stem}.py"
+    if by == "python":
+        cells = [text for kind, text in RUN_NOTEBOOK.cells_of(source.read_text(encoding="utf-8")) if kind == "code"]
+        (tmp_path / "cells.py").write_text("\nprint(chr(12))\n".join(cells), encoding="utf-8")
+        again = ended([sys.executable, "cells.py"], tmp_path).stdout.split("\f")
+    else:
+        for package in ("nbclient", "ipykernel"):
+            pytest.importorskip(package, reason=f"to run notebooks needs {package}, of the extra docs")
+        again = printed_by_cells(RUN_NOTEBOOK.executed(source))
+    recorded = printed_by_cells(json.loads(file.read_text(encoding="utf-8")))
+    for found, expected in zip(again, recorded, strict=True):
+        assert_same(found, expected)
 
 
 def command_of(name: str) -> list[str]:

@@ -1,9 +1,15 @@
 """A model of one's own: friction that grows with the square of the speed, ``tau = Y theta + diag(dq |dq|) D``.
 
+The figure shows how accurately drag is identified beside the rest. Takes about 3 s.
+
 From the command line: ``excite design irp6 --model own_model:DragModel --out designs/drag`` in this folder.
 """
 
+import sys
+from pathlib import Path
+
 import casadi as ca
+from matplotlib.figure import Figure
 
 import excite
 
@@ -25,4 +31,13 @@ if __name__ == "__main__":
     model = DragModel(excite.load_robot("irp6"))
     design = excite.design_trajectory(model, search=excite.Search(starts=1))
     print(design)
+    figure = Figure(figsize=(5.8, 3.3), layout="constrained")
+    ax = figure.subplots()
+    for k, prediction in enumerate(design.predicted):
+        drag = prediction.name.startswith("D")
+        ax.bar(k, prediction.standard_deviation, color="#D55E00" if drag else "#56B4E9")
+    ax.set_xticks(range(len(design.predicted)), design.base.names, fontsize=8)
+    ax.set(title="drag is identified beside the rest", ylabel="predicted standard deviation [SI]")
     print(", ".join(design.base.names))
+    for folder in sys.argv[1:]:  # without one, nothing is written
+        figure.savefig(Path(folder) / "own_model.png", dpi=130)

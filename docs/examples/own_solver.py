@@ -1,9 +1,15 @@
 """A solver of one's own: random steps that stay within the limits and are kept where they improve the criterion.
 
+The figure shows how it gets on, beside the built-in solver. Takes about 3 s.
+
 From the command line: ``excite design irp6 --solver own_solver:RandomWalk --out designs/walk`` in this folder.
 """
 
+import sys
+from pathlib import Path
+
 import numpy as np
+from matplotlib.figure import Figure
 
 import excite
 from excite.design.solvers.solver import SolverResult, Status
@@ -43,6 +49,13 @@ class RandomWalk(excite.Solver):
 
 
 if __name__ == "__main__":
-    for solver in (RandomWalk(), "sqp"):
+    figure = Figure(figsize=(5.8, 3.3), layout="constrained")
+    ax = figure.subplots()
+    for solver, colour in ((RandomWalk(), "#D55E00"), ("sqp", "#0072B2")):
         design = excite.design_trajectory("irp6", search=excite.Search(starts=1, solver=solver))
-        print(design)
+        print(f"{getattr(solver, 'name', solver):11} cond W = {design.condition_number:.1f}")
+        ax.plot(design.starts[0].history, color=colour, linewidth=1.8, label=getattr(solver, "name", solver))
+    ax.set(xlabel="improvement", ylabel="cond(W)", yscale="log")
+    ax.legend(frameon=False)
+    for folder in sys.argv[1:]:  # without one, nothing is written
+        figure.savefig(Path(folder) / "own_solver.png", dpi=130)

@@ -4,11 +4,17 @@ Without even harmonics the second half of the motion mirrors the first, ``q(t + 
 and acceleration is used in both directions. Only the coefficients are fewer; limits, extrema and files are those of
 `excite.Fourier`.
 
+The figure shows the second half of a motion mirrored onto the first. Takes about 3 s.
+
 From the command line: ``excite design irp6 --trajectory own_trajectory:OddFourier --out designs/odd`` in this folder.
 """
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import scipy.linalg
+from matplotlib.figure import Figure
 
 import excite
 
@@ -35,6 +41,18 @@ class OddFourier(excite.Fourier):
 
 
 if __name__ == "__main__":
-    for trajectory in (OddFourier(10, 7), excite.Fourier(10, 4)):
+    figure = Figure(figsize=(5.8, 3.3), layout="constrained")
+    for ax, trajectory in zip(
+        figure.subplots(1, 2, sharey=True), (OddFourier(10, 7), excite.Fourier(10, 4)), strict=True
+    ):
         design = excite.design_trajectory("irp6", trajectory, search=excite.Search(starts=1))
-        print(design, f"{trajectory.size} coefficients per joint", "feasible" if design.feasible else "not feasible")
+        print(f"{trajectory.name:12} {trajectory.size} coefficients per joint, cond W = {design.condition_number:.1f}")
+        time, (_, q2, _) = design.samples.time, design.samples.q.T
+        second = time >= 5
+        ax.plot(time[~second], q2[~second], color="#0072B2", linewidth=1.8, label="first half")
+        ax.plot(time[second] - 5, (q2[0] + q2[second][0]) - q2[second], "--", color="#D55E00", label="second, mirrored")
+        ax.set(title=trajectory.name, xlabel="time of the half [s]")
+    figure.axes[0].set_ylabel("joint q2 [rad]")
+    figure.axes[0].legend(frameon=False, fontsize=8)
+    for folder in sys.argv[1:]:  # without one, nothing is written
+        figure.savefig(Path(folder) / "own_trajectory.png", dpi=130)

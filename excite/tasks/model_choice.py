@@ -255,12 +255,15 @@ class ModelChoice:
 
     @property
     def force_sensor(self) -> Sensor:
-        """The force/torque sensor with the chosen equations."""
+        """The force/torque sensor with the chosen equations; that of the model where an object has one."""
         import numpy as np
 
         from regressors.models.load import EQUATIONS, Sensor
         from regressors.robot.inertia import rotation_from_rpy
 
+        own = getattr(self.model, "sensor", None)
+        if isinstance(own, Sensor):
+            return own
         rotation = rotation_from_rpy(self.sensor_rpy)
         return Sensor(self.sensor, rotation, np.array(self.sensor_xyz), self.equations or EQUATIONS)
 

@@ -39,6 +39,7 @@ from regressors.friction.curves import CoulombViscous, FrictionCurves, Side, Str
 from regressors.models.base import base_parameters, random_states
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
+from regressors.models.load import LoadModel, Sensor
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
@@ -389,6 +390,16 @@ def test_the_load_is_moved_by_the_robot() -> None:
         close(found.run.effort[k], expected, 1e-9)
     assert found.truth["m"] == load.parameters[0]
     assert np.abs(found.tracking_error).max() > 1e-6  # the controller does not know of it
+
+
+def test_the_sensor_of_a_model_object_measures() -> None:
+    """As good as the options that say where the sensor is."""
+    sensor = Sensor("5", rotation_from_rpy(SHIFTED["sensor_rpy"]), np.array(SHIFTED["sensor_xyz"]))
+    stated, _ = loaded(Task("irp6", model="load", **SHIFTED), 5)
+    found, _ = loaded(Task("irp6", model=LoadModel(built_in("irp6"), sensor)), 5)
+    assert found.wrench_log is not None
+    assert stated.wrench_log is not None
+    np.testing.assert_array_equal(found.wrench_log.wrench, stated.wrench_log.wrench)
 
 
 def test_a_load_on_held_joints_is_felt_too() -> None:
