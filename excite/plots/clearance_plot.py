@@ -120,7 +120,8 @@ class _Scale:
 def _whole_row(row: Sequence[Axes]) -> Axes:
     """Replace the panels of a row by one."""
     place, figure = row[0].get_subplotspec(), row[0].figure
-    assert place is not None and isinstance(figure, Figure)
+    assert place is not None
+    assert isinstance(figure, Figure)
     coordinates = row[0].yaxis.label.get_position()[0] * float(row[0].bbox.width)
     for ax in row:
         ax.remove()

@@ -15,7 +15,11 @@ from excite.plots.style import BLUE, GREY
 from excite.plots.timeline import Timeline
 from regressors.samples import Array, Index
 
-MEASURED: dict[str, Any] = {"color": "#BBBBBB", "linewidth": 3.2, "solid_joinstyle": "round"}  # light and thick: seen beside the other
+MEASURED: dict[str, Any] = {
+    "color": "#BBBBBB",
+    "linewidth": 3.2,
+    "solid_joinstyle": "round",
+}  # light and thick: seen beside the other
 PREDICTED: dict[str, Any] = {"color": BLUE, "linewidth": 1.0}
 _WIDTH, _LOWER, _GAP = 10.5, 0.6, 0.12  # [in]
 

@@ -226,7 +226,7 @@ class _Heading:
 
     @property
     def height(self) -> float:
-        """[in]"""
+        """All lines [in]."""
         return _TITLE_LINE * len(self.title) + _NOTE_LINE * len(self.notes)
 
     def write(self, figure: Figure) -> None:

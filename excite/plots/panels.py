@@ -92,7 +92,8 @@ def split(ax: Axes, lower: float, gap: float) -> tuple[Axes, Axes]:
         Between them [in].
     """
     figure, place = ax.figure, ax.get_subplotspec()
-    assert place is not None and isinstance(figure, Figure)
+    assert place is not None
+    assert isinstance(figure, Figure)
     height = float(ax.bbox.height) / figure.dpi
     upper, left = height - lower - gap, ax.yaxis.label.get_position()[0]
     ax.remove()

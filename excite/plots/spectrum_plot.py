@@ -170,7 +170,11 @@ def _draw_bars(ax: Axes, column: Sequence[RelativeAccuracy]) -> None:
         if known:
             ax.barh([place], [each.percent], height=0.62, **unit_style(each.predicted.unit))
         where: dict[str, Any] = {"xycoords": "data" if known else ("axes fraction", "data"), "va": "center"}
-        style: dict[str, Any] = {"textcoords": "offset points", "fontsize": NOTE - 0.5, "color": DARK if known else GREY}
+        style: dict[str, Any] = {
+            "textcoords": "offset points",
+            "fontsize": NOTE - 0.5,
+            "color": DARK if known else GREY,
+        }
         ax.annotate(each.text, (each.percent if known else 0.0, place), (3, 0), **where, **style)
     ax.set_yticks(places, [each.label for each in column], fontsize=NOTE)
     ax.tick_params(axis="y", length=0)

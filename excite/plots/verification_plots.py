@@ -25,12 +25,11 @@ from excite.plots.style import (
     SKY,
     VERMILLION,
     figure_of,
-    shortened,
     significant,
     tidy,
     typeset,
 )
-from excite.plots.timeline import BINS, Timeline, extremes
+from excite.plots.timeline import BINS, Timeline, ends, extremes
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -151,7 +150,7 @@ def _motion_legend(replay: Replay) -> list[Line2D]:
 
 
 def _name(verification: Verification) -> str:
-    return shortened(PurePath(verification.prepared.log.source).name, _NAME_LENGTH)
+    return ends(PurePath(verification.prepared.log.source).name, _NAME_LENGTH)
 
 
 def error_parts_figure(verification: Verification) -> Figure:

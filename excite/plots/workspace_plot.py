@@ -62,9 +62,7 @@ def workspace_figure(design: Design) -> Figure:
     nearest = _nearest_time(design)
     shown = [*np.linspace(0, len(path) - 1, _POSES + 1).round().astype(int)[:-1].tolist()]
     shown += [] if nearest is None else [int(np.argmin(np.abs(samples.time - nearest)))]
-    links = [
-        [_moved(part.capsule, poses[part.link][k]) for part in world.parts if part.link in poses] for k in shown
-    ]
+    links = [[_moved(part.capsule, poses[part.link][k]) for part in world.parts if part.link in poses] for k in shown]
     view = _View.of(path, [capsule for pose in links for capsule in pose], world.obstacles)
     notes = textwrap.wrap("; ".join(view.notes), _LETTERS)
     panel = Panel(widths=(3.6,) * 3, height=3.6, below=0.95 + 0.16 * len(notes))
