@@ -23,7 +23,8 @@ from regressors.samples import Array
 FIGURE = "repetitions"
 DOTS = 200  # repetitions drawn one by one; percentiles are of all
 _ROW, _ABOVE, _BELOW = 0.24, 0.85, 1.0  # [in]
-_NAMES, _PANEL, _NUMBERS = 1.6, 5.0, 3.6  # widths [in]
+_PANEL, _NUMBERS = 5.0, 3.6  # widths [in]
+_LEAST_NAMES, _LETTER = 1.2, 0.07  # width of the names, and of a letter [in]
 _PLACES = 68.0, 168.0, 242.0  # right ends of the columns of numbers, from the panel [pt]
 _BESIDE = ("axes fraction", "data")
 _ENDS = 0.5, 99.5  # percentiles between which 99 % of the estimates are
@@ -49,9 +50,10 @@ def repetitions_figure(repetitions: Repetitions, robot: str) -> Figure:
         99 % interval holds the true value, marked where so few would be a coincidence of less than 0.1 %.
     """
     count = len(repetitions.names)
-    width, height = _NAMES + _PANEL + _NUMBERS, _ABOVE + _ROW * count + _BELOW
+    names = max(_LEAST_NAMES, _LETTER * (2 + max(map(len, repetitions.names), default=0)))
+    width, height = names + _PANEL + _NUMBERS, _ABOVE + _ROW * count + _BELOW
     figure = Figure(figsize=(width, height), facecolor="white")
-    ax = figure.add_axes((_NAMES / width, _BELOW / height, _PANEL / width, _ROW * count / height))
+    ax = figure.add_axes((names / width, _BELOW / height, _PANEL / width, _ROW * count / height))
     title = f"{robot}: {repetitions.count} repetitions in simulation and the predicted intervals"
     figure.suptitle(plain(title), y=1.0 - 0.12 / height, va="top", **TITLE_STYLE)
     tidy(ax)

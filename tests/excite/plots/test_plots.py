@@ -227,7 +227,7 @@ def test_axes_are_labelled_with_units(motion: Figure) -> None:
 def test_motion_title_says_what_rests_and_whether_limits_hold(design: Design, motion: Figure) -> None:
     assert motion.get_suptitle() == "irp6: motion of 10 s, every limit that was checked is kept"
     said = notes(motion)
-    assert said[:1] == ["checked, with the number of limits: position (6), velocity (4), acceleration (4), torque (5)"]
+    assert said[:1] == ["checked, with the number of limits: position (5), velocity (4), acceleration (4), torque (5)"]
     assert "not checked: jerk (no limit is stated), self-collision (" in said[1]
     assert "at rest: q4, q5" in said
     first = design.limits[0]
