@@ -41,7 +41,8 @@ _PANEL_WIDTH, _PANEL_HEIGHT = 2.65, 1.2
 _LEFT, _BELOW, _ABOVE, _RIGHT, _BETWEEN = 0.8, 0.9, 0.7, 0.2, 0.68
 _TITLE_BELOW_TOP, _LEGEND_ABOVE_BOTTOM, _LABEL_LEFT = 0.12, 0.08, 0.46
 _TITLE_LINE, _NOTE_LINE = 0.24, 0.15
-_TITLE_LETTERS, _NOTE_LETTERS, _NAME_LETTERS = 8.2, 15.0, 12.5  # per inch
+_TITLE_LETTERS, _NOTE_LETTERS, _NAME_LETTERS = 8.2, 13.5, 10.8  # per inch
+_NAME_LINES = 2
 _DOT_MEANING = "closest to a limit (100 % used: at the limit, 0 %: in mid-range)"
 _NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
 _PER_TIME = ("", "/s", "/s^2", "/s^3")
@@ -295,8 +296,14 @@ def _draw_row(row: Sequence[Axes], function: MotionFunction, samples: Samples, b
             continue
         owner = "" if bound.owner == f"joint {function.name}" else bound.owner
         lines = max(lines, write_use(ax, bound.use, bound.use.bound - bound.shift, owner))
-    name = ends(function.name, int(len(row) * _PANEL_WIDTH * _NAME_LETTERS))
-    row[0].set_title(typeset(name) + lines * "\n", **_NAME_STYLE)  # above the lines on the right
+    _write_name(row[0], function.name, len(row) * _PANEL_WIDTH, lines)
+
+
+def _write_name(ax: Axes, name: str, width: float, lines: int) -> None:
+    """Write a name above the lines on the right of a panel, in a width [in]."""
+    letters = int(width * _NAME_LETTERS)
+    text = "\n".join(textwrap.wrap(ends(name, _NAME_LINES * letters), letters, break_on_hyphens=False))
+    ax.set_title(typeset(text) + lines * "\n", **_NAME_STYLE)
 
 
 def _draw_torque(ax: Axes, torque: LimitedTorque, time: Array, begin: float) -> None:
@@ -305,8 +312,7 @@ def _draw_torque(ax: Axes, torque: LimitedTorque, time: Array, begin: float) -> 
     draw_limited(ax, time, torque.values, torque.allowed, closest, far=np.inf)
     ax.set_ylabel(f"{'force' if torque.unit == 'N' else 'torque'} [{torque.unit}]", fontsize=NOTE, color=DARK)
     lines = write_use(ax, use, use.bound)
-    name = ends(torque.name, int((_PANEL_WIDTH + 0.5 * _LEFT) * _NAME_LETTERS))
-    ax.set_title(typeset(name) + lines * "\n", **_NAME_STYLE)
+    _write_name(ax, torque.name, _PANEL_WIDTH, lines)
 
 
 def _label_times(panels: Sequence[Sequence[Axes]], missing: int) -> None:

@@ -1,5 +1,6 @@
 """Figures of a design: what is drawn agrees with the motion, its limits, its spectrum and its search."""
 
+import copy
 import dataclasses
 import itertools
 import subprocess
@@ -18,6 +19,7 @@ from matplotlib.transforms import Bbox
 from pinocchio_motions import drive_torques, whole_motion
 
 import excite.plots
+from constraints.bounds.certificate import LimitUse
 from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.design.multistart import RUNNING, StartResult
@@ -263,10 +265,41 @@ def test_motion_texts_do_not_overlap_and_stay_inside(motion: Figure) -> None:
     motion.draw_without_rendering()
     texts = [text for ax in motion.axes for text in drawn_texts(ax)]
     boxes = {text: extent(text) for text in (*texts, *motion.texts, *motion.legends[0].get_texts())}
-    assert all(motion.bbox.x0 <= box.x0 and box.x1 <= motion.bbox.x1 for box in boxes.values())
-    assert all(motion.bbox.y0 <= box.y0 and box.y1 <= motion.bbox.y1 for box in boxes.values())
+    seen = motion.bbox
+    inside = {text: seen.x0 <= box.x0 and box.x1 <= seen.x1 and seen.y0 <= box.y0 and box.y1 <= seen.y1
+              for text, box in boxes.items()}  # fmt: skip
+    assert [text.get_text() for text in inside if not inside[text]] == []
     pairs = itertools.combinations(boxes, 2)
     assert [(a.get_text(), b.get_text()) for a, b in pairs if boxes[a].overlaps(boxes[b])] == []
+
+
+@pytest.mark.parametrize("length", [20, 45, 56, 200])
+def test_long_names_stay_inside_and_apart(design: Design, length: int) -> None:
+    long = {name: f"{name}_$x$_" + (length - len(name) - 5) * "n" for name in design.robot.joint_names}
+    robots = [
+        robot.replace(joints=tuple(dataclasses.replace(joint, name=long[joint.name]) for joint in robot.joints))
+        for robot in (design.robot, design.moving)
+    ]
+    uses = [relabelled(use, long) for use in design.limits]
+    limits = tuple(use for use in uses if not use.label.startswith("drive") or not use.label.endswith("torque"))
+    torques = [use for use in design.limits if use.label.endswith("torque")]
+    own = [
+        dataclasses.replace(use, label=f"joint {name} torque") for use, name in zip(torques, long.values(), strict=True)
+    ]
+    (constraint,) = [limit for limit in design.nonlinear if limit.labels[0].endswith("torque")]
+    renamed = copy.copy(constraint)
+    renamed.labels = tuple(use.label for use in own)
+    target = dataclasses.replace(design.target, robot=robots[1])
+    changed = dataclasses.replace(design, robot=robots[0], target=target, limits=(*limits, *own), nonlinear=(renamed,))
+    figure = motion_figure(changed)
+    test_motion_texts_do_not_overlap_and_stay_inside(figure)
+    if length <= 56:
+        assert not any("\N{HORIZONTAL ELLIPSIS}" in text.get_text() for text in figure.findobj(Text))
+
+
+def relabelled(use: LimitUse, names: dict[str, str]) -> LimitUse:
+    kind, name, *rest = use.label.split()
+    return dataclasses.replace(use, label=" ".join((kind, names.get(name, name), *rest)))
 
 
 def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
