@@ -170,7 +170,8 @@ def _draw_differences(ax: Axes, result: Identification, table: _Table, reference
             continue
         colour = BLUE if abs(z[row]) <= 1.0 else VERMILLION
         ax.plot([0.0, z[row]], [place, place], color=colour, linewidth=1.0)
-        ax.plot([z[row]], [place], "o", color=colour, markersize=4.5)
+        face = colour if abs(z[row]) <= 1.0 else "white"  # hollow outside, in print without colours too
+        ax.plot([z[row]], [place], "o", color=colour, markerfacecolor=face, markersize=4.5)
     _scale_differences(ax, z[np.isfinite(z)])
     seen, inside = int(np.sum(np.isfinite(z))), int(np.sum(np.abs(z) <= 1.0))
     kind = _KINDS.get(reference.kind, reference.kind)
@@ -179,7 +180,7 @@ def _draw_differences(ax: Axes, result: Identification, table: _Table, reference
     dot: dict[str, Any] = {"marker": "o", "markersize": 4.5, "linewidth": 1.0}
     return [
         Line2D([], [], color=BLUE, label=f"{kind} in the interval", **dot),
-        Line2D([], [], color=VERMILLION, label="outside", **dot),
+        Line2D([], [], color=VERMILLION, markerfacecolor="white", label="outside", **dot),
         Patch(color=BAND, label="99 % interval"),
     ]
 

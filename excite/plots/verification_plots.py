@@ -37,11 +37,12 @@ if TYPE_CHECKING:
     from excite.simulation.replay import Replay
     from excite.verification.verification import Verification
 
-_PARTS = (
-    ("noise", SKY, "noise of the measurement"),
-    ("standstill", ORANGE, "static friction at standstill"),
-    ("systematic", VERMILLION, "the model (friction, gains, flexibility)"),
+_PARTS: tuple[tuple[str, dict[str, Any], str], ...] = (
+    ("noise", {"facecolor": SKY}, "noise of the measurement"),
+    ("standstill", {"facecolor": ORANGE, "hatch": "////"}, "static friction at standstill"),
+    ("systematic", {"facecolor": VERMILLION}, "the model (friction, gains, flexibility)"),
 )
+_EDGE: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.6}
 _DOT = 2.2  # [pt]
 _NUMBERS = 8  # on an axis of time
 _NAME_LENGTH = 50
@@ -174,9 +175,9 @@ def error_parts_figure(verification: Verification) -> Figure:
     ax.grid(False, axis="y")
     places = np.arange(len(torques))
     begin = np.zeros(len(torques))
-    for name, colour, _ in _PARTS:
+    for name, look, _ in _PARTS:
         share = np.array([100.0 * float(getattr(torque, name)) for torque in torques])
-        ax.barh(places, share, left=begin, height=0.62, color=colour, edgecolor="white", linewidth=0.6)
+        ax.barh(places, share, left=begin, height=0.62, **look, **_EDGE)
         for place, left, wide in zip(places, begin, share, strict=True):
             if wide > 100.0 * _READABLE:
                 text = f"{wide:.0f} %"
@@ -192,7 +193,7 @@ def error_parts_figure(verification: Verification) -> Figure:
     ax.set_xlim(0.0, 100.0)
     ax.tick_params(axis="y", length=0)
     ax.set_xlabel("part of the mean squared error [%]", fontsize=LABEL, color=DARK)
-    handles = [Patch(color=colour, label=meaning) for _, colour, meaning in _PARTS]
+    handles = [Patch(**look, **_EDGE, label=meaning) for _, look, meaning in _PARTS]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=LABEL, frameon=False)
     return figure
 
