@@ -273,7 +273,7 @@ def test_motion_texts_do_not_overlap_and_stay_inside(motion: Figure) -> None:
     assert [(a.get_text(), b.get_text()) for a, b in pairs if boxes[a].overlaps(boxes[b])] == []
 
 
-@pytest.mark.parametrize("length", [20, 45, 56, 200])
+@pytest.mark.parametrize("length", [56, 200])
 def test_long_names_stay_inside_and_apart(design: Design, length: int) -> None:
     long = {name: f"{name}_$x$_" + (length - len(name) - 5) * "n" for name in design.robot.joint_names}
     robots = [
