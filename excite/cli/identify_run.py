@@ -16,7 +16,7 @@ from excite.cli.estimate_text import print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
 from excite.cli.sign_of_life import tell
-from excite.files.result_json import FIGURES, check_free, result_content
+from excite.files.result_json import FIGURES, REPETITIONS, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
 from excite.registry import CHOSEN, is_own
@@ -67,6 +67,7 @@ def identify_and_write(
             tell("repeating the experiment in simulation")
             content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"])
             status = repeated or status
+            files = [*([out / REPETITIONS] if "repetitions" in content else []), *files]
     if given["form"] == "json":
         left_out = ("schema", "robot", "covariance", "task")
         click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))

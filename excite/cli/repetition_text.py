@@ -25,7 +25,7 @@ _PAUSE = 5.0  # between two lines of progress [s]
 def repeat_and_write(
     result: Identification, out: Path, content: dict[str, Any], count: int, seed: int
 ) -> tuple[dict[str, Any], int]:
-    """Repeat an identification in simulation, and add the statistics to its result.
+    """Repeat an identification in simulation, add the statistics to its result, and draw them beside it.
 
     Parameters
     ----------
@@ -49,6 +49,7 @@ def repeat_and_write(
         The experiment cannot be repeated.
     """
     from excite.montecarlo.repetition import repetitions
+    from excite.plots.repetitions_plot import write_repetitions_figure
 
     try:
         with deferred_interrupt("stopping after the repetitions at work") as answer, _progress(count) as progress:
@@ -66,6 +67,7 @@ def repeat_and_write(
         return content, interrupted_status()
     except InputError as error:
         raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
+    write_repetitions_figure(repeated_runs, result.robot.name, out)
     return content, 0
 
 

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from constraints.linear import LinearConstraint, spanned
 from regressors.models.partial import PartialMotion
+
+# Kinds of limits by their labels, such as ``joint q1 torque``, ``tool speed`` and ``link_5 to table``.
+_KINDS = (
+    *(
+        (kind, re.compile(rf"^(joint|drive) .* {kind}$"))
+        for kind in ("position", "velocity", "acceleration", "jerk", "torque", "power")
+    ),
+    ("tool", re.compile(r"^tool (x|y|z|speed)$")),
+    ("distance", re.compile(r".+ to .+")),
+)
 
 
 @dataclass(frozen=True)
@@ -48,13 +60,29 @@ def unchecked_limits(motion: PartialMotion, limits: Sequence[LinearConstraint]) 
     return tuple(unchecked)
 
 
-def kept_text(unchecked: Sequence[Unchecked]) -> str:
-    """Verdict on a motion that exceeds no limit, with what was not checked.
+def checked_text(labels: Iterable[str]) -> str:
+    """Kinds of limits that were checked, each with the number of limits, such as ``position (7), distance (54)``.
+
+    Parameters
+    ----------
+    labels : iterable of str
+        Of the limits.
+    """
+    counts = Counter(next((kind for kind, pattern in _KINDS if pattern.search(label)), "other") for label in labels)
+    order = [*(kind for kind, _ in _KINDS), "other"]
+    return ", ".join(f"{kind} ({counts[kind]})" for kind in order if kind in counts)
+
+
+def kept_text(unchecked: Sequence[Unchecked], labels: Iterable[str] = ()) -> str:
+    """Verdict on a motion that exceeds no limit, with what was not checked and what was.
 
     Parameters
     ----------
     unchecked : sequence of Unchecked
+    labels : iterable of str
+        Of the limits that were checked.
     """
+    checked = f"; checked: {text}" if (text := checked_text(labels)) else ""
     if not unchecked:
-        return "every limit is kept"
-    return f"every limit that was checked is kept; not checked: {', '.join(map(str, unchecked))}"
+        return f"every limit is kept{checked}"
+    return f"every limit that was checked is kept; not checked: {', '.join(map(str, unchecked))}{checked}"

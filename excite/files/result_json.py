@@ -34,7 +34,8 @@ from regressors.models.motor_side import MotorSide, motor_sides
 
 SCHEMA = "excite.result/1"
 RESULT, KIND = "result.json", "result"
-FIGURES = ("torques.png", "residuals.png", "parameters.png", "estimates.png")
+REPETITIONS = "repetitions.png"
+FIGURES = ("torques.png", "residuals.png", "parameters.png", "estimates.png", REPETITIONS)
 
 
 def save_result(result: Identification, folder: str | Path, *, replace: bool = False) -> list[Path]:

@@ -16,6 +16,7 @@ from excite.plots.identification_plots import residuals_figure, torques_figure, 
 from excite.plots.motion_plot import motion_figure
 from excite.plots.parameters_plot import parameters_figure
 from excite.plots.phase_plot import phase_figure
+from excite.plots.repetitions_plot import repetitions_figure
 from excite.plots.spectrum_plot import spectrum_figure
 from excite.plots.verification_plots import (
     error_parts_figure,
@@ -36,6 +37,7 @@ __all__ = [
     "parameters_figure",
     "phase_figure",
     "predicted_torques_figure",
+    "repetitions_figure",
     "residuals_figure",
     "simulated_motion_figure",
     "spectrum_figure",

@@ -9,12 +9,13 @@ import numpy as np
 import scipy.fft
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.plots.equation_text import error_note, label_equation, relative_error
+from excite.plots.envelope import draw_values, values_legend
+from excite.plots.equation_text import label_equation, relative_error
 from excite.plots.estimates_plot import estimates_figure
 from excite.plots.figure_files import write_figure_files
+from excite.plots.fit_panels import draw_fit, fit_legend, fit_panel
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.parameters_plot import parameters_figure
 from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, significant
@@ -40,8 +41,9 @@ def torques_figure(result: Identification) -> Figure:
     Returns
     -------
     Figure
-        One panel per equation with all logs in sequence; above each the root mean square of the difference and its
-        ratio to that of the measured values.
+        Two panels per equation with all logs in sequence: measured and predicted values, and below them their
+        difference on its own scale. Above are the root mean square of the difference and its ratio to that of the
+        measured values.
     """
     observations = result.observations
     predicted = result.estimate.predicted(observations)
@@ -49,17 +51,12 @@ def torques_figure(result: Identification) -> Figure:
     error = relative_error(observations.y, predicted)
     title = f"{result.robot.name}: measured and predicted, relative error {error} over all equations"
     count = len(observations.equations)
-    figure, rows = panels(count, Panel((10.5,), 1.3 if count > 1 else 3.0), title)
-    for j, ((name, unit), (ax,)) in enumerate(zip(observations.equations, rows, strict=True)):
+    figure, rows = panels(count, fit_panel(count), title)
+    for j, (equation, (ax,)) in enumerate(zip(observations.equations, rows, strict=True)):
         own = observations.equation == j
-        time, log, y = observations.time[own], observations.log[own], observations.y[own]
-        ax.plot(*timeline.curve(time, log, y), color=GREY, linewidth=1.8)
-        ax.plot(*timeline.curve(time, log, predicted[own]), color=BLUE, linewidth=0.9)
-        timeline.dress(ax, bottom=j == count - 1)
-        label_equation(ax, unit)
-        head(ax, name, *error_note(y, predicted[own], unit))
-    measured = Line2D([], [], color=GREY, linewidth=1.8, label="measured")
-    legend_below(figure, [measured, Line2D([], [], color=BLUE, linewidth=0.9, label="predicted by the estimate")])
+        time, log, fit = observations.time[own], observations.log[own], (observations.y[own], predicted[own])
+        draw_fit(ax, timeline, time, log, fit, equation, bottom=j == count - 1)
+    legend_below(figure, fit_legend(int(np.bincount(observations.equation).max()), "predicted by the estimate"))
     return figure
 
 
@@ -75,8 +72,9 @@ def residuals_figure(result: Identification) -> Figure:
     Returns
     -------
     Figure
-        Two panels per equation: residual over time, and its autocorrelation up to a tenth of the longest log, with
-        the band that 99 % of it would stay in if it were white noise.
+        Two panels per equation: residual over time, of long logs as bands of its extremes and percentiles, and its
+        autocorrelation up to a tenth of the longest log, with the band that 99 % of it would stay in if it were white
+        noise.
     """
     observations, estimate = result.observations, result.estimate
     residual = estimate.residual(observations)
@@ -87,15 +85,15 @@ def residuals_figure(result: Identification) -> Figure:
     for j, ((name, unit), (over_time, over_lag)) in enumerate(zip(observations.equations, rows, strict=True)):
         own = observations.equation == j
         time, log, e = observations.time[own], observations.log[own], residual[own]
-        over_time.axhline(0.0, color=DARK, linewidth=0.6)
-        over_time.plot(*timeline.curve(time, log, e), color=BLUE, linewidth=0.6)
+        over_time.axhline(0.0, color=GREY, linewidth=0.6)
+        draw_values(over_time, timeline, time, log, e)
         timeline.dress(over_time, bottom=j == count - 1)
         label_equation(over_time, unit)
         rms, worst = (significant(float(x), 3) for x in (np.sqrt(np.mean(e**2)), np.abs(e).max()))
         head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
         _draw_autocorrelation(over_lag, time, log, e, bottom=j == count - 1)
     band = Patch(color=BAND, label="99 % of the autocorrelation of white noise")
-    legend_below(figure, [Line2D([], [], color=BLUE, linewidth=1.2, label="residual"), band])
+    legend_below(figure, [*values_legend(int(np.bincount(observations.equation).max()), "residual"), band])
     return figure
 
 

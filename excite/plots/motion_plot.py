@@ -1,7 +1,8 @@
-"""The motion over time: every joint and every other limited function, with its limits and their use."""
+"""The motion over time: every joint, every other limited function and torque, with its limits and their use."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,42 +12,39 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
 from constraints.bounds.certificate import LimitUse
 from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design.design import Design
-from excite.design.unchecked import Unchecked
+from excite.design.unchecked import checked_text
+from excite.plots.limit_panel import CURVE, DOT, draw_limited, write_use
 from excite.plots.style import (
     BAND,
     BLUE,
     DARK,
     FORBIDDEN,
-    GREY,
     LABEL,
     NOTE,
-    ROUND,
     TITLE_STYLE,
     VERMILLION,
     plain,
-    shortened,
-    tidy,
     typeset,
 )
+from excite.plots.timeline import ends
+from excite.plots.torque_panels import LimitedTorque, limited_torques
 from excite.trajectories.sequence import EXCITE
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 # Layout [in]: panels of equal size, with room for the text around them. matplotlib's own layout takes seconds for it.
 _PANEL_WIDTH, _PANEL_HEIGHT = 2.65, 1.2
-_LEFT, _BELOW, _ABOVE, _RIGHT, _BETWEEN = 0.8, 0.9, 0.95, 0.2, 0.55
-_TITLE_BELOW_TOP, _NOTE_BELOW_TOP, _LEGEND_ABOVE_BOTTOM, _LABEL_LEFT = 0.12, 0.36, 0.08, 0.46
-_NAME_LENGTH = 90
-_DOT = 4.5  # [pt]
+_LEFT, _BELOW, _ABOVE, _RIGHT, _BETWEEN = 0.8, 0.9, 0.7, 0.2, 0.68
+_TITLE_BELOW_TOP, _LEGEND_ABOVE_BOTTOM, _LABEL_LEFT = 0.12, 0.08, 0.46
+_TITLE_LINE, _NOTE_LINE = 0.24, 0.15
+_TITLE_LETTERS, _NOTE_LETTERS, _NAME_LETTERS = 8.2, 13.5, 10.8  # per inch
+_NAME_LINES = 2
 _DOT_MEANING = "closest to a limit (100 % used: at the limit, 0 %: in mid-range)"
 _NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
-_FAR = 6.0  # a bound further from the curve than this many times the curve's height is not in view
-_FLAT = 1e-9  # a curve of less height [SI] counts as flat
 _PER_TIME = ("", "/s", "/s^2", "/s^3")
 
 
@@ -166,7 +164,7 @@ def _name(function: MotionFunction, robot: Robot) -> str:
 
 
 def motion_figure(design: Design) -> Figure:
-    """Draw position, velocity, acceleration (and jerk, where limited) of every joint and limited function.
+    """Draw position, velocity, acceleration (and jerk, where limited) of every joint and limited function, and torques.
 
     Parameters
     ----------
@@ -176,48 +174,36 @@ def motion_figure(design: Design) -> Figure:
     -------
     Figure
         One row of panels per joint, and per drive coordinate with limits that is not a joint's; one column per
-        quantity. The forbidden range is shaded; a dot marks the value over continuous time that comes closest to a
-        limit, and the number above the panel is the fraction of the distance from mid-range to the limit that the
-        exciting motion uses. Approach and return are shaded too.
+        quantity; below them a panel per torque with a limit. The forbidden range is shaded; a dot marks the value over
+        continuous time that comes closest to a limit, and the number above the panel is the fraction of the distance
+        from mid-range to the limit that the exciting motion uses. Approach and return are shaded too. The lines below
+        the title say what was checked and what was not.
     """
-    limits = linear_limits(design.moving)
-    functions = motion_functions(design.moving, limits, design.limits)
+    functions = motion_functions(design.moving, linear_limits(design.moving), design.limits)
     columns = 4 if any(function.bounds[3] for function in functions) else 3
-    figure, panels = _panels(len(functions), columns)
-    height = figure.get_figheight()
-    figure.suptitle(plain(_title(design)), y=1.0 - _TITLE_BELOW_TOP / height, va="top", **TITLE_STYLE)
-    if design.unchecked:
-        figure.text(
-            0.5,
-            1.0 - _NOTE_BELOW_TOP / height,
-            _not_checked(design.unchecked),
-            ha="center",
-            va="top",
-            fontsize=NOTE,
-            color=DARK,
-        )
-    samples, spans = _whole_motion(design)
-    for row, function in zip(panels, functions, strict=True):
-        for derivative, ax in enumerate(row):
-            _draw(ax, function, derivative, samples, spans[EXCITE][0])
-            _shade_transfers(ax, spans)
-        row[0].set_title(typeset(shortened(function.name, _NAME_LENGTH)) + "\n", **_NAME_STYLE)  # a line higher
-    for ax in panels[-1]:
-        ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
-    place = (0.5, _LEGEND_ABOVE_BOTTOM / figure.get_figheight())
-    handles = _legend(len(spans) > 1)
-    figure.legend(
-        handles=handles, loc="lower center", bbox_to_anchor=place, ncols=len(handles), fontsize=LABEL, frameon=False
-    )
+    whole, _ = design.sequence.sampled()
+    spans = design.sequence.spans()
+    torques = limited_torques(design, whole)
+    heading = _Heading.of(design, columns * (_LEFT + _PANEL_WIDTH) + _RIGHT, torques=bool(torques))
+    figure, panels = _panels(len(functions), -(-len(torques) // columns), columns, heading)
+    samples, begin = _of_moving_joints(design, whole), spans[EXCITE][0]
+    for row, function in zip(panels, functions, strict=False):
+        _draw_row(row, function, samples, begin)
+    flat = [ax for row in panels[len(functions) :] for ax in row]
+    for ax, torque in zip(flat, torques, strict=False):
+        _draw_torque(ax, torque, whole.time, begin)
+    for ax in flat[len(torques) :]:
+        ax.remove()
+    for ax in figure.axes:
+        _shade_transfers(ax, spans)
+    _label_times(panels, len(flat) - len(torques))
+    _legend_below(figure, transfers=len(spans) > 1)
     return figure
 
 
-def _whole_motion(design: Design) -> tuple[Samples, dict[str, tuple[float, float]]]:
-    """Motion of the moving joints with approach and return, and the segments' times."""
-    sequence = design.sequence
-    whole, _ = sequence.sampled()
+def _of_moving_joints(design: Design, whole: Samples) -> Samples:
     index = [design.robot.joint_names.index(name) for name in design.moving.joint_names]
-    return Samples(whole.time, *(x[:, index] for x in (whole.q, whole.dq, whole.ddq, whole.dddq))), sequence.spans()
+    return Samples(whole.time, *(x[:, index] for x in (whole.q, whole.dq, whole.ddq, whole.dddq)))
 
 
 def _shade_transfers(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
@@ -226,27 +212,51 @@ def _shade_transfers(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
             ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
 
 
-def _panels(rows: int, columns: int) -> tuple[Figure, list[list[Axes]]]:
+@dataclass(frozen=True)
+class _Heading:
+    """Lines above the panels."""
+
+    title: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, design: Design, width: float, *, torques: bool) -> _Heading:
+        letters = int(width * _NOTE_LETTERS)
+        notes = [line for text in _notes(design, torques=torques) for line in textwrap.wrap(text, letters)]
+        return cls(tuple(textwrap.wrap(_title(design), int(width * _TITLE_LETTERS))), tuple(notes))
+
+    @property
+    def height(self) -> float:
+        """All lines [in]."""
+        return _TITLE_LINE * len(self.title) + _NOTE_LINE * len(self.notes)
+
+    def write(self, figure: Figure) -> None:
+        height, top = figure.get_figheight(), _TITLE_BELOW_TOP
+        figure.suptitle(plain("\n".join(self.title)), y=1.0 - top / height, va="top", **TITLE_STYLE)
+        top += _TITLE_LINE * len(self.title)
+        style: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": NOTE, "color": DARK}
+        figure.text(0.5, 1.0 - top / height, plain("\n".join(self.notes)), **style)
+
+
+def _panels(functions: int, torque_rows: int, columns: int, heading: _Heading) -> tuple[Figure, list[list[Axes]]]:
     """Create a figure with panels of the same size for any number of them, and room for the text."""
+    rows, above = functions + torque_rows, _ABOVE + heading.height
     width = columns * (_LEFT + _PANEL_WIDTH) + _RIGHT
-    height = _ABOVE + rows * _PANEL_HEIGHT + (rows - 1) * _BETWEEN + _BELOW
+    height = above + rows * _PANEL_HEIGHT + (rows - 1) * _BETWEEN + _BELOW
     figure = Figure(figsize=(width, height), facecolor="white")
     figure.subplots_adjust(
         left=_LEFT / width,
         right=1.0 - _RIGHT / width,
         bottom=_BELOW / height,
-        top=1.0 - _ABOVE / height,
+        top=1.0 - above / height,
         wspace=_LEFT / _PANEL_WIDTH,
         hspace=_BETWEEN / _PANEL_HEIGHT,
     )
     panels = figure.subplots(rows, columns, sharex=True, squeeze=False).tolist()
     for ax in figure.axes:
         ax.yaxis.set_label_coords(-_LABEL_LEFT / _PANEL_WIDTH, 0.5)
+    heading.write(figure)
     return figure, panels
-
-
-def _not_checked(unchecked: Sequence[Unchecked]) -> str:
-    return plain(f"not checked: {', '.join(each.limit for each in unchecked)}")
 
 
 def _title(design: Design) -> str:
@@ -254,75 +264,79 @@ def _title(design: Design) -> str:
     broken = sum(not use.holds for use in uses)
     kept = "every limit that was checked is kept" if design.unchecked else "every limit is kept"
     verdict = kept if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
-    resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]
-    rest = f"; {shortened(', '.join(resting), 60)} rest{'s' if len(resting) == 1 else ''}" if resting else ""
     whole = "" if design.approach_and_return is None else f", {design.sequence.duration:g} s with approach and return"
-    return f"{design.robot.name}: motion of {design.trajectory.duration:g} s{whole}, {verdict}{rest}"
+    return f"{design.robot.name}: motion of {design.trajectory.duration:g} s{whole}, {verdict}"
 
 
-def _draw(ax: Axes, function: MotionFunction, derivative: int, samples: Samples, begin: float) -> None:
-    """Draw the function over time; the exciting motion, whose extremes are marked, starts at ``begin``."""
-    values = function.values(samples, derivative)
-    bound = function.tightest(derivative)
-    allowed = function.allowed(derivative)
-    view = view_range(np.append(values, bound.extreme) if bound is not None else values, allowed)
-    tidy(ax)
-    _shade(ax, allowed, view)
-    ax.plot(samples.time, values, color=BLUE, linewidth=1.4)
-    if bound is not None:
-        colour = DARK if bound.use.holds else VERMILLION
-        ax.plot([begin + bound.use.time], [bound.extreme], "o", color=colour, markersize=_DOT, clip_on=False, zorder=3)
-    ax.set_xlim(samples.time[0], samples.time[-1])
-    ax.set_ylim(*view)
-    ax.yaxis.set_major_locator(MaxNLocator(5, steps=ROUND))
-    unit = typeset(function.unit + _PER_TIME[derivative])
-    ax.set_ylabel(f"{QUANTITIES[derivative]} [{unit}]", fontsize=NOTE, color=DARK)
-    text, text_colour = _used(function, bound, view)
-    ax.set_title(typeset(text), loc="right", fontsize=NOTE, color=text_colour)
+def _notes(design: Design, *, torques: bool) -> list[str]:
+    """What was checked, what was not and why, which joints rest, and what the torques are."""
+    notes = [f"checked, with the number of limits: {checked_text(use.label for use in design.limits) or 'nothing'}"]
+    if design.unchecked:
+        notes.append(f"not checked: {', '.join(map(str, design.unchecked))}")
+    resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]
+    if resting:
+        notes.append(f"at rest: {', '.join(resting)}")
+    if torques:
+        notes.append("torques are those of the description without Coulomb friction; limits less this and the reserve")
+    return notes
 
 
-def view_range(values: Array, allowed: tuple[float, float]) -> tuple[float, float]:
-    """Vertical range of a panel: the curve, and each bound that is not so far off as to flatten the curve.
-
-    Parameters
-    ----------
-    values : ndarray
-        Values that must be in view.
-    allowed : (float, float)
-        Lower and upper bound.
-    """
-    low, high = float(values.min()), float(values.max())
-    reach = _FAR * (high - low) if high - low > _FLAT else np.inf
-    near = [bound for bound in allowed if np.isfinite(bound) and max(low - bound, bound - high) <= reach]
-    bottom, top = min(low, *near, high), max(low, *near, high)
-    pad = 0.1 * (top - bottom) if top - bottom > _FLAT else 1.0
-    return bottom - pad, top + pad
-
-
-def _shade(ax: Axes, allowed: tuple[float, float], view: tuple[float, float]) -> None:
-    """Shade the forbidden range, from each bound in view to the panel's edge."""
-    for bound, edge in zip(allowed, view, strict=True):
-        if view[0] < bound < view[1]:
-            ax.axhspan(min(bound, edge), max(bound, edge), color=FORBIDDEN, linewidth=0, zorder=0.5)
-            ax.axhline(bound, color=VERMILLION, linewidth=1.0, zorder=1.5)
+def _draw_row(row: Sequence[Axes], function: MotionFunction, samples: Samples, begin: float) -> None:
+    """Draw a function and its derivatives; the exciting motion, whose extremes are marked, starts at ``begin``."""
+    lines = 1
+    for derivative, ax in enumerate(row):
+        bound = function.tightest(derivative)
+        closest = None if bound is None else (begin + bound.use.time, bound.extreme, bound.use.holds)
+        values = function.values(samples, derivative)
+        draw_limited(ax, samples.time, values, function.allowed(derivative), closest)
+        unit = typeset(function.unit + _PER_TIME[derivative])
+        ax.set_ylabel(f"{QUANTITIES[derivative]} [{unit}]", fontsize=NOTE, color=DARK)
+        if bound is None:
+            write_use(ax, None, 0.0)
+            continue
+        owner = "" if bound.owner == f"joint {function.name}" else bound.owner
+        lines = max(lines, write_use(ax, bound.use, bound.use.bound - bound.shift, owner))
+    _write_name(row[0], function.name, len(row) * _PANEL_WIDTH, lines)
 
 
-def _used(function: MotionFunction, bound: Bound | None, view: tuple[float, float]) -> tuple[str, str]:
-    """Use of a limit as text, and the text's colour."""
-    if bound is None:
-        return "no limit", GREY
-    value = bound.use.bound - bound.shift
-    whose = "" if bound.owner == f"joint {function.name}" else f"{bound.owner}, "
-    where = "" if view[0] < value < view[1] else " (out of view)"
-    text = f"{whose}limit {float(f'{value:.4g}'):g}{where}: {100 * bound.use.use:.1f} % used"
-    return (text, DARK) if bound.use.holds else (f"{text}, BROKEN", VERMILLION)
+def _write_name(ax: Axes, name: str, width: float, lines: int) -> None:
+    """Write a name above the lines on the right of a panel, in a width [in]."""
+    letters = int(width * _NAME_LETTERS)
+    text = "\n".join(textwrap.wrap(ends(name, _NAME_LINES * letters), letters, break_on_hyphens=False))
+    ax.set_title(typeset(text) + lines * "\n", **_NAME_STYLE)
+
+
+def _draw_torque(ax: Axes, torque: LimitedTorque, time: Array, begin: float) -> None:
+    use = torque.use
+    closest = begin + use.time, use.extreme, use.holds
+    draw_limited(ax, time, torque.values, torque.allowed, closest, far=np.inf)
+    ax.set_ylabel(f"{'force' if torque.unit == 'N' else 'torque'} [{torque.unit}]", fontsize=NOTE, color=DARK)
+    lines = write_use(ax, use, use.bound)
+    _write_name(ax, torque.name, _PANEL_WIDTH, lines)
+
+
+def _label_times(panels: Sequence[Sequence[Axes]], missing: int) -> None:
+    """Label the lowest panel of each column, whose last row may have some missing."""
+    columns = len(panels[-1])
+    for k, ax in enumerate(panels[-1]):
+        lowest = ax if k < columns - missing else panels[-2][k]
+        lowest.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
+        lowest.tick_params(labelbottom=True)
+
+
+def _legend_below(figure: Figure, *, transfers: bool) -> None:
+    place = (0.5, _LEGEND_ABOVE_BOTTOM / figure.get_figheight())
+    handles = _legend(transfers)
+    figure.legend(
+        handles=handles, loc="lower center", bbox_to_anchor=place, ncols=len(handles), fontsize=LABEL, frameon=False
+    )
 
 
 def _legend(transfers: bool) -> list[Line2D | Patch]:
     return [
         *([Patch(color=BAND, label="approach, return")] if transfers else []),
-        Line2D([], [], color=BLUE, linewidth=1.4, label="planned motion"),
+        Line2D([], [], color=BLUE, linewidth=CURVE, label="planned motion"),
         Line2D([], [], color=VERMILLION, linewidth=1.0, label="limit"),
         Patch(color=FORBIDDEN, label="forbidden"),
-        Line2D([], [], color=DARK, marker="o", markersize=_DOT, linestyle="", label=_DOT_MEANING),
+        Line2D([], [], color=DARK, marker="o", markersize=DOT, linestyle="", label=_DOT_MEANING),
     ]

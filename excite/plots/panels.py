@@ -15,10 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from excite.plots.style import DARK, LABEL, NOTE, ROUND, TITLE_STYLE, plain, tidy, typeset
+from excite.plots.timeline import ends
 
 NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
 _TITLE_BELOW_TOP, _LEGEND_ABOVE_BOTTOM = 0.12, 0.06  # [in]
 _ABOVE, _RIGHT, _LABEL_FROM_EDGE = 0.8, 0.25, 0.28
+_LETTER, _BOLD = 0.58, 0.7  # mean width of a letter over the size of the font
 
 
 @dataclass(frozen=True)
@@ -77,9 +79,38 @@ def panels(rows: int, panel: Panel, title: str) -> tuple[Figure, list[list[Axes]
     return figure, axes
 
 
+def split(ax: Axes, lower: float, gap: float) -> tuple[Axes, Axes]:
+    """Replace a panel by one above another, with the same range of time.
+
+    Parameters
+    ----------
+    ax : Axes
+        Of `panels`.
+    lower : float
+        Height of the lower one [in].
+    gap : float
+        Between them [in].
+    """
+    figure, place = ax.figure, ax.get_subplotspec()
+    assert place is not None
+    assert isinstance(figure, Figure)
+    height = float(ax.bbox.height) / figure.dpi
+    upper, left = height - lower - gap, ax.yaxis.label.get_position()[0]
+    ax.remove()
+    grid = place.subgridspec(2, 1, height_ratios=(upper, lower), hspace=gap / (0.5 * (upper + lower)))
+    pair = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
+    for part in pair:
+        tidy(part)
+        part.yaxis.set_label_coords(left, 0.5)
+    return pair
+
+
 def head(ax: Axes, name: str, note: str = "", colour: str = DARK) -> None:
-    """Write the name of a panel above it on the left, and a note on the right."""
-    ax.set_title(typeset(name), **NAME_STYLE)
+    """Write the name of a panel above it on the left, and a note on the right; below a name that leaves no room."""
+    points = 72.0 * float(ax.bbox.width) / ax.figure.dpi
+    letters = int(points / (_BOLD * LABEL))
+    beside = _BOLD * LABEL * len(name) + _LETTER * NOTE * len(note) < points
+    ax.set_title(typeset(ends(name, max(3, letters))) + ("" if beside or not note else "\n"), **NAME_STYLE)
     ax.set_title(typeset(note), loc="right", fontsize=NOTE, color=colour)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
 
 from excite.plots.panels import NAME_STYLE, legend_below
+from excite.plots.parameter_labels import parameter_label, row_places
 from excite.plots.style import (
     BAND,
     BLUE,
@@ -24,7 +27,6 @@ from excite.plots.style import (
     TITLE_STYLE,
     VERMILLION,
     log_scale,
-    named_sum,
     plain,
     significant,
     tidy,
@@ -37,12 +39,17 @@ if TYPE_CHECKING:
     from excite.identification.reference_values import ReferenceValues
 
 _GROUPS = {"inertial": "Links", "rotor": "Rotors", "friction": "Friction", "other": "Other"}
+_ESTIMATE = "estimate ± half-width"
 _KINDS = {"truth": "true value", "description": "value of the robot's description"}
 _ROW, _ABOVE, _LINE, _BELOW = 0.2, 0.75, 0.15, 1.0  # [in]
-_NAMES, _PANEL, _BETWEEN, _NUMBERS, _KNOWN = 3.3, 3.2, 0.25, 2.0, 1.0  # widths [in]
+_NAMES, _PANEL, _BETWEEN = 3.3, 3.2, 0.4  # widths [in]
+_LETTER = 0.6  # mean width over the size of the font
+_APART = 12.0  # between columns of numbers [pt]
 _EXPRESSION_LENGTH = 46
+_HEADINGS = {"truth": "true", "description": "described"}
 _NEAR = 3.0  # in half-widths: the scale of the differences is linear up to here
-_WORST = 1e4  # of the relative half-widths [%]; beyond, bars are cut
+_BEST, _WORST = 1e-3, 300.0  # of the relative half-widths [%]; bars are cut there, with the number in them
+_UNTOLD = 1e6  # [%]: larger ones are not written
 _UNCLEAR = 100.0  # [%]: from here on the interval holds zero
 
 
@@ -58,26 +65,61 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
     -------
     Figure
         One row per parameter, by groups: with a reference, the difference from it over half the interval's width; then
-        half the interval's width over the value's magnitude; then both in numbers. Rows of parameters that are not
-        identifiable individually are marked.
+        half the interval's width over the value's magnitude, where bars beyond 300 % are cut and have their number in
+        them; then both in numbers. Rows of parameters that are not identifiable individually are marked.
     """
-    rows = _rows(result)
     compared = reference is not None and bool(np.any(np.isfinite(reference.values)))
-    figure, panels = _layout(len(rows), compared)
+    table = _Table.of(result)
+    numbers = _Numbers.of(result, reference if compared else None)
+    figure, panels = _layout(table.height, numbers.width, compared)
     count, unseen = len(result.estimate.names), len(result.estimate.unseen)
     title = f"{result.robot.name}: {count} parameter{'s' if count != 1 else ''}, 99 % intervals"
     title += f"; {unseen} not identifiable individually" if unseen else ""
     figure.suptitle(plain(title), y=1.0 - 0.12 / figure.get_figheight(), va="top", **TITLE_STYLE)
     exact = panels[-1]
-    _draw_half_widths(exact, result, rows)
+    _draw_half_widths(exact, result, table)
     handles: list[Artist] = [Patch(color=BLUE, label="half-width of the 99 % interval over the value")]
     if compared and reference is not None:
-        handles = [*_draw_differences(panels[0], result, rows, reference), *handles]
-    _write_names(panels[0], result, rows)
-    _write_numbers(exact, result, rows, reference if compared else None)
+        handles = [*_draw_differences(panels[0], result, table, reference), *handles]
+    _write_names(panels[0], result, table)
+    numbers.write(exact, table)
     handles.append(Patch(color=FORBIDDEN, label="interval contains zero"))
     legend_below(figure, handles)
     return figure
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Rows of the figure: titles of groups, and the parameters of each with their labels.
+
+    Parameters
+    ----------
+    titles : tuple of (str, float)
+        Each with its place from the top, in heights of a row.
+    rows : tuple of (int, str, float)
+        Number, label and place of each parameter.
+    height : float
+        Of all.
+    """
+
+    titles: tuple[tuple[str, float], ...]
+    rows: tuple[tuple[int, str, float], ...]
+    height: float
+
+    @classmethod
+    def of(cls, result: Identification) -> _Table:
+        names, base = result.estimate.names, result.target.base
+        expressions = dict(zip(base.names, base.expressions, strict=True))
+        labels = [
+            row if isinstance(row, str) else
+            parameter_label(names[row], expressions.get(names[row], names[row]), _EXPRESSION_LENGTH, "result.json")
+            for row in _rows(result)
+        ]  # fmt: skip
+        places, height = row_places(labels)
+        placed = list(zip(_rows(result), labels, places.tolist(), strict=True))
+        titles = tuple((row, place) for row, _, place in placed if isinstance(row, str))
+        rows = tuple((row, label, place) for row, label, place in placed if not isinstance(row, str))
+        return cls(titles, rows, height)
 
 
 def _rows(result: Identification) -> list[int | str]:
@@ -91,9 +133,10 @@ def _rows(result: Identification) -> list[int | str]:
     return rows
 
 
-def _layout(rows: int, compared: bool) -> tuple[Figure, list[Axes]]:
+def _layout(rows: float, numbers: float, compared: bool) -> tuple[Figure, list[Axes]]:
+    """Create the panels, beside room for names and numbers [in]."""
     count = 2 if compared else 1
-    width = _NAMES + count * _PANEL + (count - 1) * _BETWEEN + _NUMBERS + (_KNOWN if compared else 0.0)
+    width = _NAMES + count * _PANEL + (count - 1) * _BETWEEN + numbers
     height = _ABOVE + (_LINE if compared else 0.0) + _ROW * rows + _BELOW
     figure = Figure(figsize=(width, height), facecolor="white")
     bottom, tall = _BELOW / height, _ROW * rows / height
@@ -102,38 +145,33 @@ def _layout(rows: int, compared: bool) -> tuple[Figure, list[Axes]]:
     for ax in panels:
         tidy(ax)
         ax.grid(False, axis="y")
-        ax.set_ylim(rows - 0.5, -0.5)
+        ax.set_ylim(rows, 0.0)
         ax.tick_params(axis="y", length=0)
         ax.set_yticks([])
     return figure, panels
 
 
-def _write_names(ax: Axes, result: Identification, rows: list[int | str]) -> None:
-    estimate, base = result.estimate, result.target.base
-    expressions = dict(zip(base.names, base.expressions, strict=True))
+def _write_names(ax: Axes, result: Identification, table: _Table) -> None:
     style: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "center"}
-    for place, row in enumerate(rows):
-        where: dict[str, Any] = {"xy": (0.0, place), "xytext": (-6, 0), "xycoords": ("axes fraction", "data")}
-        if isinstance(row, str):
-            ax.annotate(row, **where, **style, fontsize=LABEL, fontweight="bold", color=DARK)
-            continue
-        name = estimate.names[row]
-        text = named_sum(name, expressions.get(name, name), _EXPRESSION_LENGTH)
-        ax.annotate(text, **where, **style, fontsize=NOTE, color=GREY if name in estimate.unseen else DARK)
+    style |= {"xytext": (-6, 0), "xycoords": ("axes fraction", "data")}
+    for title, place in table.titles:
+        ax.annotate(title, (0.0, place), **style, fontsize=LABEL, fontweight="bold", color=DARK)
+    for row, label, place in table.rows:
+        unseen = result.estimate.names[row] in result.estimate.unseen
+        ax.annotate(label, (0.0, place), **style, fontsize=NOTE, color=GREY if unseen else DARK)
 
 
-def _draw_differences(
-    ax: Axes, result: Identification, rows: list[int | str], reference: ReferenceValues
-) -> list[Artist]:
+def _draw_differences(ax: Axes, result: Identification, table: _Table, reference: ReferenceValues) -> list[Artist]:
     z = differences(result.estimate.values, result.estimate.half_width, reference.values)
     ax.axvspan(-1.0, 1.0, color=BAND, linewidth=0)
     ax.axvline(0.0, color=DARK, linewidth=0.8)
-    for place, row in enumerate(rows):
-        if isinstance(row, str) or not np.isfinite(z[row]):
+    for row, _, place in table.rows:
+        if not np.isfinite(z[row]):
             continue
         colour = BLUE if abs(z[row]) <= 1.0 else VERMILLION
         ax.plot([0.0, z[row]], [place, place], color=colour, linewidth=1.0)
-        ax.plot([z[row]], [place], "o", color=colour, markersize=4.5)
+        face = colour if abs(z[row]) <= 1.0 else "white"  # hollow outside, in print without colours too
+        ax.plot([z[row]], [place], "o", color=colour, markerfacecolor=face, markersize=4.5)
     _scale_differences(ax, z[np.isfinite(z)])
     seen, inside = int(np.sum(np.isfinite(z))), int(np.sum(np.abs(z) <= 1.0))
     kind = _KINDS.get(reference.kind, reference.kind)
@@ -142,7 +180,7 @@ def _draw_differences(
     dot: dict[str, Any] = {"marker": "o", "markersize": 4.5, "linewidth": 1.0}
     return [
         Line2D([], [], color=BLUE, label=f"{kind} in the interval", **dot),
-        Line2D([], [], color=VERMILLION, label="outside", **dot),
+        Line2D([], [], color=VERMILLION, markerfacecolor="white", label="outside", **dot),
         Patch(color=BAND, label="99 % interval"),
     ]
 
@@ -168,48 +206,107 @@ def _scale_differences(ax: Axes, z: Array) -> None:
     ax.xaxis.set_minor_locator(NullLocator())
 
 
-def _draw_half_widths(ax: Axes, result: Identification, rows: list[int | str]) -> None:
+def _draw_half_widths(ax: Axes, result: Identification, table: _Table) -> None:
+    """Bars of the relative half-widths on a logarithmic axis; those beyond its ends have their numbers written."""
     estimate = result.estimate
     with np.errstate(divide="ignore", invalid="ignore"):
         percent = 100.0 * estimate.half_width / np.abs(estimate.values)
     shown = percent[np.isfinite(percent) & (percent > 0)]
-    low = float(np.clip(shown.min(initial=1.0), 1e-6, 1.0)) / 2.0
-    high = float(np.clip(2.0 * shown.max(initial=100.0), 200.0, _WORST))
-    ax.axvspan(_UNCLEAR, high, color=FORBIDDEN, linewidth=0, zorder=0.5)
-    for place, row in enumerate(rows):
-        if isinstance(row, str):
-            continue
+    low = float(np.clip(0.5 * shown.min(initial=1.0), _BEST, 0.5))
+    ax.axvspan(_UNCLEAR, _WORST, color=FORBIDDEN, linewidth=0, zorder=0.5)
+    for row, _, place in table.rows:
         if not np.isfinite(estimate.values[row]):
-            style: dict[str, Any] = {"fontsize": NOTE, "color": GREY, "style": "italic", "va": "center"}
-            ax.annotate("not identifiable individually", (0.02, place), xycoords=("axes fraction", "data"), **style)
-        elif percent[row] > 0:
-            ax.barh([place], [min(percent[row], high)], height=0.62, color=BLUE)
-    log_scale(ax.xaxis, low, high)
+            _write_in(ax, place, "not identifiable individually", GREY, "italic")
+            continue
+        if not percent[row] > 0:  # of an exact value, or of zero without an interval
+            continue
+        if percent[row] < low:
+            _write_in(ax, place, f"less than {low:g} %", DARK, "normal")
+            continue
+        ax.barh([place], [min(percent[row], _WORST)], height=0.62, color=BLUE)
+        if percent[row] > _WORST:
+            ax.annotate(_beyond(float(percent[row])), (_WORST, place), (-4, 0), **_CUT)
+    log_scale(ax.xaxis, low, _WORST)
     ax.set_xlabel("half-width of the interval / |value| [%]", fontsize=LABEL, color=DARK)
     ax.set_title("relative uncertainty", **_HEADING)
 
 
-def _write_numbers(ax: Axes, result: Identification, rows: list[int | str], reference: ReferenceValues | None) -> None:
-    estimate = result.estimate
-    style: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
-    style |= {"fontsize": NOTE, "color": DARK}
-    middle, right = 62, 72.0 * (_NUMBERS + _KNOWN) - 12
-    for place, row in enumerate(rows):
-        if isinstance(row, str):
-            continue
-        value, half = float(estimate.values[row]), float(estimate.half_width[row])
-        if np.isfinite(value):
-            width = typeset(f"± {decimal(half, half)} {estimate.units[row]}")
-            ax.annotate(typeset(decimal(value, half)), (1.0, place), (middle, 0), ha="right", **style)
-            ax.annotate(width, (1.0, place), (middle + 3, 0), ha="left", **style)
-        if reference is not None and np.isfinite(reference.values[row]):
-            text = typeset(decimal(float(reference.values[row]), half))
-            ax.annotate(text, (1.0, place), (right, 0), ha="right", **style)
-    heading: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "fontsize": LABEL}
-    ax.annotate("estimate ± half-width", (1.0, 1.0), (12, 6), color=DARK, **heading)
-    if reference is not None:
-        short = {"truth": "true", "description": "described"}.get(reference.kind, reference.kind)
-        ax.annotate(short, (1.0, 1.0), (right, 6), ha="right", color=DARK, **heading)
+def _write_in(ax: Axes, place: float, text: str, colour: str, style: str) -> None:
+    where = ("axes fraction", "data")
+    ax.annotate(text, (0.02, place), xycoords=where, fontsize=NOTE, color=colour, style=style, va="center")
+
+
+def _beyond(percent: float) -> str:
+    """The number of a bar that is cut."""
+    most = f"over {_UNTOLD:,.0f}" if percent > _UNTOLD else f"{float(significant(percent, 2)):,.0f}"
+    return f"{most} % \N{RIGHTWARDS ARROW}"
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """Estimates, half-widths and known values in columns.
+
+    Parameters
+    ----------
+    values, half_widths, known : dict of int to str
+        By the parameter's number.
+    heading : str
+        Of the known values; empty where there are none.
+    """
+
+    values: dict[int, str]
+    half_widths: dict[int, str]
+    known: dict[int, str]
+    heading: str
+
+    @classmethod
+    def of(cls, result: Identification, reference: ReferenceValues | None) -> _Numbers:
+        estimate = result.estimate
+        pairs = [(float(v), float(h)) for v, h in zip(estimate.values, estimate.half_width, strict=True)]
+        seen = [k for k, (value, _) in enumerate(pairs) if np.isfinite(value)]
+        values = {k: typeset(decimal(*pairs[k])) for k in seen}
+        half = {k: typeset(f"± {decimal(pairs[k][1], pairs[k][1])} {estimate.units[k]}") for k in seen}
+        if reference is None:
+            return cls(values, half, {}, "")
+        known = {
+            k: typeset(decimal(float(value), pairs[k][1]))
+            for k, value in enumerate(reference.values)
+            if np.isfinite(value)
+        }
+        return cls(values, half, known, _HEADINGS.get(reference.kind, reference.kind))
+
+    @property
+    def _places(self) -> tuple[float, float]:
+        """Right ends of the values and of the known values, from the panel [pt]."""
+        middle = _APART + _wide(self.values.values())
+        right = max(middle + _wide(self.half_widths.values()), _APART + _LETTER * LABEL * len(_ESTIMATE))
+        known = max(_wide(self.known.values()), _LETTER * LABEL * len(self.heading))
+        return middle, right + (_APART + known if self.heading else 0.0)
+
+    @property
+    def width(self) -> float:
+        """Of all columns [in]."""
+        return (self._places[1] + _APART) / 72.0
+
+    def write(self, ax: Axes, table: _Table) -> None:
+        """Write the columns beside a panel."""
+        middle, right = self._places
+        style: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
+        style |= {"fontsize": NOTE, "color": DARK}
+        columns = (self.values, middle, "right"), (self.half_widths, middle + 3, "left"), (self.known, right, "right")
+        for row, _, place in table.rows:
+            for texts, where, side in columns:
+                if row in texts:
+                    ax.annotate(texts[row], (1.0, place), (where, 0), ha=side, **style)
+        above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "fontsize": LABEL}
+        ax.annotate(_ESTIMATE, (1.0, 1.0), (_APART, 6), color=DARK, **above)
+        if self.heading:
+            ax.annotate(self.heading, (1.0, 1.0), (right, 6), ha="right", color=DARK, **above)
+
+
+def _wide(texts: Iterable[str]) -> float:
+    """Width of the longest of some texts [pt]."""
+    return _LETTER * NOTE * max(map(len, texts), default=0)
 
 
 def decimal(value: float, half_width: float) -> str:
@@ -231,3 +328,11 @@ def decimal(value: float, half_width: float) -> str:
 
 
 _HEADING: dict[str, Any] = {**NAME_STYLE, "fontweight": "normal"}
+_CUT: dict[str, Any] = {
+    "textcoords": "offset points",
+    "ha": "right",
+    "va": "center",
+    "fontsize": NOTE,
+    "color": "white",
+    "fontweight": "bold",
+}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,13 +22,13 @@ from excite.plots.style import (
     VERMILLION,
     figure_of,
     plain,
-    shortened,
     tidy,
     typeset,
 )
 from regressors.samples import Array
 
 _COLUMNS = 4
+_LETTERS = 34  # of a line above a panel
 _WIDTH, _HEIGHT = 3.0, 3.0  # of a panel [in]
 _INSTANTS = 2001
 _BEYOND = 0.06  # of the range, shown beyond a bound
@@ -66,7 +67,13 @@ def phase_figure(design: Design) -> Figure:
         _forbidden(ax, c)
         ax.plot(z, dz, color=BLUE, linewidth=1.0)
         ax.plot(z[0], dz[0], "o", color=DARK, markersize=4)
-        ax.set_title(plain(shortened(c.name, 34)), loc="left", fontsize=LABEL, fontweight="bold", color=DARK)
+        ax.set_title(
+            plain(textwrap.fill(c.name, _LETTERS, break_on_hyphens=False)),
+            loc="left",
+            fontsize=LABEL,
+            fontweight="bold",
+            color=DARK,
+        )
         ax.set_xlabel(typeset(f"position [{c.unit}]"), fontsize=NOTE, color=DARK)
         ax.set_ylabel(typeset(f"velocity [{c.unit}/s]"), fontsize=NOTE, color=DARK)
         tidy(ax)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,26 +14,24 @@ from matplotlib.ticker import MaxNLocator
 
 from excite.design.design import Design
 from excite.information.metrics import CONVENTIONS, PredictedAccuracy, noise_text
+from excite.information.parameter_sizes import base_sizes
+from excite.plots.parameter_labels import parameter_label, row_places
 from excite.plots.style import (
     BLUE,
     DARK,
-    GREEN,
+    FORBIDDEN,
     GREY,
     LABEL,
     NOTE,
-    ORANGE,
-    PURPLE,
     ROUND,
-    SKY,
-    VERMILLION,
     figure_of,
     log_scale,
-    named_sum,
     plain,
     significant,
     tidy,
     typeset,
 )
+from excite.plots.unit_colours import unit_patches, unit_style
 from regressors.samples import Array
 
 _FEW = 20  # up to this many parameters are in one column beside the spectrum; more are in two columns below it
@@ -40,12 +39,55 @@ _WIDE = 30.0  # a ratio of largest to smallest above which bars need a logarithm
 _EXPRESSION_LENGTH = 42
 _FEWEST_ROWS = 8  # keep bars slim
 _BAR_HEIGHT = 0.2  # [in]
-_ROOM = 1.3  # times the longest bar: room for the number at its end
-_UNIT_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION, GREY)
+_ROOM, _LOG_ROOM = 1.6, 0.5  # for the numbers at its end: times the longest bar, and share of its length
+_UNCLEAR = 100.0  # [%]: from here on the deviation is larger than the parameter
+
+
+@dataclass(frozen=True)
+class RelativeAccuracy:
+    """Predicted accuracy of a base parameter, relative to its size.
+
+    Parameters
+    ----------
+    predicted : PredictedAccuracy
+    percent : float
+        Standard deviation over size [%]; infinite where no size is known.
+    label : str
+        Name and expression, over one or more lines.
+    """
+
+    predicted: PredictedAccuracy
+    percent: float
+    label: str
+
+    @property
+    def text(self) -> str:
+        """Both deviations, with the parameter's unit."""
+        deviation = f"{significant(self.predicted.standard_deviation, 2)} {self.predicted.unit}"
+        known = f"{significant(self.percent, 2)} % ({deviation})"
+        return typeset(known if np.isfinite(self.percent) else f"{deviation}, size not known")
+
+
+def relative_accuracy(design: Design) -> list[RelativeAccuracy]:
+    """Predicted standard deviation of each base parameter over its size, see `base_sizes`.
+
+    Parameters
+    ----------
+    design : Design
+    """
+    base = design.target.base
+    size = dict(zip(base.names, base_sizes(design.target.model, base), strict=True))
+    accuracy = []
+    for p in design.predicted:
+        known = size.get(p.name, np.inf)
+        percent = 100.0 * p.standard_deviation / known if np.isfinite(known) and known > 0.0 else np.inf
+        label = parameter_label(p.name, p.expression, _EXPRESSION_LENGTH, "design.json")
+        accuracy.append(RelativeAccuracy(p, float(percent), label))
+    return accuracy
 
 
 def spectrum_figure(design: Design) -> Figure:
-    """Draw the singular values of W, and the predicted standard deviation of each base parameter.
+    """Draw the singular values of W, and the predicted standard deviation of each base parameter over its size.
 
     Parameters
     ----------
@@ -54,21 +96,27 @@ def spectrum_figure(design: Design) -> Figure:
     Returns
     -------
     Figure
-        The spectrum's panel first, then one or two with the parameters' bars, which share one scale.
+        The spectrum's panel first, then one or two with the parameters' bars, which share one scale. A parameter whose
+        size is not known, such as friction that is not described, has its deviation written instead of a bar.
     """
-    count = len(design.predicted)
+    accuracy = relative_accuracy(design)
+    count = len(accuracy)
+    rows = count if count <= _FEW else -(-count // 2)
+    columns = [accuracy[k : k + rows] for k in range(0, count, rows)]
+    tall = max(row_places([each.label for each in column])[1] for column in columns)
     title = f"{design.robot.name}: predicted accuracy of {count} base parameter{'s' if count != 1 else ''}"
-    if count <= _FEW:
-        figure = figure_of(12.5, max(4.8, 2.0 + 1.25 * _BAR_HEIGHT * count), title)
+    if len(columns) == 1:
+        figure = figure_of(12.5, max(4.8, 2.0 + 1.25 * _BAR_HEIGHT * tall), title)
         spectrum, *bars = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
     else:
-        height = 0.9 + _BAR_HEIGHT * ((count + 1) // 2)
+        height = 0.9 + _BAR_HEIGHT * tall
         figure = figure_of(13.0, 4.2 + height, title)
         (upper,), (lower,) = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.8, height))
         spectrum, bars = upper.subplots(), list(lower.subplots(1, 2))
     _draw_spectrum(spectrum, design.spectrum, design.condition_number)
-    _draw_predictions(bars, design)
-    _unit_legend(figure, _unit_colours(design.predicted))
+    _draw_predictions(bars, columns, max(tall, _FEWEST_ROWS))
+    bars[0].set_title(plain(_explanation(design)), loc="left", fontsize=LABEL, color=DARK)
+    _unit_legend(figure, accuracy)
     return figure
 
 
@@ -95,48 +143,56 @@ def _draw_spectrum(ax: Axes, sigma: Array, condition_number: float) -> None:
     ax.set_title(f"{ratio}\n{convention}", loc="left", fontsize=LABEL, color=DARK)
 
 
-def _draw_predictions(panels: Sequence[Axes], design: Design) -> None:
+def _draw_predictions(panels: Sequence[Axes], columns: Sequence[Sequence[RelativeAccuracy]], tall: float) -> None:
     """Bars in the order of the base, one column after the other, on one scale."""
-    predicted = design.predicted
-    colours = _unit_colours(predicted)
-    deviation = np.array([p.standard_deviation for p in predicted])
-    low, high = float(deviation.min()), float(deviation.max())
-    rows = -(-len(predicted) // len(panels))
-    for k, ax in enumerate(panels):
+    percent = np.array([each.percent for column in columns for each in column])
+    shown = percent[np.isfinite(percent) & (percent > 0.0)]
+    low, high = (float(shown.min()), float(shown.max())) if shown.size else (1.0, _UNCLEAR)
+    for ax, column in zip(panels, columns, strict=True):
         tidy(ax)
         ax.grid(False, axis="y")
-        part = predicted[k * rows : (k + 1) * rows]
-        _draw_bars(ax, part, [colours[p.unit] for p in part])
-        ax.set_ylim(max(rows, _FEWEST_ROWS) - 0.4, -0.6)
-        if low > 0.0 and high > _WIDE * low:
-            log_scale(ax.xaxis, low / 2.0, high * (2.0 * high / low) ** (_ROOM - 1.0))
+        _draw_bars(ax, column)
+        ax.set_ylim(tall, 0.0)
+        if high > _WIDE * low:
+            log_scale(ax.xaxis, low / 2.0, high * (2.0 * high / low) ** _LOG_ROOM)
         else:
             ax.set_xlim(0.0, _ROOM * high)
-        ax.set_xlabel("standard deviation [unit of the parameter]", fontsize=LABEL, color=DARK)
-    text = f"Predicted standard deviation of each base parameter\n{_noise_text(design)}"
-    panels[0].set_title(plain(text), loc="left", fontsize=LABEL, color=DARK)
+        left, right = ax.get_xlim()
+        if high > _UNCLEAR:
+            ax.axvspan(max(left, _UNCLEAR), right, color=FORBIDDEN, linewidth=0, zorder=0.5)
+        ax.set_xlabel("standard deviation / size of the parameter [%]", fontsize=LABEL, color=DARK)
 
 
-def _draw_bars(ax: Axes, part: Sequence[PredictedAccuracy], colours: Sequence[str]) -> None:
-    places = np.arange(len(part))
-    bars = ax.barh(places, [p.standard_deviation for p in part], height=0.62, color=colours)
-    texts = [typeset(f"{significant(p.standard_deviation, 2)} {p.unit}") for p in part]
-    ax.bar_label(bars, texts, padding=3, fontsize=NOTE - 0.5, color=DARK)
-    ax.set_yticks(places, [named_sum(p.name, p.expression, _EXPRESSION_LENGTH) for p in part], fontsize=NOTE)
+def _draw_bars(ax: Axes, column: Sequence[RelativeAccuracy]) -> None:
+    places, _ = row_places([each.label for each in column])
+    for place, each in zip(places, column, strict=True):
+        known = np.isfinite(each.percent)
+        if known:
+            ax.barh([place], [each.percent], height=0.62, **unit_style(each.predicted.unit))
+        where: dict[str, Any] = {"xycoords": "data" if known else ("axes fraction", "data"), "va": "center"}
+        style: dict[str, Any] = {
+            "textcoords": "offset points",
+            "fontsize": NOTE - 0.5,
+            "color": DARK if known else GREY,
+        }
+        ax.annotate(each.text, (each.percent if known else 0.0, place), (3, 0), **where, **style)
+    ax.set_yticks(places, [each.label for each in column], fontsize=NOTE)
     ax.tick_params(axis="y", length=0)
 
 
-def _unit_legend(figure: Figure, colours: dict[str, str]) -> None:
-    handles = [Patch(color=colour, label=typeset(unit)) for unit, colour in colours.items()]
+def _unit_legend(figure: Figure, accuracy: Sequence[RelativeAccuracy]) -> None:
+    handles = unit_patches(each.predicted.unit for each in accuracy)
+    if any(np.isfinite(each.percent) and each.percent > _UNCLEAR for each in accuracy):
+        handles.append(Patch(color=FORBIDDEN, label="deviation larger than the size"))
     place: dict[str, Any] = {"loc": "outside lower center", "ncols": len(handles), "frameon": False}
     figure.legend(handles=handles, title="unit of the parameter", title_fontsize=NOTE, fontsize=NOTE, **place)
 
 
-def _unit_colours(predicted: Sequence[PredictedAccuracy]) -> dict[str, str]:
-    units = list(dict.fromkeys(p.unit for p in predicted))
-    return {unit: _UNIT_COLOURS[k % len(_UNIT_COLOURS)] for k, unit in enumerate(units)}
-
-
-def _noise_text(design: Design) -> str:
-    """Text of the noise for which the deviations are predicted."""
-    return f"for {noise_text(design.task.objective.noise, design.target.model)}, independent in {design.rows} rows"
+def _explanation(design: Design) -> str:
+    """What is drawn, for which noise, and where the sizes come from."""
+    noise = noise_text(design.task.objective.noise, design.target.model)
+    return (
+        "Predicted standard deviation of each base parameter, over its size\n"
+        f"for {noise}, independent in {design.rows} rows\n"
+        "size: as described, plausible for the robot where it is not"
+    )

@@ -82,35 +82,6 @@ def significant(value: float, digits: int) -> str:
     return f"{value:.{max(0, digits - 1 - exponent)}f}" if -4 <= exponent < 6 else f"{value:.{digits - 1}e}"
 
 
-def shortened(text: str, length: int) -> str:
-    """Text of at most ``length`` characters, cut between the terms of a sum where that keeps more than half.
-
-    Parameters
-    ----------
-    text : str
-    length : int
-        At least 3.
-    """
-    if len(text) <= length:
-        return text
-    cut = text[: length - 1]
-    end = max(cut.rfind(" + "), cut.rfind(" - "))
-    return (cut[:end] + " " if end > length // 2 else cut) + "\N{HORIZONTAL ELLIPSIS}"
-
-
-def named_sum(name: str, expression: str, length: int) -> str:
-    """Expression of a base parameter, preceded by its name unless the sum begins with it.
-
-    Parameters
-    ----------
-    name, expression : str
-    length : int
-        Largest length of the text.
-    """
-    begins = expression == name or expression.startswith(f"{name} ")
-    return typeset(shortened(expression if begins else f"{name} = {expression}", length))
-
-
 def log_scale(axis: XAxis | YAxis, lowest: float, highest: float) -> None:
     """Set a logarithmic scale with plain numbers, more per decade the fewer decades there are.
 

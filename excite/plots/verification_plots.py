@@ -12,13 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.plots.equation_text import error_note, error_text, label_equation, relative_error
+from excite.plots.equation_text import error_text, relative_error
 from excite.plots.figure_files import write_figure_files
+from excite.plots.fit_panels import MEASURED, PREDICTED, draw_fit, fit_legend, fit_panel
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.style import (
-    BLUE,
     DARK,
-    GREY,
     LABEL,
     NOTE,
     ORANGE,
@@ -26,12 +25,11 @@ from excite.plots.style import (
     SKY,
     VERMILLION,
     figure_of,
-    shortened,
     significant,
     tidy,
     typeset,
 )
-from excite.plots.timeline import BINS, Timeline, extremes
+from excite.plots.timeline import BINS, Timeline, ends, extremes
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -39,11 +37,12 @@ if TYPE_CHECKING:
     from excite.simulation.replay import Replay
     from excite.verification.verification import Verification
 
-_PARTS = (
-    ("noise", SKY, "noise of the measurement"),
-    ("standstill", ORANGE, "static friction at standstill"),
-    ("systematic", VERMILLION, "the model (friction, gains, flexibility)"),
+_PARTS: tuple[tuple[str, dict[str, Any], str], ...] = (
+    ("noise", {"facecolor": SKY}, "noise of the measurement"),
+    ("standstill", {"facecolor": ORANGE, "hatch": "////"}, "static friction at standstill"),
+    ("systematic", {"facecolor": VERMILLION}, "the model (friction, gains, flexibility)"),
 )
+_EDGE: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.6}
 _DOT = 2.2  # [pt]
 _NUMBERS = 8  # on an axis of time
 _NAME_LENGTH = 50
@@ -60,32 +59,20 @@ def predicted_torques_figure(verification: Verification) -> Figure:
     Returns
     -------
     Figure
-        One panel per equation.
+        Two panels per equation: measured and predicted torques, and below them their difference on its own scale.
     """
     v = verification
     count = len(v.equations)
     title = f"{_name(v)}: predicted within {relative_error(v.measured, v.predicted)} over all equations"
     if v.training_error is not None:
         title += f" (training logs: {significant(100 * v.training_error, 3)} %)"
-    figure, rows = panels(count, Panel((10.5,), 1.4 if count > 1 else 3.0), title)
+    figure, rows = panels(count, fit_panel(count), title)
     log = np.zeros(v.time.size, dtype=np.intp)
     timeline = Timeline.of([""], v.time, log)
-    for j, ((name, unit), (ax,)) in enumerate(zip(v.equations, rows, strict=True)):
-        measured, predicted = v.measured[:, j], v.predicted[:, j]
-        ax.plot(*timeline.curve(v.time, log, measured), color=GREY, linewidth=1.8)
-        ax.plot(*timeline.curve(v.time, log, measured - predicted), color=VERMILLION, linewidth=0.7)
-        ax.plot(*timeline.curve(v.time, log, predicted), color=BLUE, linewidth=0.9)
-        timeline.dress(ax, bottom=j == count - 1)
-        label_equation(ax, unit)
-        head(ax, name, *error_note(measured, predicted, unit))
-    legend_below(
-        figure,
-        [
-            Line2D([], [], color=GREY, linewidth=1.8, label="measured"),
-            Line2D([], [], color=BLUE, linewidth=0.9, label="predicted"),
-            Line2D([], [], color=VERMILLION, linewidth=0.7, label="measured less predicted"),
-        ],
-    )
+    for j, (equation, (ax,)) in enumerate(zip(v.equations, rows, strict=True)):
+        fit = v.measured[:, j], v.predicted[:, j]
+        draw_fit(ax, timeline, v.time, log, fit, equation, bottom=j == count - 1)
+    legend_below(figure, fit_legend(v.time.size, "predicted"))
     return figure
 
 
@@ -117,8 +104,8 @@ def simulated_motion_figure(verification: Verification) -> Figure:
     failed = "" if replay.failed_at is None else f"failed at {replay.failed_at:.3f} s: {replay.outcome.value}"
     for j, (name, (over, beside)) in enumerate(zip(joints, rows, strict=True)):
         bottom, unit = j == len(joints) - 1, "rad or m" if errors is None else errors[j].unit
-        _draw(over, samples.time, samples.q[:, j], whole, bottom, color=GREY, linewidth=1.8)
-        _draw(over, replay.time, replay.q[:, j], replay.bounds, bottom, color=BLUE, linewidth=0.9)
+        _draw(over, samples.time, samples.q[:, j], whole, bottom, **MEASURED)
+        _draw(over, replay.time, replay.q[:, j], replay.bounds, bottom, **PREDICTED)
         beside.axhline(0.0, color=DARK, linewidth=0.6)
         _draw(beside, replay.time, difference[:, j], replay.bounds, bottom, color=VERMILLION, linewidth=0.9)
         for ax, values in ((over, replay.q[:, j]), (beside, difference[:, j])):
@@ -153,8 +140,8 @@ def _motion_legend(replay: Replay) -> list[Line2D]:
     how = "every {} s where it is simulated" if replay.left_out else "anew every {} s"
     anew = "starts at the measured state" + ("" if window is None else f", {how.format(significant(window, 2))}")
     handles = [
-        Line2D([], [], color=GREY, linewidth=1.8, label="measured"),
-        Line2D([], [], color=BLUE, linewidth=0.9, label="simulated"),
+        Line2D([], [], **MEASURED, label="measured"),
+        Line2D([], [], **PREDICTED, label="simulated"),
         Line2D([], [], color=VERMILLION, linewidth=0.9, label="simulated less measured"),
         Line2D([], [], color=DARK, marker="o", markersize=_DOT, linestyle="", label=anew),
     ]
@@ -164,7 +151,7 @@ def _motion_legend(replay: Replay) -> list[Line2D]:
 
 
 def _name(verification: Verification) -> str:
-    return shortened(PurePath(verification.prepared.log.source).name, _NAME_LENGTH)
+    return ends(PurePath(verification.prepared.log.source).name, _NAME_LENGTH)
 
 
 def error_parts_figure(verification: Verification) -> Figure:
@@ -188,9 +175,9 @@ def error_parts_figure(verification: Verification) -> Figure:
     ax.grid(False, axis="y")
     places = np.arange(len(torques))
     begin = np.zeros(len(torques))
-    for name, colour, _ in _PARTS:
+    for name, look, _ in _PARTS:
         share = np.array([100.0 * float(getattr(torque, name)) for torque in torques])
-        ax.barh(places, share, left=begin, height=0.62, color=colour, edgecolor="white", linewidth=0.6)
+        ax.barh(places, share, left=begin, height=0.62, **look, **_EDGE)
         for place, left, wide in zip(places, begin, share, strict=True):
             if wide > 100.0 * _READABLE:
                 text = f"{wide:.0f} %"
@@ -206,7 +193,7 @@ def error_parts_figure(verification: Verification) -> Figure:
     ax.set_xlim(0.0, 100.0)
     ax.tick_params(axis="y", length=0)
     ax.set_xlabel("part of the mean squared error [%]", fontsize=LABEL, color=DARK)
-    handles = [Patch(color=colour, label=meaning) for _, colour, meaning in _PARTS]
+    handles = [Patch(**look, **_EDGE, label=meaning) for _, look, meaning in _PARTS]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=LABEL, frameon=False)
     return figure
 

@@ -1,30 +1,44 @@
-"""Path of the tool and obstacles, seen along each axis of the base."""
+"""Path of the tool, poses along the motion, and obstacles, seen along each axis of the base."""
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
-from constraints.collision.geometry import Box, Capsule, HalfSpace, Shape
+from constraints.collision.collision_limits import Clearance
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Shape
 from excite.design.design import Design
 from excite.plots.panels import Panel, legend_below, panels, value_axis
-from excite.plots.style import BLUE, DARK, FORBIDDEN, GREY, LABEL, VERMILLION
+from excite.plots.style import BLUE, DARK, FORBIDDEN, LABEL, NOTE, VERMILLION, plain, significant
 from excite.trajectories.sequence import whole_pose
 from regressors.robot.robot import BASE, Robot
 from regressors.samples import Array
 
 _VIEWS = ((0, 1), (0, 2), (1, 2))
 _AXES = "xyz"
-_ROUND = 48  # corners of a circle
-_MARGIN = 0.1  # m
+_ROUND = 24  # corners of a circle
+_POSES = 6
+_MARGIN = 0.05  # of the view
+_HUGE = 3.0  # bodies and planes that would make the view so many times larger are cut
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+_LETTERS = 150  # of a line of notes
+_SOME: dict[str, Any] = {"facecolor": "none", "edgecolor": "#ABABAB", "linewidth": 0.6}
+_NEAREST: dict[str, Any] = {"facecolor": "none", "edgecolor": DARK, "linewidth": 1.2}
+_PATH: dict[str, Any] = {"color": BLUE, "linewidth": 1.4}
+_SOLID: dict[str, Any] = {"facecolor": FORBIDDEN, "edgecolor": VERMILLION, "linewidth": 0.8}
 
 
 def workspace_figure(design: Design) -> Figure:
-    """Draw the path of the tool, the robot's capsules at the start, and the obstacles, in three projections.
+    """Draw the path of the tool, the robot's capsules in several poses, and the obstacles, in three projections.
 
     Parameters
     ----------
@@ -34,45 +48,128 @@ def workspace_figure(design: Design) -> Figure:
     Returns
     -------
     Figure
-        Planes are drawn only in views that show them edge-on.
+        The views hold the path, all poses, and every obstacle as a whole; one that would make them more than three
+        times larger is cut, and named below. The pose where two bodies come nearest to each other is dark. Planes are
+        drawn only in views that show them edge-on.
     """
     world = design.task.limits.known_world
     assert world is not None
     robot = design.task.limits.applied(design.robot)
-    poses = link_poses(robot, whole_pose(robot, design.moving.joint_names, design.samples.q))
+    samples = design.samples
+    poses = link_poses(robot, whole_pose(robot, design.moving.joint_names, samples.q))
     last = poses[robot.links[-1].name]
     path = last[:, :3, :3] @ np.array(design.task.limits.tool_point) + last[:, :3, 3]
-    links = [_moved(part.capsule, poses[part.link][0]) for part in world.parts if part.link in poses]
-    figure, axes = panels(1, Panel(widths=(3.6,) * 3, height=3.6), f"{design.robot.name}: tool and obstacles")
-    middle, half = _cube(path, links)
-    for ax, view in zip(axes[0], _VIEWS, strict=True):
+    nearest = _nearest_time(design)
+    shown = [*np.linspace(0, len(path) - 1, _POSES + 1).round().astype(int)[:-1].tolist()]
+    shown += [] if nearest is None else [int(np.argmin(np.abs(samples.time - nearest)))]
+    links = [[_moved(part.capsule, poses[part.link][k]) for part in world.parts if part.link in poses] for k in shown]
+    view = _View.of(path, [capsule for pose in links for capsule in pose], world.obstacles)
+    notes = textwrap.wrap("; ".join(view.notes), _LETTERS)
+    panel = Panel(widths=(3.6,) * 3, height=3.6, below=0.95 + 0.16 * len(notes))
+    figure, axes = panels(1, panel, f"{design.robot.name}: tool and obstacles")
+    for ax, plane in zip(axes[0], _VIEWS, strict=True):
         for obstacle in world.obstacles:
-            _obstacle(ax, obstacle.shape, view, 10 * half)
-        for capsule in links:
-            ax.add_patch(Polygon(_outline(capsule, view), facecolor="none", edgecolor=GREY, linewidth=0.8))
-        ax.plot(path[:, view[0]], path[:, view[1]], color=BLUE, linewidth=1.0)
-        ax.set_aspect("equal", adjustable="box")
-        ax.set_xlim(middle[view[0]] - half, middle[view[0]] + half)
-        ax.set_ylim(middle[view[1]] - half, middle[view[1]] + half)
-        ax.set_xlabel(f"{_AXES[view[0]]} [m]", fontsize=LABEL, color=DARK)
-        value_axis(ax, f"{_AXES[view[1]]} [m]")
-    legend_below(
-        figure,
-        [
-            Line2D([], [], color=BLUE, linewidth=1.0, label="path of the tool"),
-            Line2D([], [], color=GREY, linewidth=0.8, label="links where the motion starts"),
-            Patch(facecolor=FORBIDDEN, edgecolor=VERMILLION, label="obstacles"),
-        ],
-    )
+            _draw_obstacle(ax, obstacle.shape, plane, 10 * view.half)
+        for k, pose in enumerate(links):
+            style = _SOME if k < _POSES else _NEAREST
+            for capsule in pose:
+                ax.add_patch(Polygon(_outline(capsule, plane), **style))
+        ax.plot(path[:, plane[0]], path[:, plane[1]], **_PATH)
+        view.apply(ax, plane)
+    legend_below(figure, _legend(nearest))
+    height = figure.get_figheight()
+    style = {"ha": "center", "va": "bottom", "fontsize": NOTE, "color": DARK}
+    figure.text(0.5, 0.36 / height, plain("\n".join(notes)), **style)
     return figure
 
 
-def _cube(path: Array, links: list[Capsule]) -> tuple[Array, float]:
-    """Centre and half side of the cube that all views show, around the path and the links."""
-    ends = [(np.array(end), capsule.radius) for capsule in links for end in (capsule.start, capsule.end)]
-    low = np.min([path.min(axis=0), *(end - radius for end, radius in ends)], axis=0)
-    high = np.max([path.max(axis=0), *(end + radius for end, radius in ends)], axis=0)
-    return (low + high) / 2, float((high - low).max()) / 2 + _MARGIN
+def _nearest_time(design: Design) -> float | None:
+    """When two bodies come nearest to each other [s]."""
+    labels = {label for limit in design.nonlinear if isinstance(limit, Clearance) for label in limit.labels}
+    uses = [use for use in design.limits if use.label in labels]
+    return min(uses, key=lambda use: use.extreme).time if uses else None
+
+
+def _legend(nearest: float | None) -> list[Artist]:
+    near = [] if nearest is None else [f"where two bodies are nearest, at {significant(nearest, 3)} s"]
+    return [
+        Line2D([], [], **_PATH, label="path of the tool"),
+        Patch(**_SOME, label=f"links at {_POSES} equally spaced instants"),
+        *(Patch(**_NEAREST, label=text) for text in near),
+        Patch(**_SOLID, label="obstacles"),
+    ]
+
+
+@dataclass(frozen=True)
+class _View:
+    """The cube that all views show.
+
+    Parameters
+    ----------
+    middle : ndarray, shape (3,)
+        [m]
+    half : float
+        Half of its side [m].
+    notes : tuple of str
+        Obstacles that it does not show, or not as a whole.
+    """
+
+    middle: Array
+    half: float
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, path: Array, links: Sequence[Capsule], obstacles: Sequence[Obstacle]) -> _View:
+        """The smallest cube around the path, the links, and every obstacle that is not far too large for it."""
+        corners = np.vstack([path, *(_extent(capsule) for capsule in links)])
+        least, most = corners.min(axis=0), corners.max(axis=0)
+        largest = _HUGE * float((most - least).max())
+        low, high, cut, tilted = least, most, [], []
+        for obstacle in obstacles:
+            ends = np.array(list(_points_in_view(obstacle.shape, 0.5 * (least + most))))
+            if not ends.size:
+                tilted.append(obstacle.name)
+                continue
+            lower, upper = ends.min(axis=0), ends.max(axis=0)
+            if float((np.maximum(most, upper) - np.minimum(least, lower)).max()) > largest:
+                cut.append(obstacle.name)
+            else:
+                low, high = np.minimum(low, lower), np.maximum(high, upper)
+        notes = [f"too large or too far off to be shown as a whole: {', '.join(cut)}"] if cut else []
+        notes += [f"not drawn, as planes that no view shows edge-on: {', '.join(tilted)}"] if tilted else []
+        half = (0.5 + _MARGIN) * float((high - low).max())
+        return cls(0.5 * (low + high), half, tuple(notes))
+
+    def apply(self, ax: Axes, plane: tuple[int, int]) -> None:
+        """Set a panel's ranges and labels."""
+        (x0, y0), half = self.middle[list(plane)], self.half
+        ax.set_aspect("equal", adjustable="box")
+        ax.set_xlim(x0 - half, x0 + half)
+        ax.set_ylim(y0 - half, y0 + half)
+        ax.set_xlabel(f"{_AXES[plane[0]]} [m]", fontsize=LABEL, color=DARK)
+        value_axis(ax, f"{_AXES[plane[1]]} [m]")
+
+
+def _extent(capsule: Capsule) -> Array:
+    """Opposite corners of the box around a capsule, shape (2, 3)."""
+    ends = np.array([capsule.start, capsule.end])
+    return np.array([ends.min(axis=0) - capsule.radius, ends.max(axis=0) + capsule.radius])
+
+
+def _points_in_view(shape: Shape, near: Array) -> Iterator[Array]:
+    """Points that a view must hold to show a shape: its corners, or a point of a plane that a view shows edge-on."""
+    if isinstance(shape, HalfSpace):
+        normal = np.array(shape.normal)
+        if any(_is_edge_on(normal, view) for view in _VIEWS):
+            yield near + (shape.offset - normal @ near) * normal
+    elif isinstance(shape, Box):
+        yield from _CORNERS * shape.size @ shape.rotation.T + shape.centre
+    else:
+        yield from _extent(shape)
+
+
+def _is_edge_on(normal: Array, view: tuple[int, int]) -> bool:
+    return abs(float(np.linalg.norm(normal[list(view)])) - 1.0) <= 1e-9
 
 
 def link_poses(robot: Robot, q: Array) -> dict[str, Array]:
@@ -125,13 +222,13 @@ def _hull(points: Array) -> list[int]:
     return hull
 
 
-def _obstacle(ax: Axes, shape: Shape, view: tuple[int, int], far: float) -> None:
+def _draw_obstacle(ax: Axes, shape: Shape, view: tuple[int, int], far: float) -> None:
     if isinstance(shape, HalfSpace):
-        normal = np.array(shape.normal)[list(view)]
-        if abs(np.linalg.norm(normal) - 1.0) > 1e-9:
+        if not _is_edge_on(np.array(shape.normal), view):
             return
+        normal = np.array(shape.normal)[list(view)]
         edge, along = shape.offset * normal, far * np.array([-normal[1], normal[0]])
         corners = np.array([edge + along, edge - along, edge - along - far * normal, edge + along - far * normal])
     else:
         corners = _outline(shape, view)
-    ax.add_patch(Polygon(corners, facecolor=FORBIDDEN, edgecolor=VERMILLION, linewidth=0.8, zorder=0.5))
+    ax.add_patch(Polygon(corners, **_SOLID, zorder=0.5))

@@ -35,6 +35,7 @@ _TITLES = {
     "torques.png": "Measured and predicted",
     "residuals.png": "Residuals",
     "estimates.png": "Estimates over time",
+    "repetitions.png": "Repetitions in simulation and predicted intervals",
 }
 
 

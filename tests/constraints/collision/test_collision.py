@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,9 @@ import pytest
 from coal_distances import clearance
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.patches import Polygon
 from slow_dynamics import random_chain
 
 from constraints.bounds.certificate import ENCLOSED
@@ -28,7 +32,8 @@ from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import design_content
 from excite.files.task_file import task_from_options
 from excite.plots import clearance_figure, write_figures
-from excite.plots.workspace_plot import link_poses
+from excite.plots.style import VERMILLION
+from excite.plots.workspace_plot import _NEAREST, _POSES, _SOME, link_poses, workspace_figure
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
@@ -384,12 +389,73 @@ def test_figures_show_the_nearest_pairs_and_the_obstacles(tmp_path: Path) -> Non
     files = write_figures(design, tmp_path)
     assert {path.name for path in files} >= {"clearance.png", "workspace.png"}
     figure = clearance_figure(design)
-    panels = [ax for ax in figure.axes if ax.lines]
+    *panels, overview = [ax for ax in figure.axes if ax.lines]
     uses = sorted((use for use in design.limits if " to " in use.label), key=lambda use: use.extreme)
     assert [ax.get_title("left") for ax in panels] == [use.label for use in uses[: len(panels)]]
+    assert overview.get_title("left") == f"nearest: {uses[0].label}"
     for ax, use in zip(panels, uses, strict=False):
         drawn = ax.lines[0].get_ydata()
         assert np.min(drawn) >= 1e3 * use.extreme - 1e-6
+        above = len(panels) - 1 if use is uses[0] else uses.index(use) - 1  # the nearest is drawn last, on top
+        np.testing.assert_array_equal(overview.lines[above].get_ydata(), drawn)
+
+
+def test_distances_have_one_scale_on_which_the_nearest_pair_is_the_lowest() -> None:
+    figure = clearance_figure(designed(ROOM))
+    *panels, overview = [ax for ax in figure.axes if ax.lines]
+    assert len({ax.get_ylim() for ax in (*panels, overview)}) == 1
+    assert {ax.get_yscale() for ax in (*panels, overview)} == {"symlog"}
+    lowest = [ax.lines[0].get_ydata().min() for ax in panels]
+    to_panel = panels[0].transData + panels[0].transAxes.inverted()
+    heights = [float(to_panel.transform((0.0, y))[1]) for y in (20.0, *lowest)]
+    assert np.array_equal(np.argsort(heights[1:]), np.argsort(lowest))
+    assert 0.1 < heights[0] < 0.5, "the clearance is neither hidden nor all of the panel"
+
+
+def outlines(ax: Axes, colour: object) -> list[np.ndarray]:
+    edge = to_rgba(colour)  # type: ignore[arg-type]
+    return [np.asarray(p.get_xy()) for p in ax.patches if isinstance(p, Polygon) and p.get_edgecolor() == edge]
+
+
+@pytest.mark.parametrize("far", [0.0, 0.9])
+def test_workspace_shows_every_object_and_pose_as_a_whole(far: float) -> None:
+    shelf = Obstacle("shelf", Box((-0.6 - far, 0.2 + far, 0.9), (0.4, 0.6, 0.05), (0.1, 0.2, 0.3)))
+    ball = Obstacle("ball $b$", Capsule((0.9 + far, 0.9, 0.2), (0.9 + far, 0.9, 0.2), 0.15))
+    world = World(ARM, (TABLE, shelf, ball, Obstacle("wall", HalfSpace((0.0, -1.0, 0.0), -0.8 - far))), clearance=0.02)
+    design = designed(ROOM)
+    design = dataclasses.replace(design, task=design.task.changed(world=world))
+    figure = workspace_figure(design)
+    poses = _POSES + 1
+    for ax, view in zip(figure.axes, ((0, 1), (0, 2), (1, 2)), strict=True):
+        (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
+        shown = [*outlines(ax, _SOME["edgecolor"]), *outlines(ax, _NEAREST["edgecolor"]), ax.lines[0].get_xydata()]
+        assert len(shown) == poses * len(ARM) + 1
+        solid = outlines(ax, VERMILLION)
+        planes = [xy for xy in solid if np.ptp(xy) > 5]
+        shown += [xy for xy in solid if np.ptp(xy) <= 5]
+        for xy in shown:
+            assert x0 <= xy[:, 0].min() <= xy[:, 0].max() <= x1
+            assert y0 <= xy[:, 1].min() <= xy[:, 1].max() <= y1
+        assert len(solid) - len(planes) == 2
+        assert len(planes) == {(0, 1): 1, (0, 2): 1, (1, 2): 2}[view]
+        for xy in planes:  # their edges are in view
+            assert np.any((x0 < xy[:, 0]) & (xy[:, 0] < x1)) or np.any((y0 < xy[:, 1]) & (xy[:, 1] < y1))
+        links = outlines(ax, _SOME["edgecolor"])
+        assert np.ptp([xy.mean(axis=0) for xy in links[len(ARM) - 1 :: len(ARM)]], axis=0).max() > 0.1
+
+
+def test_what_would_dwarf_the_robot_is_named_and_the_view_stays() -> None:
+    design = designed(ROOM)
+    slab = Obstacle("hall", Box((0.0, 0.0, -1.5), (40.0, 40.0, 1.0)))
+    tilted = Obstacle("ramp", HalfSpace((0.6, 0.48, 0.64), -3.0))
+    figures = [
+        workspace_figure(dataclasses.replace(design, task=design.task.changed(world=World(ARM, obstacles))))
+        for obstacles in ((TABLE,), (TABLE, slab, tilted))
+    ]
+    assert [ax.get_xlim() for ax in figures[0].axes] == [ax.get_xlim() for ax in figures[1].axes]
+    text = " ".join(text.get_text() for text in figures[1].texts)
+    assert "too large or too far off to be shown as a whole: hall" in text
+    assert "not drawn, as planes that no view shows edge-on: ramp" in text
 
 
 def test_poses_of_links_are_those_of_pinocchio() -> None:

@@ -22,6 +22,7 @@ from excite.logs.log_reading import read_log
 from excite.logs.log_writing import write_log
 from excite.logs.sidecar import write_sidecar
 from excite.montecarlo import repetition
+from excite.storage.manifest import read_manifest
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 
@@ -367,6 +368,8 @@ def test_repetitions_join_the_result(here: Here) -> None:
     assert ended.returncode == 0
     assert ended.stderr == "excite: 30 of 30 repetitions\n"
     assert "30 repetitions in simulation, seed 3" in ended.stdout
+    assert "out: repetitions.png, result.json" in ended.stdout
+    assert "repetitions.png" in read_manifest(here.cwd / "out")["result"].files
     found = json.loads((here.cwd / "out" / "result.json").read_text())["repetitions"]
     assert (found["count"], found["seed"]) == (30, 3)
     stated = {
@@ -398,3 +401,4 @@ def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatc
     ]
     assert "13 base parameters" in ended.stdout
     assert "repetitions" not in json.loads((here.cwd / "out" / "result.json").read_text())
+    assert not (here.cwd / "out" / "repetitions.png").exists()

@@ -14,7 +14,7 @@ import excite
 from constraints.feasibility.diagnosis import ContradictionError
 from excite.design.formulation import formulate
 from excite.design.stated_limits import shape_of
-from excite.design.unchecked import Unchecked, kept_text
+from excite.design.unchecked import Unchecked, checked_text, kept_text
 from excite.files.design_json import load_design
 from excite.files.task_file import task_content, task_from_options
 from regressors.errors import InputError
@@ -104,6 +104,29 @@ def test_nothing_to_say_is_said_plainly() -> None:
     assert kept_text(()) == "every limit is kept"
     text = kept_text((Unchecked("jerk", "no limit is stated"), Unchecked("obstacles", "why")))
     assert text == "every limit that was checked is kept; not checked: jerk (no limit is stated), obstacles (why)"
+
+
+def test_what_was_checked_is_counted_by_kind() -> None:
+    labels = (
+        *("joint q1 position", "drive z1 position", "joint a to b velocity", "drive z1 acceleration", "joint q1 jerk"),
+        *("joint q1 torque", "drive z1 power", "tool x", "tool speed", "link_5 to table", "tool to post", "own limit"),
+    )
+    kinds = "position (2), velocity (1), acceleration (1), jerk (1), torque (1), power (1), tool (2), distance (2)"
+    assert checked_text(labels) == f"{kinds}, other (1)"
+    assert checked_text(()) == ""
+    assert kept_text((), ("joint q1 torque",)) == "every limit is kept; checked: torque (1)"
+    text = kept_text((Unchecked("jerk", "no limit is stated"),), ("tool z",))
+    end = "not checked: jerk (no limit is stated); checked: tool (1)"
+    assert text == f"every limit that was checked is kept; {end}"
+
+
+def test_the_verdict_says_what_the_designs_limits_are() -> None:
+    made = excite.design_trajectory(excite.Task("irp6", starts=1, harmonics=2, executor="serial"))
+    assert made.feasible
+    assert {use.label.split()[-1] for use in made.limits} == {"position", "velocity", "acceleration", "torque"}
+    assert checked_text(use.label for use in made.limits) == (
+        "position (5), velocity (4), acceleration (4), torque (5)"
+    )
 
 
 def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:

@@ -33,10 +33,12 @@ from excite.plots import (
     write_identification_figures,
     write_verification_figures,
 )
+from excite.plots.envelope import DENSE, PERCENTILES, draw_values, envelope
 from excite.plots.estimates_plot import settled_range
+from excite.plots.fit_panels import MEASURED, PREDICTED
 from excite.plots.identification_plots import autocorrelation
 from excite.plots.parameters_plot import decimal, differences
-from excite.plots.style import BAND, BLUE, DARK, GREY, VERMILLION
+from excite.plots.style import BAND, BLUE, DARK, FORBIDDEN, VERMILLION
 from excite.plots.timeline import BINS, Timeline, ends, extremes
 from excite.simulation.replay import Outcome, Replay
 from excite.tasks.task import Task
@@ -117,6 +119,9 @@ def curve(ax: Axes, colour: str) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
+MEASURED_COLOUR, PREDICTED_COLOUR = MEASURED["color"], PREDICTED["color"]
+
+
 def legend_texts(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
@@ -131,26 +136,45 @@ def texts_of(figure: Figure) -> list[str]:
 def test_torques_are_the_measured_and_predicted_rows_of_each_equation(result: Identification) -> None:
     figure = torques_figure(result)
     observations = result.observations
-    assert len(figure.axes) == len(EQUATIONS)
-    for j, ax in enumerate(figure.axes):
+    assert len(figure.axes) == 2 * len(EQUATIONS)
+    for j, (ax, below) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):
         own = np.arange(observations.y.size) % 3 == j
-        np.testing.assert_array_equal(curve(ax, GREY), observations.y[own])
-        np.testing.assert_allclose(curve(ax, BLUE), observations.W[own] @ result.estimate.values, rtol=1e-13)
+        np.testing.assert_array_equal(curve(ax, MEASURED_COLOUR), observations.y[own])
+        np.testing.assert_allclose(
+            curve(ax, PREDICTED_COLOUR), observations.W[own] @ result.estimate.values, rtol=1e-13
+        )
         e = observations.y[own] - observations.W[own] @ result.estimate.values
+        np.testing.assert_allclose(curve(below, DARK), e, rtol=0, atol=1e-12)
+        assert below.get_xlim() == ax.get_xlim()
         ratio = 100 * np.linalg.norm(e) / np.linalg.norm(observations.y[own])
         note = ax.get_title(loc="right")
         assert float(note.removeprefix("rms error ").split()[0]) == pytest.approx(np.sqrt(np.mean(e**2)), rel=5e-3)
         assert float(note.split(": ")[1].removesuffix(" %")) == pytest.approx(ratio, rel=5e-3)
         assert ax.get_title(loc="left") == EQUATIONS[j][0]
-    assert [ax.get_ylabel() for ax in figure.axes] == ["torque [Nm]", "torque [Nm]", "force [N]"]
-    assert legend_texts(figure) == ["measured", "predicted by the estimate"]
+    assert [ax.get_ylabel() for ax in figure.axes[::2]] == ["torque [Nm]", "torque [Nm]", "force [N]"]
+    assert legend_texts(figure) == ["measured", "predicted by the estimate", "residual"]
+
+
+def test_measurement_is_seen_beside_a_prediction_that_equals_it(result: Identification) -> None:
+    exact = dataclasses.replace(result.observations, y=result.observations.W @ result.estimate.values)
+    ax = torques_figure(dataclasses.replace(result, observations=exact)).axes[0]
+    measured, predicted = (line for line in ax.lines if len(line.get_xdata()) > 2)
+    assert (measured.get_color(), predicted.get_color()) == (MEASURED_COLOUR, PREDICTED_COLOUR)
+    assert measured.get_linewidth() >= 3 * predicted.get_linewidth()
+    assert measured.get_zorder() <= predicted.get_zorder()
+    grey = [rgb_to_grey(line.get_color()) for line in (measured, predicted)]
+    assert grey[0] - grey[1] > 0.3  # in print without colours too
+
+
+def rgb_to_grey(colour: object) -> float:
+    return float(np.dot(to_rgba(colour)[:3], (0.299, 0.587, 0.114)))  # type: ignore[arg-type]
 
 
 def test_logs_stand_apart_and_keep_their_own_times(result: Identification) -> None:
     figure = torques_figure(result)
-    ax = figure.axes[-1]
+    above, ax = figure.axes[-2:]
     (band,) = [p for p in ax.patches if isinstance(p, Rectangle)]
-    (line,) = [line for line in ax.lines if line.get_color() == GREY]
+    (line,) = [line for line in above.lines if line.get_color() == MEASURED_COLOUR]
     places = np.asarray(line.get_xdata())
     assert places[COUNTS[0] - 1] == pytest.approx(band.get_x())
     assert places[-COUNTS[1]] == pytest.approx(band.get_x() + band.get_width())
@@ -169,7 +193,7 @@ def test_an_equation_on_which_nothing_was_measured_has_no_ratio(result: Identifi
     observations = result.observations
     silent = dataclasses.replace(observations, y=np.where(observations.equation == 2, 0.0, observations.y))
     figure = torques_figure(dataclasses.replace(result, observations=silent))
-    assert figure.axes[2].get_title(loc="right").endswith("undefined")
+    assert figure.axes[4].get_title(loc="right").endswith("undefined")
 
 
 @pytest.mark.parametrize("draw", [torques_figure, residuals_figure])
@@ -180,7 +204,7 @@ def test_one_equation_of_one_log(result: Identification, draw: object) -> None:
     assert callable(draw)
     figure = draw(dataclasses.replace(result, observations=cut))
     assert figure.axes[0].get_ylabel() == "work [J]"
-    assert figure.axes[0].get_xlabel() == "time in one [s]"
+    assert "time in one [s]" in [ax.get_xlabel() for ax in figure.axes]
 
 
 def test_residuals_and_their_autocorrelation_are_drawn(result: Identification) -> None:
@@ -191,12 +215,74 @@ def test_residuals_and_their_autocorrelation_are_drawn(result: Identification) -
         over_time, over_lag = figure.axes[2 * j : 2 * j + 2]
         own = observations.equation == j
         e = observations.y[own] - observations.W[own] @ result.estimate.values
-        np.testing.assert_allclose(curve(over_time, BLUE), e, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(curve(over_time, DARK), e, rtol=0, atol=1e-12)
         (line,) = [line for line in over_lag.lines if line.get_color() == BLUE]
         np.testing.assert_allclose(line.get_xdata(), STEP * np.arange(7), rtol=1e-9)
         (band,) = [p for p in over_lag.patches if p.get_facecolor() == to_rgba(BAND)]
         assert band.get_height() == pytest.approx(2 * 2.5758 / np.sqrt(sum(COUNTS)))
     assert figure.axes[-1].get_xlabel() == "lag [s]"
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_dense_log_is_drawn_as_bands_that_hold_every_value(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    counts = (int(rng.integers(DENSE, 20_000)), int(rng.integers(1, 900)))
+    time = np.concatenate([3.0 + 0.002 * np.arange(counts[0]), 0.01 * np.arange(counts[1])])
+    log, values = np.repeat([0, 1], counts), rng.standard_t(3, sum(counts))
+    timeline, ax = Timeline.of(["a", "b"], time, log), Figure().subplots()
+    draw_values(ax, timeline, time, log, values)
+    bands = [band.get_paths()[0].vertices for band in ax.collections]
+    assert len(bands) == 4
+    for k in (0, 1):
+        place, own = time[log == k] + timeline.offsets[k], values[log == k]
+        edges, low, high = steps(np.asarray(bands[2 * k]))
+        assert (edges[0, 0], edges[-1, 1]) == pytest.approx((place[0], place[-1]))
+        for t, value in zip(place, own, strict=True):
+            here = (edges[:, 0] <= t) & (t <= edges[:, 1])
+            assert low[here].min() <= value <= high[here].max()
+
+
+def steps(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ends, lower and upper edge of each step of a band, from the corners of its outline."""
+    count = (len(corners) - 3) // 2
+    lower, upper = corners[1 : 1 + count], corners[2 + count : 2 + 2 * count][::-1]
+    np.testing.assert_array_equal(lower[:, 0], upper[:, 0])
+    assert np.all(lower[:, 1] <= upper[:, 1])
+    return lower[:, 0].reshape(-1, 2), lower[::2, 1], upper[::2, 1]
+
+
+def test_an_envelope_has_the_percentiles_of_its_stretches() -> None:
+    values = np.random.default_rng(3).normal(size=1003)
+    values[200:300] = np.nan
+    edges, bands = envelope(values, 10)
+    assert (edges[0], edges[-1], bands.shape) == (0, 1003, (5, 10))
+    for k in range(10):
+        part = np.sort(values[edges[k] : edges[k + 1]])
+        part = part[np.isfinite(part)]
+        assert np.isnan(bands[:, k]).all() == (part.size == 0)
+        if part.size:
+            expected = [np.interp(p / 100 * (part.size - 1), np.arange(part.size), part) for p in PERCENTILES]
+            np.testing.assert_allclose(bands[:, k], expected)
+
+
+def test_long_logs_have_bands_in_place_of_a_solid_block(result: Identification) -> None:
+    count = 2 * DENSE
+    rng = np.random.default_rng(4)
+    observations = dataclasses.replace(
+        result.observations,
+        W=rng.standard_normal((3 * count, P)),
+        y=rng.standard_normal(3 * count),
+        equation=np.tile(np.arange(3), count),
+        log=np.zeros(3 * count, dtype=int),
+        logs=("long.csv",),
+        time=np.repeat(0.01 * np.arange(count), 3),
+    )
+    shown = dataclasses.replace(result, observations=observations)
+    for figure, panels in ((torques_figure(shown), slice(1, None, 2)), (residuals_figure(shown), slice(0, None, 2))):
+        for ax in figure.axes[panels]:
+            assert len(ax.collections) == 2
+            assert max(len(line.get_xdata()) for line in ax.lines) < 1000
+        assert {"median of the residuals", "90 % of the residuals", "all of them"} <= set(legend_texts(figure))
 
 
 def test_lags_of_logs_with_different_rates_are_counted_in_rows(result: Identification) -> None:
@@ -281,10 +367,33 @@ def test_half_widths_are_relative_and_in_percent(result: Identification) -> None
     assert ax.get_xlabel() == "half-width of the interval / |value| [%]"
 
 
+def test_bars_beyond_the_axis_are_cut_and_have_their_number(result: Identification) -> None:
+    estimate = result.estimate
+    percent = 100 * estimate.half_width / np.abs(estimate.values)
+    (ax,) = parameters_figure(result).axes
+    assert ax.get_xlim()[1] == 300.0
+    cut = [text.get_text() for text in ax.texts if text.get_text().endswith("\N{RIGHTWARDS ARROW}")]
+    assert [float(text.split()[0].replace(",", "")) for text in cut] == pytest.approx(
+        percent[percent > 300.0].tolist(), rel=0.06
+    )
+    assert len(cut) >= 2
+    (shaded,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(FORBIDDEN)]
+    assert shaded.get_x() == 100.0
+
+
+def test_a_parameter_of_zero_is_not_measured_by_its_value(result: Identification) -> None:
+    values = result.estimate.values.copy()
+    values[0] = 0.0
+    zero = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, values=values))
+    texts = texts_of(parameters_figure(zero))
+    assert "over 1,000,000 % \N{RIGHTWARDS ARROW}" in texts
+
+
 def test_parameters_are_grouped_and_have_numbers_with_units(result: Identification, reference: ReferenceValues) -> None:
     texts = texts_of(parameters_figure(result, reference))
     assert [text for text in texts if text in ("Links", "Rotors", "Friction", "Other")] == ["Links", "Friction"]
-    assert texts.index("X7 = m2c2x + l2 m3") < texts.index("Friction") < texts.index("F1c")
+    assert {"X7 = m2c2x + l2 m3", "X3 = I2zz + l2² m3 + I3zz + n2² Ia2\n+ n3² Ia3", "F1c"} <= set(texts)
+    assert not any("\N{HORIZONTAL ELLIPSIS}" in text for text in texts)
     estimate = result.estimate
     k = estimate.names.index("F1v")
     assert f"± {decimal(estimate.half_width[k], estimate.half_width[k])} Nm s/rad" in texts
@@ -438,11 +547,11 @@ def verification() -> Verification:
 
 def test_predicted_torques_come_with_their_difference(verification: Verification) -> None:
     figure = predicted_torques_figure(verification)
-    for j, ax in enumerate(figure.axes):
-        np.testing.assert_array_equal(curve(ax, GREY), verification.measured[:, j])
-        np.testing.assert_array_equal(curve(ax, BLUE), verification.predicted[:, j])
-        np.testing.assert_allclose(curve(ax, VERMILLION), -0.5, rtol=0, atol=1e-12)
-    assert [ax.get_ylabel() for ax in figure.axes] == ["torque [Nm]", "torque [Nm]", "force [N]"]
+    for j, (ax, below) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):
+        np.testing.assert_array_equal(curve(ax, MEASURED_COLOUR), verification.measured[:, j])
+        np.testing.assert_array_equal(curve(ax, PREDICTED_COLOUR), verification.predicted[:, j])
+        np.testing.assert_allclose(curve(below, DARK), -0.5, rtol=0, atol=1e-12)
+    assert [ax.get_ylabel() for ax in figure.axes[::2]] == ["torque [Nm]", "torque [Nm]", "force [N]"]
     assert figure.get_suptitle().startswith("new.csv: predicted within ")
     assert figure.get_suptitle().endswith("(training logs: 5.00 %)")
 
@@ -454,8 +563,8 @@ def test_simulated_motion_breaks_where_it_starts_anew(verification: Verification
     assert len(figure.axes) == 6
     for j in range(3):
         over, beside = figure.axes[2 * j : 2 * j + 2]
-        np.testing.assert_array_equal(curve(over, GREY), verification.prepared.samples.q[:, j])
-        np.testing.assert_array_equal(curve(over, BLUE), replay.q[:, j])
+        np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.prepared.samples.q[:, j])
+        np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), replay.q[:, j])
         (line,) = [line for line in beside.lines if line.get_color() == VERMILLION]
         broken = np.flatnonzero(np.isnan(np.asarray(line.get_ydata())))
         np.testing.assert_array_equal(broken, [50, 101, 152])
@@ -475,8 +584,8 @@ def test_windows_that_are_not_simulated_stay_empty(verification: Verification) -
     some = dataclasses.replace(every, q=q, starts=(50, 150), stops=(100, 201), left_out=2)
     figure = simulated_motion_figure(dataclasses.replace(verification, replay=some))
     over = figure.axes[0]
-    np.testing.assert_array_equal(curve(over, BLUE), every.q[rows, 0])
-    np.testing.assert_array_equal(curve(over, GREY), verification.prepared.samples.q[:, 0])
+    np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), every.q[rows, 0])
+    np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.prepared.samples.q[:, 0])
     assert "starts at the measured state, every 0.50 s where it is simulated" in legend_texts(figure)
 
 
@@ -489,7 +598,7 @@ def test_long_curves_are_drawn_by_their_extremes(verification: Verification) -> 
     replay = dataclasses.replace(verification.replay, time=time, q=q, dq=q, starts=starts)
     prepared = dataclasses.replace(verification.prepared, samples=Samples(time, q, q, q, q))
     figure = simulated_motion_figure(dataclasses.replace(verification, replay=replay, prepared=prepared))
-    for colour in (GREY, BLUE):
+    for colour in (MEASURED_COLOUR, PREDICTED_COLOUR):
         drawn = curve(figure.axes[0], colour)
         assert drawn.size < 4000
         assert drawn.max() == 2.0

@@ -1,5 +1,6 @@
 """Figures of a design: what is drawn agrees with the motion, its limits, its spectrum and its search."""
 
+import copy
 import dataclasses
 import itertools
 import subprocess
@@ -15,24 +16,32 @@ from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
+from pinocchio_motions import drive_torques, whole_motion
 
 import excite.plots
+from constraints.bounds.certificate import LimitUse
 from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.design.multistart import RUNNING, StartResult
 from excite.design.optimisation import design_trajectory
+from excite.design.unchecked import Unchecked
 from excite.information.metrics import PredictedAccuracy
+from excite.information.parameter_sizes import base_sizes
+from excite.information.target import target_of
 from excite.plots import convergence_figure, motion_figure, spectrum_figure, write_figures
-from excite.plots.motion_plot import motion_functions, view_range
-from excite.plots.style import BLUE, FORBIDDEN, GREY, VERMILLION, shortened, significant, typeset
+from excite.plots.limit_panel import view_range
+from excite.plots.motion_plot import motion_functions
+from excite.plots.style import BLUE, FORBIDDEN, GREY, VERMILLION, significant, typeset
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.readers.library import load_robot
+from regressors.robot.inertia import inertia_tensor
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 
 MINUS = "\N{MINUS SIGN}"
 ROWS = ("q1", "q2", "q3", "drives z3, z4: q2 + q3")
+TORQUES = ("drive z1", "drive z2", "drive z3", "drive z4", "drive z5")
 MATRIX = {"q1": [1, 0, 0], "q2": [0, 1, 0], "q3": [0, 0, 1], "drives z3, z4: q2 + q3": [0, 1, 1]}
 # Limits of the built-in irp6 with joints 4 and 5 at rest: lower, upper; None where there is none.
 BOUNDS = {
@@ -89,13 +98,18 @@ def with_starts(design: Design, histories: dict[int, list[float]], best: int, ru
     return dataclasses.replace(design, starts=starts, best_start=best)
 
 
-def with_predictions(design: Design, deviations: list[float]) -> Design:
-    predicted = tuple(
-        PredictedAccuracy(f"m{k}", f"m{k} + l2^2 m{k + 1} - a_very_long_length m{k + 2} + I{k}xx + I{k}yy", "kg", s)
-        for k, s in enumerate(deviations)
-    )
-    spectrum = np.geomspace(500.0, 5.0, len(deviations))
-    return dataclasses.replace(design, predicted=predicted, spectrum=spectrum)
+TERMS = "l2^2 m1 - a_very_long_length m2 + I3xx + I3yy"
+
+
+def with_predictions(design: Design, percent: list[float]) -> Design:
+    """A design of an arm with 57 base parameters, of which the last 14, of friction, have no known size."""
+    target = target_of(load_robot("panda"), Task("panda"))
+    base, sizes = target.base, base_sizes(target.model, target.base)
+    known = np.where(np.isfinite(sizes), sizes, 1.0)
+    each = zip(base.names, base.units, known, percent, strict=False)
+    predicted = tuple(PredictedAccuracy(n, f"{n} + {TERMS}", unit, p / 100 * size) for n, unit, size, p in each)
+    spectrum = np.geomspace(500.0, 5.0, len(percent))
+    return dataclasses.replace(design, target=target, predicted=predicted, spectrum=spectrum)
 
 
 def motion_row_names(figure: Figure) -> list[str]:
@@ -106,8 +120,51 @@ def motion_row_names(figure: Figure) -> list[str]:
 
 
 def test_motion_has_a_row_per_joint_and_per_other_limited_function(motion: Figure) -> None:
-    assert tuple(motion_row_names(motion)) == ROWS
-    assert len(motion.axes) == 3 * len(ROWS)
+    assert tuple(motion_row_names(motion)) == (*ROWS, *TORQUES)
+    assert len(motion.axes) == 3 * len(ROWS) + len(TORQUES)
+
+
+def torque_panels(figure: Figure) -> list[Axes]:
+    return [ax for ax in figure.axes if ax.get_ylabel() == "torque [Nm]"]
+
+
+def test_torques_are_those_of_pinocchio_within_what_the_reserve_and_friction_leave(
+    design: Design, motion: Figure
+) -> None:
+    torques = drive_torques(design.robot, whole_motion(design.robot, design.moving.joint_names, design.samples))
+    transmission = design.robot.transmission
+    assert transmission is not None
+    panels = torque_panels(motion)
+    assert [ax.get_title(loc="left").strip() for ax in panels] == list(TORQUES)
+    for k, (ax, drive) in enumerate(zip(panels, transmission.drives, strict=True)):
+        np.testing.assert_allclose(curve(ax)[:, 1], torques[:, k], rtol=0, atol=1e-9)
+        moves = np.any(transmission.coupling[k, :3] != 0.0)
+        most = 0.9 * transmission.limits.torque[k] - (drive.coulomb or 0.0) * moves
+        lines = sorted(line.get_ydata()[0] for line in ax.lines if line.get_color() == VERMILLION)
+        np.testing.assert_allclose(lines, [-most, most], rtol=1e-12)
+        ((time, extreme),) = dots(ax)
+        (use,) = [use for use in design.limits if use.label == f"drive {drive.name} torque"]
+        assert (time, extreme) == (use.time, use.extreme)
+        assert ax.get_ylim()[0] < -most < most < ax.get_ylim()[1]
+
+
+def test_torques_on_the_way_from_home_are_those_of_every_joint(design: Design) -> None:
+    task = design.task.changed(home=(0.1, 0.0, 0.1, 0.2, -0.3))
+    home = design_trajectory(task.changed(harmonics=2, weighted=False))
+    whole, _ = home.sequence.sampled()
+    torques = drive_torques(home.robot, whole)
+    figure = motion_figure(home)
+    for k, ax in enumerate(torque_panels(figure)):
+        np.testing.assert_allclose(curve(ax)[:, 1], torques[:, k], rtol=0, atol=1e-9)
+
+
+def test_without_checked_torques_there_are_none_and_the_reason_is_said(design: Design) -> None:
+    limits = tuple(use for use in design.limits if not use.label.endswith("torque"))
+    figure = motion_figure(
+        dataclasses.replace(design, limits=limits, nonlinear=(), unchecked=(Unchecked("torque", "no mass is stated"),))
+    )
+    assert torque_panels(figure) == []
+    assert "not checked: torque (no mass is stated)" in notes(figure)
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])
@@ -170,10 +227,11 @@ def test_axes_are_labelled_with_units(motion: Figure) -> None:
 
 
 def test_motion_title_says_what_rests_and_whether_limits_hold(design: Design, motion: Figure) -> None:
-    assert motion.get_suptitle() == "irp6: motion of 10 s, every limit that was checked is kept; q4, q5 rest"
-    assert [text.get_text() for text in motion.texts if "not checked" in text.get_text()] == [
-        "not checked: jerk, self-collision, obstacles"
-    ]
+    assert motion.get_suptitle() == "irp6: motion of 10 s, every limit that was checked is kept"
+    said = notes(motion)
+    assert said[:1] == ["checked, with the number of limits: position (5), velocity (4), acceleration (4), torque (5)"]
+    assert "not checked: jerk (no limit is stated), self-collision (" in said[1]
+    assert "at rest: q4, q5" in said
     first = design.limits[0]
     broken = dataclasses.replace(first, extreme=first.bound * 1.05, margin=-0.05 * abs(first.bound), use=1.05)
     figure = motion_figure(dataclasses.replace(design, limits=(broken, *design.limits[1:])))
@@ -181,6 +239,11 @@ def test_motion_title_says_what_rests_and_whether_limits_hold(design: Design, mo
     (note,) = [text for text in figure.axes[0].findobj(Text) if "used" in text.get_text()]
     assert note.get_text().endswith("105.0 % used, BROKEN")
     assert note.get_color() == VERMILLION
+
+
+def notes(figure: Figure) -> list[str]:
+    """Lines below the title."""
+    return figure.texts[1].get_text().split("\n")
 
 
 def drawn_texts(ax: Axes) -> list[Text]:
@@ -202,10 +265,41 @@ def test_motion_texts_do_not_overlap_and_stay_inside(motion: Figure) -> None:
     motion.draw_without_rendering()
     texts = [text for ax in motion.axes for text in drawn_texts(ax)]
     boxes = {text: extent(text) for text in (*texts, *motion.texts, *motion.legends[0].get_texts())}
-    assert all(motion.bbox.x0 <= box.x0 and box.x1 <= motion.bbox.x1 for box in boxes.values())
-    assert all(motion.bbox.y0 <= box.y0 and box.y1 <= motion.bbox.y1 for box in boxes.values())
+    seen = motion.bbox
+    inside = {text: seen.x0 <= box.x0 and box.x1 <= seen.x1 and seen.y0 <= box.y0 and box.y1 <= seen.y1
+              for text, box in boxes.items()}  # fmt: skip
+    assert [text.get_text() for text in inside if not inside[text]] == []
     pairs = itertools.combinations(boxes, 2)
     assert [(a.get_text(), b.get_text()) for a, b in pairs if boxes[a].overlaps(boxes[b])] == []
+
+
+@pytest.mark.parametrize("length", [56, 200])
+def test_long_names_stay_inside_and_apart(design: Design, length: int) -> None:
+    long = {name: f"{name}_$x$_" + (length - len(name) - 5) * "n" for name in design.robot.joint_names}
+    robots = [
+        robot.replace(joints=tuple(dataclasses.replace(joint, name=long[joint.name]) for joint in robot.joints))
+        for robot in (design.robot, design.moving)
+    ]
+    uses = [relabelled(use, long) for use in design.limits]
+    limits = tuple(use for use in uses if not use.label.startswith("drive") or not use.label.endswith("torque"))
+    torques = [use for use in design.limits if use.label.endswith("torque")]
+    own = [
+        dataclasses.replace(use, label=f"joint {name} torque") for use, name in zip(torques, long.values(), strict=True)
+    ]
+    (constraint,) = [limit for limit in design.nonlinear if limit.labels[0].endswith("torque")]
+    renamed = copy.copy(constraint)
+    renamed.labels = tuple(use.label for use in own)
+    target = dataclasses.replace(design.target, robot=robots[1])
+    changed = dataclasses.replace(design, robot=robots[0], target=target, limits=(*limits, *own), nonlinear=(renamed,))
+    figure = motion_figure(changed)
+    test_motion_texts_do_not_overlap_and_stay_inside(figure)
+    if length <= 56:
+        assert not any("\N{HORIZONTAL ELLIPSIS}" in text.get_text() for text in figure.findobj(Text))
+
+
+def relabelled(use: LimitUse, names: dict[str, str]) -> LimitUse:
+    kind, name, *rest = use.label.split()
+    return dataclasses.replace(use, label=" ".join((kind, names.get(name, name), *rest)))
 
 
 def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
@@ -214,7 +308,7 @@ def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
     uses = [dataclasses.replace(design.limits[0], label=f"joint q{k} jerk", unit="rad/s^3") for k in (1, 2, 3)]
     far = [dataclasses.replace(use, extreme=1.0, bound=7500.0, use=1.0 / 7500.0) for use in uses]
     figure = motion_figure(dataclasses.replace(design, target=target, limits=(*design.limits, *far)))
-    assert len(figure.axes) == 4 * len(ROWS)
+    assert len(figure.axes) == 4 * len(ROWS) + len(TORQUES)
     ax = panel(figure, "q1", 3, columns=4)
     assert ax.get_ylabel() == "jerk [rad/s³]"
     np.testing.assert_allclose(curve(ax)[:, 1], design.samples.dddq[:, 0], rtol=0, atol=1e-13)
@@ -292,19 +386,49 @@ def test_spectrum_shows_every_singular_value(design: Design) -> None:
     assert len(bars.patches) == len(design.predicted) == 13
 
 
-def test_bars_are_the_predicted_deviations_with_units(design: Design) -> None:
+def test_bars_are_the_predicted_deviations_over_sizes(design: Design) -> None:
     _, ax = spectrum_figure(design).axes
-    np.testing.assert_array_equal(
-        [bar.get_width() for bar in ax.patches], [p.standard_deviation for p in design.predicted]
-    )
+    deviation = {p.name: p.standard_deviation for p in design.predicted}
+    width = dict(zip(deviation, [bar.get_width() for bar in ax.patches], strict=True))
+    size = described_sizes(design.moving)
+    assert len(size) == 8
+    for name, value in size.items():
+        assert width[name] == pytest.approx(100 * deviation[name] / value, rel=1e-9)
     names = [label.get_text() for label in ax.get_yticklabels()]
     assert names[0] == "X1 = I1zz + I2xx + I3yy + n1² Ia1"
+    assert names[2] == "X3 = I2zz + l2² m3 + I3zz + n2² Ia2\n+ n3² Ia3"
     assert names[7:10] == ["F1c", "F2c", "F3c"]
     assert ax.yaxis_inverted()
     written = [text.get_text() for text in ax.texts]
-    assert written[0].endswith(" kg m²")
-    assert written[-1].endswith(" Nm s/rad")
+    assert written[0].endswith(" kg m²)")
+    assert written[-1] == f"{significant(width['F3v'], 2)} % ({significant(deviation['F3v'], 2)} Nm s/rad)"
     assert "for noise of 1 Nm (assumed) in each row, independent in 3003 rows" in ax.get_title(loc="left")
+    assert ax.get_xlabel() == "standard deviation / size of the parameter [%]"
+
+
+def described_sizes(robot: Robot) -> dict[str, float]:
+    """Of parameters with one or two terms: moments' lengths, largest principal moments, rotors, friction."""
+    theta, drives = robot.links[2].theta, robot.transmission.drives if robot.transmission is not None else ()
+    assert theta is not None
+    largest = float(np.abs(np.linalg.eigvalsh(inertia_tensor(theta))).max())
+    friction = {f"F{k}{kind}": value for k in (1, 2, 3) for kind, value in friction_of(drives[k - 1])}
+    return {"X5": np.sqrt(2) * largest, "X6": float(np.linalg.norm(theta[1:4])), **friction}
+
+
+def friction_of(drive: Drive) -> tuple[tuple[str, float], ...]:
+    assert drive.coulomb
+    assert drive.viscous
+    return ("c", drive.coulomb), ("v", drive.viscous)
+
+
+def test_a_parameter_without_a_size_has_its_deviation_written(design: Design) -> None:
+    shown = with_predictions(design, np.geomspace(0.1, 9000.0, 57).tolist())
+    figure = spectrum_figure(shown)
+    _, *bars = figure.axes
+    texts = [text.get_text() for ax in bars for text in ax.texts]
+    assert sum(text.endswith(", size not known") for text in texts) == 14
+    assert len(texts) == 57
+    assert [t.get_text() for t in figure.legends[0].get_texts()][-1] == "deviation larger than the size"
 
 
 def test_stated_noise_is_not_called_assumed(design: Design) -> None:
@@ -314,31 +438,35 @@ def test_stated_noise_is_not_called_assumed(design: Design) -> None:
 
 
 def test_many_parameters_stand_in_two_columns_on_one_scale(design: Design) -> None:
-    deviations = np.geomspace(1e-5, 1.0, 61).tolist()
-    figure = spectrum_figure(with_predictions(design, deviations))
+    percent = np.geomspace(0.01, 90.0, 43).tolist()
+    figure = spectrum_figure(with_predictions(design, percent))
     _, left, right = figure.axes
-    assert [len(ax.patches) for ax in (left, right)] == [31, 30]
+    assert [len(ax.patches) for ax in (left, right)] == [22, 21]
     assert left.get_xlim() == right.get_xlim()
     assert left.get_xscale() == right.get_xscale() == "log"
     widths = [bar.get_width() for ax in (left, right) for bar in ax.patches]
-    np.testing.assert_array_equal(widths, deviations)
-    assert all(len(label.get_text()) <= 42 for label in left.get_yticklabels())
-    assert left.get_yticklabels()[0].get_text().endswith("…")
+    np.testing.assert_allclose(widths, percent, rtol=1e-12)
+    for label, p in zip(left.get_yticklabels(), design.predicted, strict=False):
+        lines = label.get_text().split("\n")
+        assert all(len(line) <= 42 for line in lines), p
+        assert " ".join(lines).replace(MINUS, "-").endswith("+ l2² m1 - a_very_long_length m2 + I3xx + I3yy")
 
 
-@pytest.mark.parametrize("deviations", [[0.1] * 5, [0.01, 0.2], [0.3]])
-def test_bars_of_similar_length_stand_on_a_linear_scale(design: Design, deviations: list[float]) -> None:
-    ax = spectrum_figure(with_predictions(design, deviations)).axes[1]
+@pytest.mark.parametrize("percent", [[0.1] * 5, [0.01, 0.2], [0.3]])
+def test_bars_of_similar_length_stand_on_a_linear_scale(design: Design, percent: list[float]) -> None:
+    ax = spectrum_figure(with_predictions(design, percent)).axes[1]
     assert ax.get_xscale() == "linear"
     assert ax.get_xlim()[0] == 0.0
 
 
-@pytest.mark.parametrize("count", [1, 13, 20, 21, 60])
+@pytest.mark.parametrize("count", [1, 13, 20, 21, 57])
 def test_bar_texts_do_not_overlap_and_stay_inside(design: Design, count: int) -> None:
-    figure = spectrum_figure(with_predictions(design, np.geomspace(0.002, 0.05, count).tolist()))
+    figure = spectrum_figure(with_predictions(design, np.geomspace(0.2, 500.0, count).tolist()))
     figure.draw_without_rendering()
     for ax in figure.axes[1:]:
+        assert all(text.get_window_extent().x1 <= ax.bbox.x1 for text in ax.texts)
         for texts in ([*ax.get_yticklabels()], [*ax.texts]):
+            assert not any("\N{HORIZONTAL ELLIPSIS}" in text.get_text() for text in texts)
             boxes = [text.get_window_extent() for text in texts]
             assert all(figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1 for box in boxes)
             assert all(lower.y1 <= upper.y0 for upper, lower in itertools.pairwise(boxes))
@@ -460,20 +588,6 @@ def test_pyplot_is_not_imported_and_designing_imports_no_matplotlib() -> None:
 
 
 # --- text
-
-
-@pytest.mark.parametrize(
-    ("text", "length", "expected"),
-    [
-        ("a + b", 10, "a + b"),
-        ("I2zz + l2^2 m3 + I3zz + n2^2 Ia2", 26, "I2zz + l2^2 m3 + I3zz …"),
-        ("a + one_very_long_name_indeed", 12, "a + one_ver…"),
-        ("one_very_long_name_indeed", 12, "one_very_lo…"),
-    ],
-)
-def test_shortened(text: str, length: int, expected: str) -> None:
-    assert shortened(text, length) == expected
-    assert len(expected) <= max(length, len(text))
 
 
 @pytest.mark.parametrize(
