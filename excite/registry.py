@@ -145,6 +145,8 @@ SCALES = ("unit", "prior", "value")
 DROPPABLE = ("truncated", "nan", "repeated", "garbage")
 REPEATABLE = ("instrumental", "least-squares", "weighted")
 COVARIANCES = ("auto", "white", "robust")
+FIGURE_FORMATS = ("png", "pdf", "svg")
+FIGURE_WIDTHS = ("screen", "single", "double")
 CHOSEN = (
     "cutoff",
     "signals",

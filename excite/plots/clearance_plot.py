@@ -11,11 +11,13 @@ from matplotlib.patches import Patch
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.collision_limits import Clearance
 from excite.design.design import Design
+from excite.plots.drawing_style import columns_that_fit
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.style import BLUE, DARK, FORBIDDEN, LABEL, VERMILLION, shortened
 from regressors.samples import Array
 
 _COLUMNS, _ROWS = 3, 4
+_LEAST = 1.7  # width of a panel with its numbers [in]
 _MILLIMETRES = 1e3
 _NAME = 34  # characters
 
@@ -36,13 +38,14 @@ def clearance_figure(design: Design) -> Figure:
     """
     uses, distances = _uses(design), _distances(design)
     nearest = sorted(uses, key=lambda use: use.extreme)[: _COLUMNS * _ROWS]
+    columns = columns_that_fit(_COLUMNS, _LEAST)
     broken = sum(not use.holds for use in uses)
     verdict = "all keep the clearance" if broken == 0 else f"{broken} BROKEN"
     shown = f", the nearest {len(nearest)} of {len(uses)} pairs" if len(nearest) < len(uses) else ""
-    rows = max(1, -(-len(nearest) // _COLUMNS))
+    rows = max(1, -(-len(nearest) // columns))
     figure, axes = panels(
         rows,
-        Panel(widths=(3.4,) * _COLUMNS, height=1.5, left=0.65),
+        Panel(widths=(3.4,) * columns, height=1.5, left=0.65),
         f"{design.robot.name}: distances{shown}; {verdict}",
     )
     places = [ax for row in axes for ax in row]
@@ -50,7 +53,7 @@ def clearance_figure(design: Design) -> Figure:
         _draw(ax, design.samples.time, distances[use.label], use)
     for ax in places[len(nearest) :]:
         ax.set_axis_off()
-    for ax in places[max(0, len(nearest) - _COLUMNS) : len(nearest)]:
+    for ax in places[max(0, len(nearest) - columns) : len(nearest)]:
         ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
     legend_below(
         figure,

@@ -17,6 +17,7 @@ from constraints.bounds.certificate import LimitUse
 from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design.design import Design
 from excite.design.unchecked import Unchecked
+from excite.plots.drawing_style import column_width
 from excite.plots.style import (
     BAND,
     BLUE,
@@ -42,6 +43,7 @@ _PANEL_WIDTH, _PANEL_HEIGHT = 2.65, 1.2
 _LEFT, _BELOW, _ABOVE, _RIGHT, _BETWEEN = 0.8, 0.9, 0.95, 0.2, 0.55
 _TITLE_BELOW_TOP, _NOTE_BELOW_TOP, _LEGEND_ABOVE_BOTTOM, _LABEL_LEFT = 0.12, 0.36, 0.08, 0.46
 _NAME_LENGTH = 90
+_LEAST_FOR_LIMITS = 5.0  # width of a figure that has room for the limits' values [in]
 _DOT = 4.5  # [pt]
 _DOT_MEANING = "closest to a limit (100 % used: at the limit, 0 %: in mid-range)"
 _NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
@@ -314,7 +316,9 @@ def _used(function: MotionFunction, bound: Bound | None, view: tuple[float, floa
     value = bound.use.bound - bound.shift
     whose = "" if bound.owner == f"joint {function.name}" else f"{bound.owner}, "
     where = "" if view[0] < value < view[1] else " (out of view)"
-    text = f"{whose}limit {float(f'{value:.4g}'):g}{where}: {100 * bound.use.use:.1f} % used"
+    text = f"{100 * bound.use.use:.1f} % used"
+    if column_width() > _LEAST_FOR_LIMITS:
+        text = f"{whose}limit {float(f'{value:.4g}'):g}{where}: {text}"
     return (text, DARK) if bound.use.holds else (f"{text}, BROKEN", VERMILLION)
 
 

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
 
+from excite.plots.drawing_style import column_width
 from excite.plots.panels import NAME_STYLE, legend_below
 from excite.plots.style import (
     BAND,
@@ -41,6 +42,7 @@ _KINDS = {"truth": "true value", "description": "value of the robot's descriptio
 _ROW, _ABOVE, _LINE, _BELOW = 0.2, 0.75, 0.15, 1.0  # [in]
 _NAMES, _PANEL, _BETWEEN, _NUMBERS, _KNOWN = 3.3, 3.2, 0.25, 2.0, 1.0  # widths [in]
 _EXPRESSION_LENGTH = 46
+_LEAST = 5.0  # width of a figure with numbers [in]
 _NEAR = 3.0  # in half-widths: the scale of the differences is linear up to here
 _WORST = 1e4  # of the relative half-widths [%]; beyond, bars are cut
 _UNCLEAR = 100.0  # [%]: from here on the interval holds zero
@@ -74,7 +76,8 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
     if compared and reference is not None:
         handles = [*_draw_differences(panels[0], result, rows, reference), *handles]
     _write_names(panels[0], result, rows)
-    _write_numbers(exact, result, rows, reference if compared else None)
+    if column_width() > _LEAST:  # else the numbers have no room
+        _write_numbers(exact, result, rows, reference if compared else None)
     handles.append(Patch(color=FORBIDDEN, label="interval contains zero"))
     legend_below(figure, handles)
     return figure
