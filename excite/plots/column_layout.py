@@ -81,9 +81,7 @@ class _Row:
 
     @property
     def tall(self) -> float:
-        return max(
-            cell.above + height + cell.below for cell, height in zip(self.cells, self.heights, strict=True)
-        )
+        return max(cell.above + height + cell.below for cell, height in zip(self.cells, self.heights, strict=True))
 
 
 def lay_out(figure: Figure) -> None:
@@ -208,7 +206,9 @@ def _place(figure: Figure, row: _Row, top: float) -> None:
     whole_width, whole_height = figure.get_size_inches()
     for cell, height in zip(row.cells, row.heights, strict=True):
         left, wide = cell.placed
-        box = Bbox.from_bounds(left / whole_width, (top - height) / whole_height, wide / whole_width, height / whole_height)
+        box = Bbox.from_bounds(
+            left / whole_width, (top - height) / whole_height, wide / whole_width, height / whole_height
+        )
         parent = cell.ax.get_figure(root=False)
         assert parent is not None
         own = box.transformed(figure.transFigure).transformed(parent.transSubfigure.inverted())
@@ -218,7 +218,10 @@ def _place(figure: Figure, row: _Row, top: float) -> None:
 def _fit_text(row: _Row, width: float) -> None:
     """Break titles and labels, leave numbers out, and measure what is around the panels then."""
     edges = [*(cell.placed[0] - cell.left for cell in row.cells[1:]), width - _EDGE]
-    stack_titles([cell.ax for cell in row.cells], [end - cell.placed[0] - _GAP for cell, end in zip(row.cells, edges, strict=True)])
+    stack_titles(
+        [cell.ax for cell in row.cells],
+        [end - cell.placed[0] - _GAP for cell, end in zip(row.cells, edges, strict=True)],
+    )
     for cell, height in zip(row.cells, row.heights, strict=True):
         fewer_numbers(cell.ax.xaxis, cell.placed[1])
         if not cell.lists_rows:
@@ -237,7 +240,9 @@ def _headings(figure: Figure, width: float) -> float:
     return tall + _BELOW_TITLE
 
 
-def _stack(figure: Figure, rows: Sequence[_Row], above: float, below: float, width: float, legends: Sequence[Legend]) -> None:
+def _stack(
+    figure: Figure, rows: Sequence[_Row], above: float, below: float, width: float, legends: Sequence[Legend]
+) -> None:
     """Place all rows one below the other, and set the height of the figure."""
     height = above + sum(row.tall for row in rows) + _GAP * (len(rows) - 1) + _ABOVE_LEGEND + below + _EDGE
     figure.set_size_inches(width, height)

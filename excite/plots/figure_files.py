@@ -63,7 +63,8 @@ def write_figure_files(
     Parameters
     ----------
     figures : mapping of str to Figure, or callable
-        Figures by file name, without suffix; or what draws them.
+        Figures by file name, without suffix, which are written as they are; or what draws them for a screen, so that
+        they are laid out for the width.
     folder : path
         An existing folder.
     kind : str
@@ -79,7 +80,7 @@ def write_figure_files(
         The folder is being written by another process, or cannot be written to; other files are as they were.
     """
     folder, formats = Path(folder), check_formats(formats)
-    made = drawn_figures(figures if callable(figures) else lambda: figures, width)
+    made = drawn_figures(figures, width) if callable(figures) else _literal(figures)
     names = figure_names(made, formats)
     if not folder.is_dir():
         raise InputError(f"cannot write {folder / names[0]}: there is no folder {folder}")
@@ -94,6 +95,12 @@ def write_figure_files(
                 with replacing(staged / f"{name}.{form}", "wb") as stream:
                     _save(figure, stream, form)
     return [folder / name for name in names]
+
+
+def _literal(figures: Mapping[str, Figure]) -> Mapping[str, Figure]:
+    for figure in figures.values():
+        literal(figure)
+    return figures
 
 
 def _save(figure: Figure, stream: IO[bytes], form: str) -> None:

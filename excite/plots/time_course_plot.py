@@ -85,7 +85,11 @@ def write_time_study_figure(
         The folder cannot be written to.
     """
     return write_figure_files(
-        lambda: {"estimates_over_time": estimates_over_time_figure(study)}, folder, "study", formats=formats, width=width
+        lambda: {"estimates_over_time": estimates_over_time_figure(study)},
+        folder,
+        "study",
+        formats=formats,
+        width=width,
     )
 
 
