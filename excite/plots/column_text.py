@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-import matplotlib
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, XAxis
 from matplotlib.collections import Collection
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from matplotlib.text import Annotation, Text
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
 
-from excite.plots.drawing_style import in_proportion
+from excite.plots.drawing_style import in_proportion, size_of
 from excite.plots.style import DARK, LABEL, NOTE, TITLE
 
 _SIZES = {TITLE: "figure.titlesize", LABEL: "axes.labelsize", NOTE: "xtick.labelsize"}
@@ -38,13 +38,14 @@ def column_sizes(figure: Figure) -> None:
     small = in_proportion("xtick.labelsize")
     for text in figure.findobj(Text):
         assert isinstance(text, Text)
-        size = _SIZES.get(text.get_fontsize())
-        text.set_fontsize(text.get_fontsize() * small if size is None else float(matplotlib.rcParams[size]))
+        before = float(text.get_fontsize())
+        text.set_fontsize(size_of(_SIZES[before]) if before in _SIZES else small * before)
         if isinstance(text, Annotation) and text.anncoords == "offset points":
-            text.xyann = tuple(small * float(x) for x in text.xyann)
+            right, up = text.xyann
+            text.xyann = small * float(right), small * float(up)
     for ax in figure.axes:
-        ax.tick_params(labelsize=float(matplotlib.rcParams["xtick.labelsize"]))
-        ax.tick_params(grid_linewidth=float(matplotlib.rcParams["grid.linewidth"]))
+        ax.tick_params(labelsize=size_of("xtick.labelsize"))
+        ax.tick_params(grid_linewidth=size_of("grid.linewidth"))
         for artist in (*ax.lines, *ax.collections, *ax.patches):
             thin(artist)
 
@@ -58,7 +59,7 @@ def thin(artist: Artist) -> None:
     elif isinstance(artist, Patch):
         artist.set_linewidth(share * float(artist.get_linewidth()))
     elif isinstance(artist, Collection):
-        artist.set_linewidth([share * float(width) for width in artist.get_linewidth()])  # type: ignore[arg-type]
+        artist.set_linewidth([share * float(width) for width in np.atleast_1d(artist.get_linewidth())])
 
 
 def break_lines(text: Text, width: float) -> int:
@@ -155,7 +156,7 @@ def fewer_numbers(axis: Axis, room: float) -> None:
     room : float
         Length of the axis [in].
     """
-    along = 0 if axis.axis_name == "x" else 1
+    along = 0 if isinstance(axis, XAxis) else 1
     locator = axis.get_major_locator()
     if isinstance(locator, MaxNLocator):
         for numbers in range(6 if along else 8, 1, -1):
@@ -224,11 +225,11 @@ def legend_below_all(figure: Figure, old: Sequence[Legend], width: float) -> tup
                 handles,
                 texts,
                 title=title or None,
-                title_fontsize=float(matplotlib.rcParams["xtick.labelsize"]),
+                title_fontsize=size_of("xtick.labelsize"),
                 loc="lower center",
                 bbox_to_anchor=(0.5, 0.0),
                 ncols=columns,
-                fontsize=float(matplotlib.rcParams["xtick.labelsize"]),
+                fontsize=size_of("xtick.labelsize"),
                 frameon=False,
                 borderpad=0.1,
                 handlelength=1.5,

@@ -47,6 +47,12 @@ def column_width() -> float:
     return float("inf") if _WIDTH.get() == "screen" else float(matplotlib.rcParams["figure.figsize"][0])
 
 
+def size_of(parameter: str) -> float:
+    """Size of the style that is drawn in, such as ``xtick.labelsize``."""
+    style_in_use: Any = matplotlib.rcParams
+    return float(style_in_use[parameter])
+
+
 def columns_that_fit(most: int, width: float) -> int:
     """Number of columns of equal panels.
 
@@ -57,7 +63,8 @@ def columns_that_fit(most: int, width: float) -> int:
     width : float
         Least width of a panel with the numbers beside it [in].
     """
-    return int(min(most, max(1, column_width() // width)))
+    whole = column_width()
+    return most if whole == float("inf") else min(most, max(1, int(whole / width)))
 
 
 def in_proportion(parameter: str) -> float:
@@ -68,5 +75,4 @@ def in_proportion(parameter: str) -> float:
     parameter : str
         Of matplotlib, such as ``lines.linewidth``.
     """
-    size: Any = matplotlib.rcParams[parameter]
-    return float(size) / float(SCREEN[parameter])
+    return size_of(parameter) / float(SCREEN[parameter])

@@ -20,7 +20,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from regressors.quoting import printable
 
 STYLES = Path(__file__).parent / "styles"
-SCREEN: dict[str, Any] = rc_params_from_file(STYLES / "screen.mplstyle", use_default_template=False)
+SCREEN: dict[str, Any] = dict(rc_params_from_file(STYLES / "screen.mplstyle", use_default_template=False).items())
 DPI = float(SCREEN["savefig.dpi"])  # dots per inch
 TITLE, LABEL, NOTE = (float(SCREEN[f"{what}size"]) for what in ("figure.title", "axes.label", "xtick.label"))  # [pt]
 

@@ -48,7 +48,7 @@ def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: py
     for name in ("result", "masses"):
         (tmp_path / name).unlink()
         shutil.copytree(files / name, tmp_path / name)
-    monkeypatch.setattr(plots, "write_verification_figures", lambda *_: [])
+    monkeypatch.setattr(plots, "write_verification_figures", lambda *_, **__: [])
     return Here(tmp_path, monkeypatch, capfd)
 
 
