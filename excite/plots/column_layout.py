@@ -223,9 +223,9 @@ def _fit_text(row: _Row, width: float) -> None:
         [end - cell.placed[0] - _GAP for cell, end in zip(row.cells, edges, strict=True)],
     )
     for cell, height in zip(row.cells, row.heights, strict=True):
-        fewer_numbers(cell.ax.xaxis, cell.placed[1])
+        fewer_numbers(cell.ax.xaxis)
         if not cell.lists_rows:
-            fewer_numbers(cell.ax.yaxis, height)
+            fewer_numbers(cell.ax.yaxis)
         break_labels(cell.ax, cell.placed[1] + cell.right, height)
         put_label(cell.ax, cell.placed[1])
         cell.measure()
@@ -253,6 +253,8 @@ def _stack(
     top = height - above
     for row in rows:
         _place(figure, row, top - max(cell.above for cell in row.cells))
+        for cell in row.cells:
+            put_label(cell.ax, cell.placed[1])
         top -= row.tall + _GAP
     at = _EDGE
     for legend in reversed(legends):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -21,8 +23,9 @@ from excite.plots.drawing_style import in_proportion, size_of
 from excite.plots.style import DARK, LABEL, NOTE, TITLE
 
 _SIZES = {TITLE: "figure.titlesize", LABEL: "axes.labelsize", NOTE: "xtick.labelsize"}
-_APART = 1.25  # times their width that numbers on an axis need
-_LABEL_PAD = 0.055  # between numbers and the label beside them [in]
+_MOST_NUMBERS = 6  # on an axis
+_LABEL_PAD = 0.09  # between numbers and the label beside them, with the marks [in]
+_WHOLE: WeakKeyDictionary[Text, tuple[str, str]] = WeakKeyDictionary()  # a broken text, and what it was before
 _BREAKS = re.compile(r" (?![^\[]*\])(?!%)")  # not within a unit, nor before a percent sign
 
 
@@ -76,8 +79,11 @@ def break_lines(text: Text, width: float) -> int:
     int
         Number of lines.
     """
+    broken, whole = _WHOLE.get(text, ("", ""))
+    if text.get_text() != broken:
+        whole = text.get_text()
     lines: list[str] = []
-    for paragraph in text.get_text().split("\n"):
+    for paragraph in whole.split("\n"):
         line = ""
         for word in _BREAKS.split(paragraph):
             longer = f"{line} {word}" if line else word
@@ -88,6 +94,7 @@ def break_lines(text: Text, width: float) -> int:
             line = longer
         lines.append(line)
     text.set_text("\n".join(lines))
+    _WHOLE[text] = text.get_text(), whole
     return len(lines)
 
 
@@ -147,45 +154,39 @@ def _broken_notes(ax: Axes, width: float) -> int:
     return break_lines(right, width) if right.get_text() else 0
 
 
-def fewer_numbers(axis: Axis, room: float) -> None:
+def fewer_numbers(axis: Axis) -> None:
     """Leave out numbers of an axis until those that are left do not touch.
 
     Parameters
     ----------
     axis : Axis
-    room : float
-        Length of the axis [in].
     """
-    along = 0 if isinstance(axis, XAxis) else 1
     locator = axis.get_major_locator()
     if isinstance(locator, MaxNLocator):
-        for numbers in range(6 if along else 8, 1, -1):
-            if _needed(axis, along) <= room:
+        for most in range(_MOST_NUMBERS, 1, -1):
+            locator.set_params(nbins=most)
+            if not _touch(axis):
                 return
-            locator.set_params(nbins=numbers)
-        return
-    if _needed(axis, along) <= room:
         return
     low, high = sorted(axis.get_view_interval())
     places = [float(place) for place in axis.get_majorticklocs()]
     labels = axis.get_major_formatter().format_ticks(places)
     seen = [(p, text) for p, text in zip(places, labels, strict=True) if low <= p <= high]
     step = 1
-    while len(seen[::step]) > 2 and _needed(axis, along) > room:
+    while len(seen[::step]) > 2 and _touch(axis):
         step += 1
         axis.set_major_locator(FixedLocator([p for p, _ in seen[::step]]))
         axis.set_major_formatter(FixedFormatter([text for _, text in seen[::step]]))
 
 
-def _needed(axis: Axis, along: int) -> float:
-    """Length that the numbers of an axis need [in]."""
+def _touch(axis: Axis) -> bool:
+    """Whether two numbers side by side are nearer than half a digit."""
     low, high = sorted(axis.get_view_interval())
-    shown = [
-        tick.label1
-        for tick in axis.get_major_ticks()
-        if tick.label1.get_visible() and low <= tick.get_loc() <= high and tick.label1.get_text()
-    ]
-    return _APART * sum(inches(each)[along] for each in shown)
+    ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+    boxes = [tick.label1.get_window_extent() for tick in ticks if tick.label1.get_visible() and tick.label1.get_text()]
+    ends = sorted((box.x0, box.x1) if isinstance(axis, XAxis) else (box.y0, box.y1) for box in boxes)
+    apart = 0.5 * size_of("xtick.labelsize") / 72 * axis.axes.figure.dpi if isinstance(axis, XAxis) else 0.0
+    return any(later[0] - before[1] < apart for before, later in pairwise(ends))
 
 
 def put_label(ax: Axes, width: float) -> None:
