@@ -61,17 +61,17 @@ class _Cell:
     def measure(self) -> None:
         """Measure numbers, labels and titles around the panel."""
         dpi, inner = self.ax.figure.dpi, self.ax.get_window_extent()
-        centred = (*titles(self.ax), self.ax.xaxis.label)  # these are broken instead
+        centred = (*titles(self.ax), self.ax.xaxis.label)  # their width does not count: they are broken
         for text in centred:
             text.set_visible(False)
         outer = self.ax.get_tightbbox()
-        assert outer is not None
-        self.left, self.right = (max(0.0, x) / dpi for x in (inner.x0 - outer.x0, outer.x1 - inner.x1))
         for text in centred:
             text.set_visible(True)
-        outer = self.ax.get_tightbbox()
+        whole = self.ax.get_tightbbox()
         assert outer is not None
-        self.below, self.above = (max(0.0, x) / dpi for x in (inner.y0 - outer.y0, outer.y1 - inner.y1))
+        assert whole is not None
+        self.left, self.right = (max(0.0, x) / dpi for x in (inner.x0 - outer.x0, outer.x1 - inner.x1))
+        self.below, self.above = (max(0.0, y) / dpi for y in (inner.y0 - whole.y0, whole.y1 - inner.y1))
 
 
 @dataclass

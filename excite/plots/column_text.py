@@ -24,6 +24,7 @@ from excite.plots.style import DARK, LABEL, NOTE, TITLE
 
 _SIZES = {TITLE: "figure.titlesize", LABEL: "axes.labelsize", NOTE: "xtick.labelsize"}
 _MOST_NUMBERS = 6  # on an axis
+_BESIDE = 0.06  # between two texts on one line [in]
 _LABEL_PAD = 0.09  # between numbers and the label beside them, with the marks [in]
 _WHOLE: WeakKeyDictionary[Text, tuple[str, str]] = WeakKeyDictionary()  # a broken text, and what it was before
 _BREAKS = re.compile(r" (?![^\[]*\])(?!%)")  # not within a unit, nor before a percent sign
@@ -39,13 +40,15 @@ def inches(text: Text) -> tuple[float, float]:
 def column_sizes(figure: Figure) -> None:
     """Give texts and lines the sizes of the style that is drawn in, where they have those of a figure for a screen."""
     small = in_proportion("xtick.labelsize")
+    right = {size_of(parameter) for parameter in ("font.size", "axes.labelsize", "xtick.labelsize")}
     for text in figure.findobj(Text):
         assert isinstance(text, Text)
         before = float(text.get_fontsize())
-        text.set_fontsize(size_of(_SIZES[before]) if before in _SIZES else small * before)
+        if before not in right:
+            text.set_fontsize(size_of(_SIZES[before]) if before in _SIZES else small * before)
         if isinstance(text, Annotation) and text.anncoords == "offset points":
-            right, up = text.xyann
-            text.xyann = small * float(right), small * float(up)
+            x, y = text.xyann
+            text.xyann = small * float(x), small * float(y)
     for ax in figure.axes:
         ax.tick_params(labelsize=size_of("xtick.labelsize"))
         ax.tick_params(grid_linewidth=size_of("grid.linewidth"))
@@ -57,7 +60,8 @@ def thin(artist: Artist) -> None:
     """Draw lines and marks in proportion to the lines of the style."""
     share = in_proportion("lines.linewidth")
     if isinstance(artist, Line2D):
-        artist.set_linewidth(share * float(artist.get_linewidth()))
+        if artist.get_linewidth() != size_of("lines.linewidth"):
+            artist.set_linewidth(share * float(artist.get_linewidth()))
         artist.set_markersize(share * float(artist.get_markersize()))
     elif isinstance(artist, Patch):
         artist.set_linewidth(share * float(artist.get_linewidth()))
@@ -133,12 +137,12 @@ def stack_titles(row: Sequence[Axes], widths: Sequence[float]) -> None:
         text = left.get_text()
         name = text.rstrip("\n")
         left.set_text(name)
-        beside = inches(left)[0] + inches(right)[0] + 0.05 <= width
+        beside = inches(left)[0] + inches(right)[0] + _BESIDE <= width
         above = len(text) - len(name) if beside and own <= 1 else own
         if alone and inches(left)[0] > width:
             above, width = max(lines), sum(widths)
         if name:
-            break_lines(left, width)
+            break_lines(left, width - _BESIDE)
             left.set_text(left.get_text() + "\n" * above)
 
 

@@ -33,14 +33,14 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 def small() -> dict[str, Figure]:
-    """One figure with two rows of three panels, with text that has no room in a column."""
-    figure, rows = panels(2, Panel(widths=(3.0,) * 3, height=1.2), "a long heading of a small figure " * 2)
-    for row in rows:
-        for ax in row:
-            (line,) = ax.plot(np.linspace(0.0, 8.0, 50), np.sin(np.linspace(0.0, 9.0, 50)), color=BLUE, label="$x")
-            value_axis(ax, "acceleration [rad/s^2]")
-            head(ax, "joint_with_a_name", "limit 2.175: 99.9 % used")
-            ax.set_xlabel("time [s]")
+    """One figure with four panels in a row, with text that has no room in a column."""
+    figure, (row,) = panels(1, Panel(widths=(3.0,) * 4, height=1.2), "a long heading of a small figure " * 2)
+    for ax in row:
+        time = np.linspace(0.0, 8.0, 50)
+        (line,) = ax.plot(time, np.sin(time), color=BLUE, linewidth=1.4, label="$x")
+        value_axis(ax, "acceleration [rad/s^2]")
+        head(ax, "joint_with_a_name", "limit 2.175: 99.9 % used")
+        ax.set_xlabel("time [s]")
     legend_below(figure, [line] * 4)
     return {"small": figure}
 
@@ -100,10 +100,6 @@ def test_an_svg_is_as_wide_as_the_column_and_has_its_text(files: dict[str, bytes
     assert b"<dc:date>" not in files["svg"]
 
 
-def test_the_same_figure_has_the_same_bytes(files: dict[str, bytes], tmp_path: Path) -> None:
-    assert written(tmp_path) == files
-
-
 @pytest.mark.slow
 def test_another_process_writes_the_same_bytes(files: dict[str, bytes], tmp_path: Path) -> None:
     code = (
@@ -117,7 +113,7 @@ def test_another_process_writes_the_same_bytes(files: dict[str, bytes], tmp_path
     assert {form: (tmp_path / f"small.{form}").read_bytes() for form in FIGURE_FORMATS} == files
 
 
-def test_a_users_own_style_does_not_count(files: dict[str, bytes], tmp_path: Path) -> None:
+def test_the_same_figure_has_the_same_bytes_whatever_the_users_style(files: dict[str, bytes], tmp_path: Path) -> None:
     with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "savefig.bbox": "tight", "pdf.fonttype": 3}):
         assert written(tmp_path) == files
         assert matplotlib.rcParams["font.size"] == 30
@@ -134,7 +130,7 @@ def test_a_column_sets_width_fonts_and_lines(width: str) -> None:
     assert sizes == {6.5, 7.0, {"single": 8.0, "double": 9.0}[width]}
     figure.draw_without_rendering()
     for ax in figure.axes:
-        assert ax.lines[0].get_linewidth() == pytest.approx(1.5 * 1.0 / 1.4)
+        assert ax.lines[0].get_linewidth() == pytest.approx(1.0)
         box = ax.get_tightbbox()
         assert box is not None
         assert figure.bbox.padded(1.0).containsx(box.x0)
@@ -149,7 +145,7 @@ def test_a_column_sets_width_fonts_and_lines(width: str) -> None:
 
 def test_panels_keep_their_order_and_rows_without_room_are_broken() -> None:
     single, double = (drawn_figures(small, width)["small"] for width in ("single", "double"))
-    assert len({round(ax.get_position().y0, 6) for ax in double.axes}) == 2
+    assert len({round(ax.get_position().y0, 6) for ax in double.axes}) == 1
     rows = [round(ax.get_position().y0, 6) for ax in single.axes]
     assert len(set(rows)) > 1
     assert rows == sorted(rows, reverse=True)
