@@ -353,9 +353,9 @@ def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch
 
 
 def test_an_interrupt_while_writing_is_too_late(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*arguments: Any) -> list[Path]:
+    def interrupted(*arguments: Any, **how: Any) -> list[Path]:
         signal.raise_signal(signal.SIGINT)
-        return DRAW(*arguments)
+        return DRAW(*arguments, **how)
 
     monkeypatch.setattr(plots, "write_identification_figures", interrupted)
     assert done(here, "run.csv")["schema"] == "excite.result/1"
