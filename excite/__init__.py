@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from excite.payload.payload_result import PayloadResult
     from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures
+    from excite.plots.drawable import draw
     from excite.report.write_report import write_report
     from excite.simulation.degradation.degradation import Degradation
     from excite.simulation.degradation.degrade import degrade
@@ -184,6 +185,7 @@ _PLACES = {
     "compare": "excite.design.comparison",
     "degrade": "excite.simulation.degradation.degrade",
     "design_trajectory": "excite.design.optimisation",
+    "draw": "excite.plots.drawable",
     "export_model": "excite.export.models.export_model",
     "export_motion": "excite.export.motions.export_motion",
     "fit_friction": "excite.friction.fit.fit_friction",
@@ -304,6 +306,7 @@ __all__ = [
     "degrade",
     "design_payload_motion",
     "design_trajectory",
+    "draw",
     "export_model",
     "export_motion",
     "fit_friction",

@@ -130,6 +130,10 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "shape": "excite.files.world_file:urdf_capsules",
         "world": "excite.files.world_file:read_world",
     },
+    "restored": {
+        "design": "excite.report.restored_design:restore",
+        "result": "excite.report.restored_result:stored_estimate",
+    },
 }
 
 MODELS, TRAJECTORIES, CRITERIA = (tuple(BUILT_IN[kind]) for kind in ("model", "trajectory", "criterion"))
@@ -145,6 +149,8 @@ SCALES = ("unit", "prior", "value")
 DROPPABLE = ("truncated", "nan", "repeated", "garbage")
 REPEATABLE = ("instrumental", "least-squares", "weighted")
 COVARIANCES = ("auto", "white", "robust")
+FIGURE_FORMATS = ("png", "pdf", "svg")
+FIGURE_WIDTHS = ("screen", "single", "double")
 CHOSEN = (
     "cutoff",
     "signals",

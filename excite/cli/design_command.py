@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from excite.cli.figure_options import FigureChoice, figure_options
 from excite.cli.options import Folder, own_parts, snap_option, split_base
 from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
@@ -72,7 +73,7 @@ What is written to DIR:
                    with --home also approach and return, and a column segment: approach, excite, return
   trajectory-V.csv the same motion at part V of its speed (--speed), for rehearsals
   design.json      criteria, limits over continuous time, predicted accuracy, everything to run it again
-  *.png            the motion within its limits, the singular spectrum, the progress of the search
+  *.png, or --figures  the motion within its limits, the singular spectrum, the progress of the search
   starts/          every start, written as soon as it ends; the same command after a kill goes on from them""",
 )
 @click.argument("robot")
@@ -92,6 +93,7 @@ What is written to DIR:
 @snap_option
 @task_options(PARTS, without=("base",))
 @own_parts
+@figure_options()
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 @click.option("--fresh", is_flag=True, help="Remove the starts that an earlier run has left in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
@@ -105,6 +107,7 @@ def command(
     parts: tuple[str, ...],
     force: bool,
     fresh: bool,
+    figures: FigureChoice,
     form: str,
     **_: Any,
 ) -> None:
@@ -118,7 +121,8 @@ def command(
 
     task = _task(ctx, robot, task_file, parts)
     both = split_base(ctx.params["base"])[1] is not None
-    design, files = design_and_write(task, out, (_BASE_TOO,) if both else (), force=force, fresh=fresh)
+    notes = (_BASE_TOO,) if both else ()
+    design, files = design_and_write(task, out, notes, figures=figures, force=force, fresh=fresh)
     _show(design, files, out, form)
     sys.exit(_status(design))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import one_interrupt
 from excite.cli.messages import in_options
 from excite.cli.progress import progress_of_starts
@@ -17,7 +18,6 @@ from excite.design.optimisation import solve
 from excite.estimates.long_work import announce
 from excite.files.design_folder import check_no_design, data_files, figure_files, write_design
 from excite.files.resumed_search import holds_unfinished_design, resume_search
-from excite.plots import write_figures
 from excite.storage.result_folder import result_folder
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
@@ -26,7 +26,7 @@ _ENDED = "Ctrl-C ends it, and the best so far is saved"
 
 
 def design_and_write(
-    task: Task, out: Path, notes: tuple[str, ...], *, force: bool, fresh: bool
+    task: Task, out: Path, notes: tuple[str, ...], *, figures: FigureChoice, force: bool, fresh: bool
 ) -> tuple[Design, list[Path]]:
     """Find the best motion for a task, and write its files as soon as it is found.
 
@@ -37,6 +37,7 @@ def design_and_write(
         Folder to write; the starts of an earlier run in it are used.
     notes : tuple of str
         Of the command, printed before those of the problem.
+    figures : FigureChoice
     force : bool
         Replace a design that is already there.
     fresh : bool
@@ -49,7 +50,7 @@ def design_and_write(
     """
     robot = installed_robot(task)
     with result_folder(out):
-        names = [*data_files(task), *figure_files(task)]
+        names = [*data_files(task), *figure_files(task, figures.formats)]
         check_no_design(out, names, replace=force or holds_unfinished_design(out))
         formulation = formulate(robot, task)
         kept = resume_search(out, formulation, replace=force, fresh=fresh)
@@ -59,8 +60,11 @@ def design_and_write(
             with progress_of_starts(kept, at_end=interruption.ignore) as progress:
                 design = solve(robot, formulation, kept, progress)
             tell("writing and drawing")
-            files = write_design(design, out)
-            files = [*write_figures(design, out), *files]
+            files = write_design(design, out, figures.formats)
+            if figures:
+                from excite.plots import write_figures
+
+                files = [*write_figures(design, out, **figures.how), *files]
     return design, files
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from excite.cli.figure_options import figure_options
 from excite.cli.options import Folder, Names, Number, own_parts, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import DROPPABLE
@@ -130,6 +131,7 @@ What is written to DIR:
     default="fit",
     help="fit: torques at which a drive broke away are points of its curve at speed zero.",
 )
+@figure_options()
 @click.option("--force", is_flag=True, help="Replace a fit that is already in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:

@@ -14,11 +14,11 @@ import excite
 from excite.cli.literal_console import LiteralConsole
 from excite.cli.messages import in_options
 from excite.cli.sign_of_life import tell
+from excite.files.figure_names import figure_names
 from excite.files.friction_fit_file import FIGURE, FRICTION, check_no_fit, fit_content
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.stiction_points import mean_break_aways
-from excite.plots.friction_plot import write_friction_figure
 from excite.storage.result_folder import result_folder
 from excite.tasks.robot_of_task import installed_robot
 
@@ -51,7 +51,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
     """
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
     with result_folder(out):
-        check_no_fit(out, (FRICTION, FIGURE), replace=given["force"])
+        check_no_fit(out, (FRICTION, *figure_names([FIGURE], given["figures"].formats)), replace=given["force"])
         task = excite.Task(
             name,
             base_link=given["base_link"],
@@ -67,8 +67,11 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
             asked["parameters"] = excite.load_result(given["parameters"], own) if own else given["parameters"]
         fit = excite.fit_friction(robot, list(paths), settings, progress=tell, **asked)
         files = fit.save(out, replace=given["force"])
-        tell("drawing")
-        files = [*write_friction_figure(robot.name, fit.characteristics, out), *files]
+        if figures := given["figures"]:
+            from excite.plots.friction_plot import write_friction_figure
+
+            tell("drawing")
+            files = [*write_friction_figure(robot.name, fit.characteristics, out, **figures.how), *files]
     if given["form"] == "json":
         click.echo(json.dumps({"out": str(out), **fit_content(fit)}, indent=1))
     else:

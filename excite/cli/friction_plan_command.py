@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from excite.cli.figure_options import figure_options
 from excite.cli.options import Folder, Names, Number, Numbers, Ranges, snap_option
 from excite.cli.task_options import installation_of, task_options
 
@@ -133,6 +134,7 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 )
 @click.option("--jerk-limit", type=Numbers("jerk"), metavar="J,...", help="Jerk limits [rad/s^3].")
 @click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of the random poses that are tried.")
+@figure_options()
 @click.option("--force", is_flag=True, help="Replace a plan that is already in DIR.")
 @click.pass_context
 def command(
@@ -153,9 +155,8 @@ def command(
     import excite
     from excite.cli.friction_plan_text import print_plan
     from excite.cli.sign_of_life import tell
+    from excite.files.figure_names import figure_names
     from excite.files.friction_plan_folder import FIGURE, KIND, check_free
-    from excite.plots.figure_files import write_figure_files
-    from excite.plots.friction_plan_plot import friction_plan_figure
     from excite.storage.result_folder import result_folder
     from excite.tasks.robot_of_task import installed_robot
 
@@ -169,11 +170,16 @@ def command(
     chosen = {name: options[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
     tell("looking for poses and bounding torques")
     with result_folder(out):
-        check_free(out, (FIGURE,), replace=options["force"])
+        check_free(out, figure_names([FIGURE], options["figures"].formats), replace=options["force"])
         plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
         files = plan.save(out, replace=options["force"])
-        tell("drawing")
-        files = [*files, *write_figure_files({"runs": friction_plan_figure(plan)}, out, KIND)]
+        if figures := options["figures"]:
+            from excite.plots.figure_files import write_figure_files
+            from excite.plots.friction_plan_plot import friction_plan_figure
+
+            tell("drawing")
+            drawn = write_figure_files(lambda: {FIGURE: friction_plan_figure(plan)}, out, KIND, **figures.how)
+            files = [*files, *drawn]
     print_plan(plan, files, chosen=options["pose"] is None)
     if not plan.holds:
         ctx.exit(_NOT_HELD)

@@ -8,6 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from excite.cli.figure_options import figure_options
 from excite.cli.options import Folder, Number, NumberOr, Numbers, PartName, SettingNames, own_parts, snap_option
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
@@ -254,6 +255,7 @@ What is written to DIR:
 @click.option("--each", is_flag=True, help="Of several logs: the estimate of each alone too, beside their scatter.")
 @click.option("--repeat", type=Number(), default=0, metavar="N", help="Repeat the experiment N times in simulation.")
 @click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of the repetitions.")
+@figure_options()
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context

@@ -13,12 +13,13 @@ import click
 import excite
 from excite.cli.design_of_mapping import design_folder
 from excite.cli.estimate_text import print_estimate
+from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
 from excite.cli.sign_of_life import tell
+from excite.files.figure_names import figure_names
 from excite.files.result_json import FIGURES, REPETITIONS, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
-from excite.plots import write_identification_figures
 from excite.registry import CHOSEN, is_own
 from excite.storage.result_folder import result_folder
 
@@ -54,20 +55,25 @@ def identify_and_write(
     from excite.cli.main import NOT_HELD
 
     with result_folder(out):
-        check_free(out, FIGURES, replace=given["force"])
+        figures: FigureChoice = given["figures"]
+        check_free(out, figure_names(FIGURES, figures.formats), replace=given["force"])
         with one_interrupt() as interruption:
             result = _identified(name, paths, typed, of_recipe, given)
             interruption.ignore()
             files = result.save(out, replace=given["force"])
-            tell("drawing")
-            files = [*write_identification_figures(result, out, result.reference), *files]
+            if figures:
+                from excite.plots import write_identification_figures
+
+                tell("drawing")
+                files = [*write_identification_figures(result, out, result.reference, **figures.how), *files]
         content = result_content(result)
         status = NOT_HELD if content["doubts"] else 0
         if given["repeat"]:
             tell("repeating the experiment in simulation")
-            content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"])
+            content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"], figures)
             status = repeated or status
-            files = [*([out / REPETITIONS] if "repetitions" in content else []), *files]
+            drawn = figure_names([REPETITIONS], figures.formats) if "repetitions" in content else []
+            files = [*(out / name for name in drawn), *files]
     if given["form"] == "json":
         left_out = ("schema", "robot", "covariance", "task")
         click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from excite.cli.figure_options import figure_options
 from excite.cli.messages import in_options
 from excite.cli.options import Folder, Number, Numbers
 from excite.cli.payload_options import BoxOrSides, frame_option, robot_of, robot_options
@@ -71,7 +72,7 @@ Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
 @click.option("--rate", type=Number(), default=100.0, metavar="HZ", help="Samples per second of trajectory.csv.")
 @task_options(("limits",), only=_LIMITS)
 @click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, as for 'excite design'.")
-@click.option("--figures", is_flag=True, help="Draw the figures of 'excite design' too.")
+@figure_options("none")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 def command(robot: str, out: Path, **given: Any) -> None:
@@ -104,10 +105,10 @@ def command(robot: str, out: Path, **given: Any) -> None:
             )
             interruption.ignore()
             files = motion.design.save(out, replace=given["force"])
-            if given["figures"]:
+            if figures := given["figures"]:
                 from excite.plots import write_figures
 
-                files = [*write_figures(motion.design, out), *files]
+                files = [*write_figures(motion.design, out, **figures.how), *files]
     if given["as_json"]:
         content = design_content(motion.design)
         left_out = ("schema", "robot", "solver", "conventions")

@@ -13,6 +13,7 @@ import click
 from rich.table import Table
 
 from excite.cli.design_text import console
+from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import deferred_interrupt, interrupted_status
 from excite.files.result_json import amend_content
 from excite.identification.identification import Identification
@@ -23,7 +24,7 @@ _PAUSE = 5.0  # between two lines of progress [s]
 
 
 def repeat_and_write(
-    result: Identification, out: Path, content: dict[str, Any], count: int, seed: int
+    result: Identification, out: Path, content: dict[str, Any], count: int, seed: int, figures: FigureChoice
 ) -> tuple[dict[str, Any], int]:
     """Repeat an identification in simulation, add the statistics to its result, and draw them beside it.
 
@@ -35,6 +36,7 @@ def repeat_and_write(
     content : dict
         Content of ``result.json``.
     count, seed : int
+    figures : FigureChoice
 
     Returns
     -------
@@ -49,7 +51,6 @@ def repeat_and_write(
         The experiment cannot be repeated.
     """
     from excite.montecarlo.repetition import repetitions
-    from excite.plots.repetitions_plot import write_repetitions_figure
 
     try:
         with deferred_interrupt("stopping after the repetitions at work") as answer, _progress(count) as progress:
@@ -67,7 +68,10 @@ def repeat_and_write(
         return content, interrupted_status()
     except InputError as error:
         raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
-    write_repetitions_figure(repeated_runs, result.robot.name, out)
+    if figures:
+        from excite.plots.repetitions_plot import write_repetitions_figure
+
+        write_repetitions_figure(repeated_runs, result.robot.name, out, **figures.how)
     return content, 0
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from excite.cli.figure_options import FigureChoice, figure_options
 from excite.cli.options import Folder, Number, Numbers, own_parts
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ What is written to DIR:
 @click.option("--encoder", type=Numbers(), metavar="COUNTS", help="Simulated encoder counts per motor revolution.")
 @click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of simulated noise.")
 @own_parts
+@figure_options()
 @click.option("--force", is_flag=True, help="Replace a study that is already there.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(
@@ -90,6 +92,7 @@ def command(
     encoder: tuple[float, ...] | None,
     seed: int,
     parts: tuple[str, ...],
+    figures: FigureChoice,
     force: bool,
     form: str,
     **options: Any,
@@ -100,15 +103,15 @@ def command(
     """
     import excite
     from excite.cli.sign_of_life import tell
+    from excite.files.figure_names import figure_names
     from excite.files.time_study_json import FIGURE, check_free, time_study_content
-    from excite.plots.time_course_plot import write_time_study_figure
     from excite.storage.result_folder import result_folder
     from excite.timecourse.study_over_time import study_over_time
 
     settings: dict[str, Any] = {"rate": rate, "encoder": encoder, "torque_noise": torque_noise, "seed": seed}
     given = {name: value for name, value in options.items() if value is not None}
     with result_folder(out):
-        check_free(out, (FIGURE,), replace=force)
+        check_free(out, figure_names([FIGURE], figures.formats), replace=force)
         study = study_over_time(
             robot,
             logs,
@@ -122,8 +125,11 @@ def command(
             **given,
         )
         files = study.save(out, replace=force)
-        tell("drawing")
-        files = [*files, *write_time_study_figure(study, out)]
+        if figures:
+            from excite.plots.time_course_plot import write_time_study_figure
+
+            tell("drawing")
+            files = [*files, *write_time_study_figure(study, out, **figures.how)]
     if form == "json":
         click.echo(json.dumps(time_study_content(study), indent=1))
     else:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from excite.cli.figure_options import FigureChoice, figure_options
 from excite.cli.options import Folder, Number, Numbers, own_parts
 from excite.registry import DROPPABLE, SIGNALS
 
@@ -90,6 +91,7 @@ What is written to DIR (or --out), per log:
     "on it [deg C].  [default: as identified]",
 )
 @own_parts
+@figure_options()
 @click.option("--training-too", is_flag=True, help="Accept logs that the result was identified from.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(
@@ -106,6 +108,7 @@ def command(
     temperature: tuple[float, ...] | None,
     parts: tuple[str, ...],
     training_too: bool,
+    figures: FigureChoice,
     form: str,
 ) -> None:
     """Judge the result in DIR on each LOG: predicted torques, simulated motion, and a verdict with its reasons.
@@ -116,7 +119,6 @@ def command(
     from excite.cli.main import NOT_HELD
     from excite.cli.sign_of_life import tell
     from excite.files.verification_json import check_replaceable, verification_content
-    from excite.plots import write_verification_figures
     from excite.storage.result_folder import result_folder
 
     tolerances = excite.Tolerances(torque_tolerance / 100, motion_tolerance / 100)
@@ -133,9 +135,13 @@ def command(
             tell(f"judging {folder} on {log}")
             judged.append(excite.verify(result, log, **options))
         saved = [verification.save(target, name=stem) for verification, stem in zip(judged, stems, strict=True)]
-        tell("drawing")
+        if figures:
+            from excite.plots import write_verification_figures
+
+            tell("drawing")
         for verification, stem, files in zip(judged, stems, saved, strict=True):
-            files = [*write_verification_figures(verification, target, stem), *files]
+            if figures:
+                files = [*write_verification_figures(verification, target, stem, **figures.how), *files]
             if form == "text":
                 _show(verification, files)
     if form == "json":

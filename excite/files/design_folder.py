@@ -12,6 +12,7 @@ from excite.design.design import Design
 from excite.design.kept_starts import remove_starts, remove_temporary
 from excite.design.start_results import write_start
 from excite.files.content_hashes import HASHES, motion_hashes
+from excite.files.figure_names import figure_names
 from excite.files.task_file import task_content
 from excite.files.trajectory_csv import write_trajectory
 from excite.information.metrics import CONVENTIONS as MEANINGS
@@ -50,9 +51,9 @@ def data_files(task: Task) -> list[str]:
     return [DESIGN, TRAJECTORY, *(rehearsal_name(speed) for speed in task.output.speed)]
 
 
-def figure_files(task: Task) -> list[str]:
+def figure_files(task: Task, formats: Collection[str] = ("png",)) -> list[str]:
     """Names of a design's figures."""
-    return [f"{name}.png" for name in (*_FIGURES, *(() if task.limits.world is None else _WORLD_FIGURES))]
+    return figure_names((*_FIGURES, *(() if task.limits.world is None else _WORLD_FIGURES)), formats)
 
 
 def starts_folder(folder: Path) -> Path:
@@ -108,7 +109,7 @@ def save_design(design: Design, folder: str | Path, *, replace: bool = False) ->
         return write_design(design, folder)
 
 
-def write_design(design: Design, folder: Path) -> list[Path]:
+def write_design(design: Design, folder: Path, figures: Collection[str] | None = None) -> list[Path]:
     """Write a design's files, and replace an older design, all at once.
 
     Parameters
@@ -116,6 +117,8 @@ def write_design(design: Design, folder: Path) -> list[Path]:
     design : Design
     folder : Path
         A folder that `result_folder` has locked, with the starts in the folder that `starts_folder` has made.
+    figures : collection of str, optional
+        Formats of the figures that are to follow; the design counts as unfinished until one is there.
 
     Returns
     -------
@@ -130,7 +133,8 @@ def write_design(design: Design, folder: Path) -> list[Path]:
     names = data_files(design.task)
     older = _older_files(folder)
     run = design.provenance.get("run")
-    with replace_result(folder, KIND, run=None if run is None else str(run), older=older, folders=(STARTS,)) as staged:
+    run = None if run is None else str(run)
+    with replace_result(folder, KIND, run=run, older=older, folders=(STARTS,), figures=figures) as staged:
         write_trajectory(design, staged / TRAJECTORY)
         for speed in design.task.output.speed:
             write_trajectory(design, staged / rehearsal_name(speed), speed)
@@ -144,7 +148,7 @@ def _older_files(folder: Path) -> list[str]:
     if not (folder / DESIGN).exists():
         return []
     rehearsals = [path.name for path in folder.glob("trajectory-*.csv") if _REHEARSAL.fullmatch(path.name)]
-    return [*rehearsals, *(f"{name}.png" for name in (*_FIGURES, *_WORLD_FIGURES))]
+    return [*rehearsals, *figure_names((*_FIGURES, *_WORLD_FIGURES))]
 
 
 def rehearsal_name(speed: float) -> str:

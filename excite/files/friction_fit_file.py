@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from excite.files.figure_names import figure_names
 from excite.files.friction_file import write_friction
 from excite.friction.fit.stiction_points import mean_break_aways
 from excite.storage.atomic import write_json
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from excite.friction.fit.friction_fit import FrictionFit
 
 SCHEMA = "excite.friction-fit/1"
-FIT, FRICTION, FIGURE, KIND = "fit.json", "friction.yaml", "friction.png", "friction-fit"
+FIT, FRICTION, FIGURE, KIND = "fit.json", "friction.yaml", "friction", "friction-fit"
 
 
 def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -46,7 +47,7 @@ def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> 
     folder = Path(folder)
     with result_folder(folder) as run:
         check_no_fit(folder, replace=replace)
-        older = [FIGURE] if (folder / FIT).exists() else []
+        older = figure_names([FIGURE]) if (folder / FIT).exists() else []
         with replace_result(folder, KIND, run=run, older=older) as staged:
             write_friction(fit.curves, staged / FRICTION)
             write_json(staged / FIT, fit_content(fit))

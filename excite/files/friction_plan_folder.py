@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.files.figure_names import figure_names
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.trajectory_csv import SEGMENT
 from excite.friction.plan.measurements import CoordinatePlan, Distance, FrictionPlan, Window
@@ -32,7 +33,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 SCHEMA = "excite.friction-plan/1"
-PLAN, FIGURE, KIND = "plan.json", "runs.png", "friction-plan"
+PLAN, FIGURE, KIND = "plan.json", "runs", "friction-plan"
 ORDER = "warm-up; break away in both directions; then fastest, slowest, next fastest, next slowest ... there and back"
 
 
@@ -133,7 +134,7 @@ def _older_files(folder: Path) -> list[str]:
         return []
     with complete(folder / PLAN, "friction plan"):
         names = _named_files(stored_content(folder / PLAN, SCHEMA))
-    return [*(name for name in names if name == Path(name).name and name.endswith(".csv")), FIGURE]
+    return [*(name for name in names if name == Path(name).name and name.endswith(".csv")), *figure_names([FIGURE])]
 
 
 def _named_files(content: dict[str, Any]) -> list[str]:

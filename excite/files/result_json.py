@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from excite.files.between_logs_json import between_logs_content
+from excite.files.figure_names import figure_names
 from excite.files.friction_file import friction_of, friction_text, read_friction
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.stored_task import stored_task
@@ -34,8 +35,8 @@ from regressors.models.motor_side import MotorSide, motor_sides
 
 SCHEMA = "excite.result/1"
 RESULT, KIND = "result.json", "result"
-REPETITIONS = "repetitions.png"
-FIGURES = ("torques.png", "residuals.png", "parameters.png", "estimates.png", REPETITIONS)
+REPETITIONS = "repetitions"
+FIGURES = ("torques", "residuals", "parameters", "estimates", REPETITIONS)
 
 
 def save_result(result: Identification, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -61,7 +62,7 @@ def save_result(result: Identification, folder: str | Path, *, replace: bool = F
     folder = Path(folder)
     with result_folder(folder) as run:
         check_free(folder, replace=replace)
-        older = FIGURES if (folder / RESULT).exists() else ()
+        older = figure_names(FIGURES) if (folder / RESULT).exists() else ()
         with replace_result(folder, KIND, run=run, older=older) as staged:
             write_json(staged / RESULT, result_content(result))
     return [folder / RESULT]

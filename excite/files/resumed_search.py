@@ -10,9 +10,11 @@ from typing import Any
 from excite.design.formulation import Formulation
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.start_results import RUNNING, read_start, start_files
-from excite.files.design_folder import DESIGN, STARTS, check_no_design, data_files, starts_folder
+from excite.files.design_folder import DESIGN, KIND, STARTS, check_no_design, data_files, starts_folder
+from excite.registry import FIGURE_FORMATS
 from excite.storage.atomic import read_json, replacing, writing
 from excite.storage.destination import shown
+from excite.storage.manifest import read_manifest
 from regressors.errors import InputError
 
 
@@ -55,7 +57,16 @@ def holds_unfinished_design(folder: Path) -> bool:
 
 
 def _is_unfinished(folder: Path, stored: dict[str, Any]) -> bool:
-    return bool(stored) and (stored.get("interrupted") is True or not any(folder.glob("*.png")))
+    return bool(stored) and (stored.get("interrupted") is True or not _is_drawn(folder))
+
+
+def _is_drawn(folder: Path) -> bool:
+    """Whether a design has its figures, where any were asked for."""
+    entry = None
+    with suppress(InputError):
+        entry = read_manifest(folder).get(KIND)
+    formats = FIGURE_FORMATS if entry is None or entry.figures is None else entry.figures
+    return not formats or any(any(folder.glob(f"*.{form}")) for form in formats)
 
 
 def _stored(folder: Path) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.files.figure_names import figure_names
 from excite.storage.atomic import write_json
 from excite.storage.result_folder import check_not_taken, replace_result, result_folder
 from excite.timecourse.time_course import TimeCourse
@@ -15,7 +16,7 @@ from excite.timecourse.time_study import TimeStudy
 from regressors.samples import Array
 
 SCHEMA = "excite.study/1"
-NAME, FIGURE, KIND = "study.json", "estimates_over_time.png", "study"
+NAME, FIGURE, KIND = "study.json", "estimates_over_time", "study"
 
 
 def save_time_study(study: TimeStudy, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -41,7 +42,7 @@ def save_time_study(study: TimeStudy, folder: str | Path, *, replace: bool = Fal
     folder = Path(folder)
     with result_folder(folder) as run:
         check_free(folder, replace=replace)
-        older = [FIGURE] if (folder / NAME).exists() else []
+        older = figure_names([FIGURE]) if (folder / NAME).exists() else []
         with replace_result(folder, KIND, run=run, older=older) as staged:
             write_json(staged / NAME, time_study_content(study))
     return [folder / NAME]

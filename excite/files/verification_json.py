@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from excite.files.figure_names import figure_names
 from excite.simulation.replay import Replay
 from excite.storage.atomic import read_json, write_json
 from excite.storage.manifest import read_manifest
@@ -43,7 +44,7 @@ def save_verification(verification: Verification, folder: str | Path, *, name: s
     folder, file = Path(folder), f"{stem}.json"
     with result_folder(folder) as run:
         check_replaceable(folder, stem)
-        older = [f"{stem}_{part}.png" for part in _FIGURES] if (folder / file).exists() else []
+        older = figure_names(f"{stem}_{part}" for part in _FIGURES) if (folder / file).exists() else []
         with replace_result(folder, stem, run=run, older=older) as staged:
             write_json(staged / file, verification_content(verification))
     return [folder / file]

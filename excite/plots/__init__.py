@@ -5,14 +5,23 @@ Importing this package imports matplotlib, so callers import it only when they d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from excite.design.design import Design
 from excite.plots.clearance_plot import clearance_figure
 from excite.plots.convergence_plot import convergence_figure
 from excite.plots.estimates_plot import estimates_figure
 from excite.plots.figure_files import write_figure_files
-from excite.plots.identification_plots import residuals_figure, torques_figure, write_identification_figures
+from excite.plots.identification_plots import (
+    identification_figures,
+    residuals_figure,
+    torques_figure,
+    write_identification_figures,
+)
 from excite.plots.motion_plot import motion_figure
 from excite.plots.parameters_plot import parameters_figure
 from excite.plots.phase_plot import phase_figure
@@ -22,6 +31,7 @@ from excite.plots.verification_plots import (
     error_parts_figure,
     predicted_torques_figure,
     simulated_motion_figure,
+    verification_figures,
     write_verification_figures,
 )
 from excite.plots.workspace_plot import workspace_figure
@@ -31,8 +41,10 @@ __all__ = [
     "WORLD_FIGURES",
     "clearance_figure",
     "convergence_figure",
+    "design_figures",
     "error_parts_figure",
     "estimates_figure",
+    "identification_figures",
     "motion_figure",
     "parameters_figure",
     "phase_figure",
@@ -42,6 +54,7 @@ __all__ = [
     "simulated_motion_figure",
     "spectrum_figure",
     "torques_figure",
+    "verification_figures",
     "workspace_figure",
     "write_figures",
     "write_identification_figures",
@@ -57,25 +70,52 @@ FIGURES = {
 WORLD_FIGURES = {"clearance": clearance_figure, "workspace": workspace_figure}  # where the task has a world
 
 
-def write_figures(design: Design, folder: str | Path) -> list[Path]:
-    """Draw every figure of a design and write each atomically as a PNG file.
+def design_figures(design: Design) -> dict[str, Figure]:
+    """Draw every figure of a design.
 
     Parameters
     ----------
     design : Design
+
+    Returns
+    -------
+    dict of str to Figure
+        ``motion``, ``phase``, ``spectrum`` and, where its starts are known, ``convergence``; ``clearance`` and
+        ``workspace`` too, where the task has a world.
+    """
+    figures = FIGURES if design.task.limits.world is None else {**FIGURES, **WORLD_FIGURES}
+    return {name: figure(design) for name, figure in figures.items() if name != "convergence" or design.starts}
+
+
+def write_figures(
+    design: Any, folder: str | Path, *, formats: str | Sequence[str] = ("png",), width: str = "screen"
+) -> list[Path]:
+    """Draw every figure of a design, or of whatever else `excite.draw` draws, and write them all at once.
+
+    Parameters
+    ----------
+    design : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit or PayloadMotion
     folder : path
-        An existing folder.
+        An existing folder; where it holds what is drawn, its manifest lists the figures too.
+    formats : str or sequence of str
+        Of ``png``, ``pdf`` (TrueType fonts embedded) and ``svg`` (text that can be edited).
+    width : {"screen", "single", "double"}
+        See `excite.draw`.
 
     Returns
     -------
     list of Path
         ``motion.png``, ``phase.png``, ``spectrum.png`` and ``convergence.png`` in the folder; ``clearance.png`` and
-        ``workspace.png`` too, where the task has a world.
+        ``workspace.png`` too, where the task has a world. Or those of other formats, or of another object.
 
     Raises
     ------
     InputError
-        The folder is being written by another process, or cannot be written to.
+        Another format or width, or nothing that has figures; or the folder is being written by another process, or
+        cannot be written to.
     """
-    figures = FIGURES if design.task.limits.world is None else {**FIGURES, **WORLD_FIGURES}
-    return write_figure_files({name: figure(design) for name, figure in figures.items()}, folder, "design")
+    if isinstance(design, Design):
+        return write_figure_files(lambda: design_figures(design), folder, "design", formats=formats, width=width)
+    from excite.plots.drawable import write_drawable
+
+    return write_drawable(design, folder, formats=formats, width=width)

@@ -17,11 +17,13 @@ from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.collision_limits import Clearance
 from excite.design.design import Design
+from excite.plots.drawing_style import columns_that_fit
 from excite.plots.panels import Panel, head, legend_below, panels
 from excite.plots.style import BLUE, DARK, FORBIDDEN, GREY, LABEL, NOTE, VERMILLION, tidy, typeset
 from regressors.samples import Array
 
 _COLUMNS, _ROWS = 3, 4
+_LEAST = 1.7  # width of a panel with its numbers [in]
 _MILLIMETRES = 1e3
 _LINEAR = 0.6  # height of the linear part, in decades
 _OTHERS: dict[str, Any] = {"color": GREY, "linewidth": 0.7, "linestyle": (0, (4, 1.5))}
@@ -45,8 +47,9 @@ def clearance_figure(design: Design) -> Figure:
     """
     uses, distances = _uses(design), _distances(design)
     nearest = sorted(uses, key=lambda use: use.extreme)[: _COLUMNS * _ROWS]
-    rows = max(1, -(-len(nearest) // _COLUMNS))
-    panel = Panel(widths=(3.4,) * _COLUMNS, height=1.5, left=0.65, between=0.62)
+    columns = columns_that_fit(_COLUMNS, _LEAST)
+    rows = max(1, -(-len(nearest) // columns))
+    panel = Panel(widths=(3.4,) * columns, height=1.5, left=0.65, between=0.62)
     figure, axes = panels(1 + rows, panel, _title(design, uses, len(nearest)))
     flat = [ax for row in axes[1:] for ax in row]
     time, scale = design.samples.time, _Scale.of(nearest, distances)
@@ -61,7 +64,7 @@ def clearance_figure(design: Design) -> Figure:
         head(ax, use.label, _note(use), _colour(use))
     for ax in flat[len(nearest) :]:
         ax.set_axis_off()
-    for ax in flat[max(0, len(nearest) - _COLUMNS) : len(nearest)]:
+    for ax in flat[max(0, len(nearest) - columns) : len(nearest)]:
         ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
     legend_below(figure, _legend(len(nearest) > 1))
     return figure

@@ -112,8 +112,7 @@ def _title(design: Design) -> str:
     count = design.number_of_starts
     unfinished = sum(start.status == RUNNING for start in design.starts)
     stopped = f" ({unfinished} unfinished)" if unfinished else ""
-    cpu = sum(start.cpu for start in design.starts)
-    return f"{design.robot.name}: search from {count} start{'s' if count != 1 else ''}{stopped}, {cpu:.3g} s CPU"
+    return f"{design.robot.name}: search from {count} start{'s' if count != 1 else ''}{stopped}"
 
 
 def _explanation(design: Design) -> str:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from excite.plots.drawing_style import columns_that_fit
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.style import BAND, BLUE, DARK, GREY, VERMILLION, significant
 from excite.plots.timeline import Timeline
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from excite.identification.reference_values import ReferenceValues
 
 _FEW = 24  # parameters, above which panels are smaller
+_LEAST = 1.15  # width of a panel with its numbers [in]
 _SETTLED = 0.25  # of the instants, after which an estimate must be in view
 _FAR = 6.0  # a reference further off than this many times the height of curve and band is not in view
 
@@ -54,7 +56,7 @@ def estimates_figure(result: Identification, reference: ReferenceValues | None =
     pass_number = np.concatenate([[0], np.cumsum(np.diff(time) < 0)])  # times restart with the next log
     timeline = Timeline.of([""] * (int(pass_number[-1]) + 1), time, pass_number)
     count = len(estimate.names)
-    columns = min(4 if count <= _FEW else 6, count)
+    columns = min(columns_that_fit(4 if count <= _FEW else 6, _LEAST), count)
     panel = Panel((2.5 if count <= _FEW else 1.9,) * columns, 1.15, left=0.68, between=0.42)
     rows = -(-count // columns)
     figure, grid = panels(rows, panel, f"{result.robot.name}: estimates over time, {estimate.method}")

@@ -2,45 +2,109 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO, Any
 
 from matplotlib.figure import Figure
 
-from excite.plots.style import DPI, literal
+from excite.files.figure_names import check_formats, figure_names
+from excite.plots.column_layout import lay_out
+from excite.plots.drawing_style import column_width, drawing_style
+from excite.plots.style import literal
 from excite.storage.atomic import replacing
 from excite.storage.manifest import read_manifest
 from excite.storage.result_folder import amend_result, result_folder
 from regressors.errors import InputError
 
+_UNDATED: dict[str, dict[str, Any]] = {
+    "png": {},
+    "pdf": {"CreationDate": None},
+    "svg": {"Date": None, "Creator": None},
+}
 
-def write_figure_files(figures: Mapping[str, Figure], folder: str | Path, kind: str = "") -> list[Path]:
-    """Write figures as PNG files, all at once, beside the files of a result that are there already.
+
+def drawn_figures(draw: Callable[[], Mapping[str, Figure]], width: str = "screen") -> dict[str, Figure]:
+    """Draw figures in the style of a width, laid out for it, with all text literal.
 
     Parameters
     ----------
-    figures : mapping of str to Figure
-        Figures by file name, without ``.png``.
+    draw : callable
+        Draws them for a screen, by name.
+    width : {"screen", "single", "double"}
+
+    Raises
+    ------
+    InputError
+        Another width.
+    """
+    with drawing_style(width):
+        figures = dict(draw())
+        for figure in figures.values():
+            literal(figure)
+            if column_width() < float("inf"):
+                lay_out(figure)
+    return figures
+
+
+def write_figure_files(
+    figures: Mapping[str, Figure] | Callable[[], Mapping[str, Figure]],
+    folder: str | Path,
+    kind: str = "",
+    *,
+    formats: str | Sequence[str] = ("png",),
+    width: str = "screen",
+) -> list[Path]:
+    """Write figures, all at once, beside the files of a result that are there already.
+
+    The same figures give the same bytes: files hold no dates, and identifiers do not change.
+
+    Parameters
+    ----------
+    figures : mapping of str to Figure, or callable
+        Figures by file name, without suffix, which are written as they are; or what draws them for a screen, so that
+        they are laid out for the width.
     folder : path
         An existing folder.
     kind : str
         Kind of the result that they show, such as ``design``; its manifest lists them too.
+    formats : str or sequence of str
+        Of ``png``, ``pdf`` and ``svg``.
+    width : {"screen", "single", "double"}
+        Of the figures: as wide as they like, or one or both columns of a paper.
 
     Raises
     ------
     InputError
         The folder is being written by another process, or cannot be written to; other files are as they were.
     """
-    folder = Path(folder)
+    folder, formats = Path(folder), check_formats(formats)
+    made = drawn_figures(figures, width) if callable(figures) else _literal(figures)
+    names = figure_names(made, formats)
     if not folder.is_dir():
-        raise InputError(f"cannot write {folder / next(iter(figures))}.png: there is no folder {folder}")
-    with result_folder(folder), _saying_what_is_saved(folder, kind), amend_result(folder, kind) as staged:
-        for name, figure in figures.items():
-            literal(figure)
-            with replacing(staged / f"{name}.png", "wb") as stream:
-                figure.savefig(stream, format="png", dpi=DPI)
-    return [folder / f"{name}.png" for name in figures]
+        raise InputError(f"cannot write {folder / names[0]}: there is no folder {folder}")
+    with (
+        drawing_style(width),
+        result_folder(folder),
+        _saying_what_is_saved(folder, kind),
+        amend_result(folder, kind) as staged,
+    ):
+        for name, figure in made.items():
+            for form in formats:
+                with replacing(staged / f"{name}.{form}", "wb") as stream:
+                    _save(figure, stream, form)
+    return [folder / name for name in names]
+
+
+def _literal(figures: Mapping[str, Figure]) -> Mapping[str, Figure]:
+    for figure in figures.values():
+        literal(figure)
+    return figures
+
+
+def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
+    figure.savefig(stream, format=form, metadata=_UNDATED[form])
 
 
 @contextmanager

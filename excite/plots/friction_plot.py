@@ -16,12 +16,14 @@ from matplotlib.patches import Patch
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.friction_equations import Conditions
 from excite.friction.fit.stiction_points import mean_break_aways
+from excite.plots.drawing_style import columns_that_fit
 from excite.plots.figure_files import write_figure_files
 from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, plain, tidy, typeset
 from regressors.samples import Array
 
 _COLUMNS = 3
 _WIDTH, _HEIGHT = 4.2, 4.4  # of a panel [in]
+_LEAST = 1.75  # width of a panel with its numbers [in]
 _INSTANTS = 400
 _LEVELS = 3
 _LINE = 12  # of text above a panel [pt]
@@ -37,7 +39,7 @@ def friction_figure(robot: str, characteristics: Sequence[Characteristic]) -> Fi
         Name of the robot.
     characteristics : sequence of Characteristic
     """
-    columns = min(_COLUMNS, len(characteristics))
+    columns = min(columns_that_fit(_COLUMNS, _LEAST), len(characteristics))
     rows = -(-len(characteristics) // columns)
     figure = figure_of(_WIDTH * columns + 0.6, _HEIGHT * rows + 0.9, f"{robot}: friction over speed")
     grid = figure.add_gridspec(2 * rows, columns, height_ratios=[3.0, 1.0] * rows)
@@ -190,7 +192,14 @@ def _temperatures(characteristic: Characteristic) -> Array:
     return np.array([np.nan if p.temperature is None else p.temperature for p in characteristic.points])
 
 
-def write_friction_figure(robot: str, characteristics: Sequence[Characteristic], folder: str | Path) -> list[Path]:
+def write_friction_figure(
+    robot: str,
+    characteristics: Sequence[Characteristic],
+    folder: str | Path,
+    *,
+    formats: str | Sequence[str] = ("png",),
+    width: str = "screen",
+) -> list[Path]:
     """Write the figure as ``friction.png``.
 
     Parameters
@@ -198,5 +207,15 @@ def write_friction_figure(robot: str, characteristics: Sequence[Characteristic],
     robot : str
     characteristics : sequence of Characteristic
     folder : path
+    formats : str or sequence of str
+        Of ``png``, ``pdf`` and ``svg``.
+    width : {"screen", "single", "double"}
+        See `excite.draw`.
     """
-    return write_figure_files({"friction": friction_figure(robot, characteristics)}, folder, "friction-fit")
+    return write_figure_files(
+        lambda: {"friction": friction_figure(robot, characteristics)},
+        folder,
+        "friction-fit",
+        formats=formats,
+        width=width,
+    )

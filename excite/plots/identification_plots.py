@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -140,29 +142,19 @@ def _draw_autocorrelation(ax: Axes, time: Array, log: Index, residual: Array, *,
         ax.set_xlabel("lag [s]" if alike else "lag [rows]", fontsize=LABEL, color=DARK)
 
 
-def write_identification_figures(
-    result: Identification, folder: str | Path, reference: ReferenceValues | None = None
-) -> list[Path]:
-    """Draw every figure of an identification and write each atomically as a PNG file.
+def identification_figures(result: Identification, reference: ReferenceValues | None = None) -> dict[str, Figure]:
+    """Draw every figure of an identification.
 
     Parameters
     ----------
     result : Identification
-    folder : path
-        An existing folder.
     reference : ReferenceValues, optional
         Values to compare the parameters with.
 
     Returns
     -------
-    list of Path
-        ``torques.png``, ``residuals.png``, ``parameters.png``, and ``estimates.png`` where the estimator keeps a
-        history.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
+    dict of str to Figure
+        ``torques``, ``residuals``, ``parameters``, and ``estimates`` where the estimator keeps a history.
     """
     figures = {
         "torques": torques_figure(result),
@@ -171,4 +163,41 @@ def write_identification_figures(
     }
     if result.estimate.history is not None:
         figures["estimates"] = estimates_figure(result, reference)
-    return write_figure_files(figures, folder, "result")
+    return figures
+
+
+def write_identification_figures(
+    result: Identification,
+    folder: str | Path,
+    reference: ReferenceValues | None = None,
+    *,
+    formats: str | Sequence[str] = ("png",),
+    width: str = "screen",
+) -> list[Path]:
+    """Draw every figure of an identification and write them all at once.
+
+    Parameters
+    ----------
+    result : Identification
+    folder : path
+        An existing folder.
+    reference : ReferenceValues, optional
+        Values to compare the parameters with.
+    formats : str or sequence of str
+        Of ``png``, ``pdf`` and ``svg``.
+    width : {"screen", "single", "double"}
+        See `excite.draw`.
+
+    Returns
+    -------
+    list of Path
+        ``torques.png``, ``residuals.png``, ``parameters.png``, and ``estimates.png`` where the estimator keeps a
+        history; or those of other formats.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written to.
+    """
+    draw = partial(identification_figures, result, reference)
+    return write_figure_files(draw, folder, "result", formats=formats, width=width)

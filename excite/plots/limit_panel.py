@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from constraints.bounds.certificate import LimitUse
+from excite.plots.drawing_style import column_width
 from excite.plots.style import BLUE, DARK, FORBIDDEN, GREY, NOTE, ROUND, VERMILLION, tidy, typeset
 from regressors.samples import Array
 
@@ -17,6 +18,7 @@ CURVE = 1.4  # [pt]
 _FAR = 6.0
 _FLAT = 1e-9  # a curve of less height [SI] counts as flat
 _LETTERS = 52  # above a panel
+_LEAST_FOR_LIMITS = 5.0  # width of a figure that has room for the limits' values [in]
 
 
 def draw_limited(
@@ -106,5 +108,6 @@ def _used(use: LimitUse | None, bound: float, owner: str, view: tuple[float, flo
         return "no limit", GREY
     whose = f"{owner}, " if owner else ""
     where = "" if view[0] < bound < view[1] else " (out of view)"
-    text = f"{whose}limit {float(f'{bound:.4g}'):g}{where}: {100 * use.use:.1f} % used"
+    used = f"{100 * use.use:.1f} % used"
+    text = f"{whose}limit {float(f'{bound:.4g}'):g}{where}: {used}" if column_width() > _LEAST_FOR_LIMITS else used
     return (text, DARK) if use.holds else (f"{text}, BROKEN", VERMILLION)

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
 
+from excite.plots.drawing_style import column_width
 from excite.plots.panels import NAME_STYLE, legend_below
 from excite.plots.parameter_labels import parameter_label, row_places
 from excite.plots.style import (
@@ -47,6 +48,7 @@ _LETTER = 0.6  # mean width over the size of the font
 _APART = 12.0  # between columns of numbers [pt]
 _EXPRESSION_LENGTH = 46
 _HEADINGS = {"truth": "true", "description": "described"}
+_LEAST = 5.0  # width of a figure with numbers [in]
 _NEAR = 3.0  # in half-widths: the scale of the differences is linear up to here
 _BEST, _WORST = 1e-3, 300.0  # of the relative half-widths [%]; bars are cut there, with the number in them
 _UNTOLD = 1e6  # [%]: larger ones are not written
@@ -82,7 +84,8 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
     if compared and reference is not None:
         handles = [*_draw_differences(panels[0], result, table, reference), *handles]
     _write_names(panels[0], result, table)
-    numbers.write(exact, table)
+    if column_width() > _LEAST:  # else the numbers have no room
+        numbers.write(exact, table)
     handles.append(Patch(color=FORBIDDEN, label="interval contains zero"))
     legend_below(figure, handles)
     return figure

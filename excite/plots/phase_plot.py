@@ -13,6 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from constraints.linear import linear_limits
 from excite.design.design import Design
+from excite.plots.drawing_style import columns_that_fit
 from excite.plots.style import (
     BLUE,
     DARK,
@@ -30,6 +31,7 @@ from regressors.samples import Array
 _COLUMNS = 4
 _LETTERS = 34  # of a line above a panel
 _WIDTH, _HEIGHT = 3.0, 3.0  # of a panel [in]
+_LEAST = 1.6  # width of a panel with its numbers [in]
 _INSTANTS = 2001
 _BEYOND = 0.06  # of the range, shown beyond a bound
 _WIDER = 3.0  # a bound further out than this many times the motion's range is not in view
@@ -56,7 +58,7 @@ def phase_figure(design: Design) -> Figure:
     """
     coordinates = _coordinates(design)
     samples = design.trajectory.samples(np.linspace(0.0, design.trajectory.duration, _INSTANTS))
-    columns = min(_COLUMNS, len(coordinates))
+    columns = min(columns_that_fit(_COLUMNS, _LEAST), len(coordinates))
     rows = -(-len(coordinates) // columns)
     figure = figure_of(_WIDTH * columns + 0.4, _HEIGHT * rows + 1.1, f"{design.robot.name}: velocity over position")
     for number, c in enumerate(coordinates, 1):

@@ -84,7 +84,14 @@ def relative_errors(repetitions: Repetitions) -> Array:
     return np.asarray(np.divide(error, half, out=np.full(error.shape, np.nan), where=half > 0))
 
 
-def write_repetitions_figure(repetitions: Repetitions, robot: str, folder: str | Path) -> list[Path]:
+def write_repetitions_figure(
+    repetitions: Repetitions,
+    robot: str,
+    folder: str | Path,
+    *,
+    formats: str | Sequence[str] = ("png",),
+    width: str = "screen",
+) -> list[Path]:
     """Draw repetitions and write ``repetitions.png`` atomically into the folder of their result.
 
     Parameters
@@ -94,13 +101,17 @@ def write_repetitions_figure(repetitions: Repetitions, robot: str, folder: str |
         Its name.
     folder : path
         An existing folder.
+    formats, width
+        See `excite.plots.write_figures`.
 
     Raises
     ------
     InputError
         The folder cannot be written to.
     """
-    return write_figure_files({FIGURE: repetitions_figure(repetitions, robot)}, folder, "result")
+    return write_figure_files(
+        lambda: {FIGURE: repetitions_figure(repetitions, robot)}, folder, "result", formats=formats, width=width
+    )
 
 
 def _draw(ax: Axes, errors: Array, seed: int) -> None:

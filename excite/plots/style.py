@@ -1,11 +1,16 @@
-"""Common style of figures: resolution, colours that colour-blind readers can tell apart, and text of names."""
+"""Common style of figures: colours that colour-blind readers can tell apart, and text of names.
+
+Fonts, sizes and resolution are those of ``styles/screen.mplstyle``.
+"""
 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_params_from_file
 from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
 from matplotlib.figure import Figure
@@ -14,8 +19,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from regressors.quoting import printable
 
-DPI = 150  # dots per inch
-TITLE, LABEL, NOTE = 13, 9, 8  # font sizes [pt]
+STYLES = Path(__file__).parent / "styles"
+SCREEN: dict[str, Any] = dict(rc_params_from_file(STYLES / "screen.mplstyle", use_default_template=False).items())
+DPI = float(SCREEN["savefig.dpi"])  # dots per inch
+TITLE, LABEL, NOTE = (float(SCREEN[f"{what}size"]) for what in ("figure.title", "axes.label", "xtick.label"))  # [pt]
 
 # Palette of Okabe and Ito (2008), "Color universal design".
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
@@ -49,7 +56,7 @@ def figure_of(width: float, height: float, title: str) -> Figure:
 
 def tidy(ax: Axes) -> None:
     """Give a panel a light grid, small numbers, and lines only where they are read."""
-    ax.grid(True, color="#DDDDDD", linewidth=0.6)
+    ax.grid(True, color=SCREEN["grid.color"], linewidth=SCREEN["grid.linewidth"])
     ax.set_axisbelow(True)
     ax.tick_params(labelsize=NOTE, colors=DARK)
     ax.spines[["top", "right"]].set_visible(False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from excite.plots.drawing_style import columns_that_fit
 from excite.plots.figure_files import write_figure_files
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.style import BLUE, DARK, GREEN, NOTE, ORANGE, PURPLE, SKY, VERMILLION, log_scale, plain
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
 _COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 _FEW = 24  # parameters, above which panels are smaller
+_LEAST = 1.15  # width of a panel with its numbers [in]
 _SETTLED = 0.5  # of the time, after which estimates must be in view
 _FAINT = 0.25
 
@@ -41,7 +44,7 @@ def estimates_over_time_figure(study: TimeStudy) -> Figure:
         have the range of the last part of the time.
     """
     names = tuple(dict.fromkeys(name for course in study.courses for name in course.names))
-    columns = min(4 if len(names) <= _FEW else 6, max(len(names), 2))
+    columns = min(columns_that_fit(4 if len(names) <= _FEW else 6, _LEAST), max(len(names), 2))
     panel = Panel((2.5 if len(names) <= _FEW else 1.9,) * columns, 1.25, left=0.72, between=0.45)
     count = len(names) + 2
     figure, grid = panels(-(-count // columns), panel, f"{study.robot}: estimates over time")
@@ -58,20 +61,36 @@ def estimates_over_time_figure(study: TimeStudy) -> Figure:
     return figure
 
 
-def write_time_study_figure(study: TimeStudy, folder: str | Path) -> list[Path]:
+def write_time_study_figure(
+    study: TimeStudy,
+    folder: str | Path,
+    *,
+    formats: str | Sequence[str] = ("png",),
+    width: str = "screen",
+) -> list[Path]:
     """Draw a study and write ``estimates_over_time.png`` atomically into an existing folder.
 
     Parameters
     ----------
     study : TimeStudy
     folder : path
+    formats : str or sequence of str
+        Of ``png``, ``pdf`` and ``svg``.
+    width : {"screen", "single", "double"}
+        See `excite.draw`.
 
     Raises
     ------
     InputError
         The folder cannot be written to.
     """
-    return write_figure_files({"estimates_over_time": estimates_over_time_figure(study)}, folder, "study")
+    return write_figure_files(
+        lambda: {"estimates_over_time": estimates_over_time_figure(study)},
+        folder,
+        "study",
+        formats=formats,
+        width=width,
+    )
 
 
 def _largest(course: TimeCourse) -> Array:

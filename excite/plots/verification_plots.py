@@ -198,8 +198,34 @@ def error_parts_figure(verification: Verification) -> Figure:
     return figure
 
 
-def write_verification_figures(verification: Verification, folder: str | Path, stem: str) -> list[Path]:
-    """Draw every figure of a verification and write each atomically as a PNG file.
+def verification_figures(verification: Verification) -> dict[str, Figure]:
+    """Draw every figure of a verification.
+
+    Parameters
+    ----------
+    verification : Verification
+
+    Returns
+    -------
+    dict of str to Figure
+        ``torques``, ``motion`` where a motion was simulated, and ``parts``.
+    """
+    figures = {"torques": predicted_torques_figure(verification)}
+    if verification.replay is not None:
+        figures["motion"] = simulated_motion_figure(verification)
+    figures["parts"] = error_parts_figure(verification)
+    return figures
+
+
+def write_verification_figures(
+    verification: Verification,
+    folder: str | Path,
+    stem: str,
+    *,
+    formats: str | Sequence[str] = ("png",),
+    width: str = "screen",
+) -> list[Path]:
+    """Draw every figure of a verification and write them all at once.
 
     Parameters
     ----------
@@ -208,19 +234,24 @@ def write_verification_figures(verification: Verification, folder: str | Path, s
         An existing folder.
     stem : str
         Prefix of the files' names.
+    formats : str or sequence of str
+        Of ``png``, ``pdf`` and ``svg``.
+    width : {"screen", "single", "double"}
+        See `excite.draw`.
 
     Returns
     -------
     list of Path
-        ``STEM_torques.png``, ``STEM_motion.png`` where a motion was simulated, and ``STEM_parts.png``.
+        ``STEM_torques.png``, ``STEM_motion.png`` where a motion was simulated, and ``STEM_parts.png``; or those of
+        other formats.
 
     Raises
     ------
     InputError
         The folder cannot be written to.
     """
-    figures = {f"{stem}_torques": predicted_torques_figure(verification)}
-    if verification.replay is not None:
-        figures[f"{stem}_motion"] = simulated_motion_figure(verification)
-    figures[f"{stem}_parts"] = error_parts_figure(verification)
-    return write_figure_files(figures, folder, stem)
+
+    def draw() -> dict[str, Figure]:
+        return {f"{stem}_{name}": figure for name, figure in verification_figures(verification).items()}
+
+    return write_figure_files(draw, folder, stem, formats=formats, width=width)

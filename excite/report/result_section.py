@@ -10,7 +10,7 @@ from excite.files.result_json import KIND, result_content
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result import IdentificationResult, StoredResult
-from excite.report.drawings import drawn, pictures
+from excite.report.drawings import drawn, no_pictures, pictures
 from excite.report.identify_commands import commands_of
 from excite.report.provenance_facts import facts
 from excite.report.restored_result import stored_estimate
@@ -79,7 +79,8 @@ def _figures(result: IdentificationResult, prefix: str) -> tuple[tuple[ReportFig
         return drawn(_new(result), prefix)
     assert isinstance(result, StoredResult)
     figures, missing = drawn({_PARAMETERS: lambda: _stored_parameters(result)}, prefix)
-    return (*figures, *pictures(result.folder, KIND, _TITLES)), missing
+    left_out = no_pictures(result.folder, KIND, _TITLES)
+    return (*figures, *pictures(result.folder, KIND, _TITLES)), (*missing, *left_out)
 
 
 def _stored_parameters(result: StoredResult) -> Figure:

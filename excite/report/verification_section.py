@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from excite.files.stored import complete, stored_content
 from excite.files.verification_json import SCHEMA, verification_content
-from excite.report.drawings import drawn, pictures
+from excite.report.drawings import drawn, no_pictures, pictures
 from excite.report.provenance_facts import facts
 from excite.report.sections import ReportCell, ReportFigure, ReportSection, ReportTable, number, percent, unit
 from excite.storage.commit import read_settled
@@ -81,7 +81,8 @@ def verification_section(verification: StoredVerification | Verification, prefix
         content, path = verification.content, verification.path
         titles = {f"{path.stem}_{part}.png": title for part, title in _TITLES.items()}
         command = shlex.join(["excite", "verify", str(path.parent), str(content["log"]["file"])])
-        return _section(content, verification.name, pictures(path.parent, path.stem, titles), (), (command,))
+        figures, left_out = pictures(path.parent, path.stem, titles), no_pictures(path.parent, path.stem, titles)
+        return _section(content, verification.name, figures, left_out, (command,))
     content = verification_content(verification)
     figures, missing = drawn(_figures(verification), prefix)
     return _section(content, f"verification on {content['log']['file']}", figures, missing, ())

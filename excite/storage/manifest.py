@@ -53,11 +53,14 @@ class Entry:
         By name; ``starts/...`` for files in a folder.
     folders : dict of str to FolderHash
         By name, where a folder has too many files to list each.
+    figures : tuple of str, optional
+        Formats of the figures that were to be drawn.
     """
 
     run: str
     files: dict[str, FileHash] = field(default_factory=dict)
     folders: dict[str, FolderHash] = field(default_factory=dict)
+    figures: tuple[str, ...] | None = None
 
     def without(self, names: Collection[str]) -> Entry:
         """The entry without files that have become another's."""
@@ -113,7 +116,8 @@ def _entry(content: Mapping[str, Any], path: Path) -> Entry:
         plain_name(name, path): FolderHash(int(of["count"]), str(of["sum"]))
         for name, of in content.get("folders", {}).items()
     }
-    return Entry(str(content["run"]), files, folders)
+    figures = None if content.get("figures") is None else tuple(map(str, content["figures"]))
+    return Entry(str(content["run"]), files, folders, figures)
 
 
 def _name(name: str, path: Path) -> str:
@@ -127,7 +131,8 @@ def write_manifest(path: Path, manifest: Manifest) -> None:
 
 def _entry_content(entry: Entry) -> dict[str, Any]:
     content = asdict(entry)
-    return content if entry.folders else {name: content[name] for name in ("run", "files")}
+    left_out = [name for name, empty in (("folders", {}), ("figures", None)) if content[name] == empty]
+    return {name: each for name, each in content.items() if name not in left_out}
 
 
 def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:

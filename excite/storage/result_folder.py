@@ -51,6 +51,7 @@ def replace_result(
     run: str | None = None,
     older: Collection[str] = (),
     folders: Collection[str] = (),
+    figures: Collection[str] | None = None,
 ) -> Iterator[Path]:
     """Write a result in place of the one of the same kind; at every instant the folder holds one of them, whole.
 
@@ -66,6 +67,8 @@ def replace_result(
         Files of the result that is replaced, where the folder has no manifest that lists them.
     folders : collection of str
         Folders that belong to the result, such as ``starts``: those in ``.next`` take the place of the old ones.
+    figures : collection of str, optional
+        Formats of the figures that are to be added to it.
 
     Yields
     ------
@@ -84,7 +87,8 @@ def replace_result(
         old = manifest[kind].files if kind in manifest else older
         others = {name for other, entry in manifest.items() if other != kind for name in entry.files}
         remove = {name for name in old if "/" not in name} - {*files, *others, MANIFEST}
-        entry = _with_folders(Entry(run or uuid4().hex, files), folder, folders)
+        formats = None if figures is None else tuple(figures)
+        entry = _with_folders(Entry(run or uuid4().hex, files, figures=formats), folder, folders)
         _write(staged, folder, {**{of: each.without(files) for of, each in manifest.items()}, kind: entry})
         return Change(MANIFEST, remove, [name for name in folders if (folder / NEXT / name).exists()])
 

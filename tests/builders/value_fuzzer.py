@@ -530,7 +530,7 @@ FIGURES = (
     "excite.report.design_section._figures",
     "excite.plots.write_verification_figures",
     "excite.plots.time_course_plot.write_time_study_figure",
-    "excite.cli.identify_run.write_identification_figures",
+    "excite.plots.write_identification_figures",
 )
 
 

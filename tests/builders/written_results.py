@@ -331,6 +331,12 @@ _REHEARSED = {
 }
 COMMANDS = {
     "design": Command(_REHEARSED, _stub_design, load_design),
+    "design, other figures": Command(
+        {"old": _REHEARSED["old"], "new": f"{_REHEARSED['new']} --figures pdf,svg"}, _stub_design, load_design
+    ),
+    "design, no figures": Command(
+        {**_REHEARSED, "new": f"{_REHEARSED['new']} --figures none"}, _stub_design, load_design
+    ),
     "simulate": Command(_same("simulate designs/any --out OUT"), _stub_simulate, _read_run, out="logs/run.csv"),
     "identify": Command(_same("identify irp6 run.csv --out OUT"), _stub_identify, load_result),
     "verify": Command(

@@ -11,6 +11,7 @@ from commands import Here
 from played import noisy, played, three_joints
 from recorded import link_files, write_files
 
+from excite import plots
 from excite.cli import identify_run
 from excite.logs.log_writing import write_log
 
@@ -26,7 +27,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
     link_files(files, tmp_path)
-    monkeypatch.setattr(identify_run, "write_identification_figures", lambda *_: [])
+    monkeypatch.setattr(plots, "write_identification_figures", lambda *_, **__: [])
     return Here(tmp_path, monkeypatch, capfd)
 
 

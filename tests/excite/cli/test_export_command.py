@@ -13,7 +13,7 @@ from commands import Here, files_below, table_of
 from exported_designs import irp6, panda, ur10e
 
 import excite
-from excite.cli import identify_run
+from excite import plots
 from excite.files.named_design import find_design
 
 OWN = """\
@@ -208,7 +208,7 @@ def log(here: Here) -> Path:
     (here.cwd / "run.json").unlink()
     path = here.cwd / "run.csv"
     np.savetxt(path, table, delimiter=",", header=",".join([*header, *still]), comments="")
-    here.monkeypatch.setattr(identify_run, "write_identification_figures", lambda *_: [])
+    here.monkeypatch.setattr(plots, "write_identification_figures", lambda *_, **__: [])
     return path
 
 

@@ -16,7 +16,8 @@ from commands import Here, files_below, table_of
 from played import LOAD
 from recorded import link_files, write_files
 
-from excite.cli import identify_run, repetition_text
+from excite import plots
+from excite.cli import repetition_text
 from excite.files.result_json import load_result
 from excite.logs.log_reading import read_log
 from excite.logs.log_writing import write_log
@@ -26,7 +27,7 @@ from excite.storage.manifest import read_manifest
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 
-DRAW = identify_run.write_identification_figures
+DRAW = plots.write_identification_figures
 COMPLETE = {"result.json", "manifest.json", "torques.png", "residuals.png", "parameters.png"}
 
 
@@ -40,14 +41,14 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
     link_files(files, tmp_path)
-    monkeypatch.setattr(identify_run, "write_identification_figures", lambda *_: [])
+    monkeypatch.setattr(plots, "write_identification_figures", lambda *_, **__: [])
     return Here(tmp_path, monkeypatch, capfd)
 
 
 @pytest.fixture
 def drawing(here: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
     """The same, with figures."""
-    monkeypatch.setattr(identify_run, "write_identification_figures", DRAW)
+    monkeypatch.setattr(plots, "write_identification_figures", DRAW)
     return here
 
 
@@ -353,11 +354,11 @@ def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch
 
 
 def test_an_interrupt_while_writing_is_too_late(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*arguments: Any) -> list[Path]:
+    def interrupted(*arguments: Any, **how: Any) -> list[Path]:
         signal.raise_signal(signal.SIGINT)
-        return DRAW(*arguments)
+        return DRAW(*arguments, **how)
 
-    monkeypatch.setattr(identify_run, "write_identification_figures", interrupted)
+    monkeypatch.setattr(plots, "write_identification_figures", interrupted)
     assert done(here, "run.csv")["schema"] == "excite.result/1"
     assert files_below(here.cwd / "out") == COMPLETE
 

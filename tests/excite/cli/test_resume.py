@@ -122,7 +122,7 @@ def test_kills_again_and_again(undisturbed: Path, tmp_path: Path) -> None:
 def quick(here: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
     """Runs commands without drawing."""
 
-    def drawn(_: object, folder: Path) -> list[Path]:
+    def drawn(_: object, folder: Path, **__: object) -> list[Path]:
         (folder / "motion.png").write_bytes(b"")
         return []
 
@@ -294,7 +294,7 @@ def test_own_code_is_part_of_the_problem(here: Here) -> None:
 WITHOUT_FIGURES = """
 import excite.plots
 from excite.cli.main import main
-excite.plots.write_figures = lambda *_: []
+excite.plots.write_figures = lambda *_, **__: []
 main()
 """
 

@@ -16,7 +16,6 @@ from commands import Here, files_below
 from recorded import link_files, write_files
 
 from excite import plots
-from excite.cli import identify_run
 from excite.cli.main import main
 from excite.logs.log_reading import read_log
 from excite.logs.log_writing import write_log
@@ -33,7 +32,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_files(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(identify_run, "write_identification_figures", lambda *_: [])
+        patch.setattr(plots, "write_identification_figures", lambda *_, **__: [])
         for name, more in (("result", ()), ("masses", ("--friction-curves", "friction.yaml"))):
             patch.setattr("sys.argv", ["excite", "identify", "irp6", "run.csv", *more, "--out", name])
             with pytest.raises(SystemExit) as ended:
@@ -48,7 +47,7 @@ def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: py
     for name in ("result", "masses"):
         (tmp_path / name).unlink()
         shutil.copytree(files / name, tmp_path / name)
-    monkeypatch.setattr(plots, "write_verification_figures", lambda *_: [])
+    monkeypatch.setattr(plots, "write_verification_figures", lambda *_, **__: [])
     return Here(tmp_path, monkeypatch, capfd)
 
 

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
@@ -35,6 +36,7 @@ from excite.plots import (
 )
 from excite.plots.envelope import DENSE, PERCENTILES, draw_values, envelope
 from excite.plots.estimates_plot import settled_range
+from excite.plots.figure_files import drawn_figures
 from excite.plots.fit_panels import MEASURED, PREDICTED
 from excite.plots.identification_plots import autocorrelation
 from excite.plots.parameters_plot import decimal, differences
@@ -656,9 +658,13 @@ def test_a_folder_that_is_not_there_is_refused(result: Identification, tmp_path:
         write_identification_figures(result, tmp_path / "absent")
 
 
+@pytest.mark.parametrize(
+    "width",
+    ["screen", pytest.param("single", marks=pytest.mark.slow), pytest.param("double", marks=pytest.mark.slow)],
+)
 @pytest.mark.parametrize("name", ["torques", "residuals", "parameters", "estimates", "predicted", "motion", "parts"])
 def test_texts_stay_inside_and_apart(
-    result: Identification, verification: Verification, reference: ReferenceValues, name: str
+    result: Identification, verification: Verification, reference: ReferenceValues, name: str, width: str
 ) -> None:
     draw = {
         "torques": lambda: torques_figure(result),
@@ -669,14 +675,23 @@ def test_texts_stay_inside_and_apart(
         "motion": lambda: simulated_motion_figure(made_verification(Outcome.NOT_POSITIVE)),
         "parts": lambda: error_parts_figure(verification),
     }
-    figure = draw[name]()
+    figure = drawn_figures(lambda: {name: draw[name]()}, width)[name]
     figure.draw_without_rendering()
-    boxes = {text: text.get_window_extent() for text in seen(figure)}
+    boxes = {text: box_of(text) for text in seen(figure)}
     outside = [t.get_text() for t, box in boxes.items() if not figure.bbox.padded(1.0).containsx(box.x0)]
     outside += [t.get_text() for t, box in boxes.items() if not figure.bbox.padded(1.0).containsx(box.x1)]
     assert outside == []
     pairs = itertools.combinations(boxes, 2)
     assert [(a.get_text(), b.get_text()) for a, b in pairs if boxes[a].overlaps(boxes[b])] == []
+
+
+def box_of(text: Text) -> Bbox:
+    """Where a text is drawn, without the empty lines at its end."""
+    box, whole = text.get_window_extent(), text.get_text()
+    text.set_text(whole.rstrip("\n"))
+    height = text.get_window_extent().height
+    text.set_text(whole)
+    return Bbox([[box.x0, box.y1 - height], [box.x1, box.y1]])
 
 
 def seen(figure: Figure) -> list[Text]:

@@ -16,6 +16,7 @@ from written_results import COMMANDS, Command, hashes
 from regressors.errors import InputError
 
 FAULTS = {"full": "No space left on device", "fault": "Input/output error"}
+FIGURES = (".png", ".pdf", ".svg")
 HOW = ("killed", "power", *FAULTS)
 
 
@@ -71,7 +72,7 @@ class Trial:
 
 def data_of(files: dict[str, str]) -> dict[str, str]:
     """Files that hold data: neither figures, nor the manifest with its run's number, nor hidden ones, nor starts."""
-    left_out = {name for name in files if name.endswith((".png", "manifest.json")) or "/starts/" in name}
+    left_out = {name for name in files if name.endswith((*FIGURES, "manifest.json")) or "/starts/" in name}
     return {name: files[name] for name in visible(files).keys() - left_out}
 
 
@@ -84,7 +85,7 @@ def check_state(files: dict[str, str], states: list[dict[str, str]], over: bool)
     """Check that the data are those of one state, and figures and starts beside them no other's."""
     (state,) = [state for state in states if data_of(files) == data_of(state)]
     for name, content in visible(files).items():
-        if name.endswith(".png"):
+        if name.endswith(FIGURES):
             assert state.get(name) == content, name
     starts = {name: content for name, content in visible(files).items() if "/starts/" in name}
     if state is states[-1] or over:
