@@ -9,8 +9,7 @@ The commands of a page run in its order, in an empty folder. In the page
 - ``<!-- folder: example-robot-data -->``: the folder of robots of that package is there, as a link;
 - ``# exit status 1`` behind a command: that is how it ends.
 
-Without PAGE all pages with such marks are filled in. Commands of ``excite`` run, and Python scripts that the page
-shows; all others are only shown. ``--keep DIR`` runs in DIR/PAGE and leaves everything there. The CPU time
+Without PAGE all pages with such marks are filled in. Commands of ``excite`` run, and scripts that the page shows; all others are only shown. ``--keep DIR`` runs in DIR/PAGE and leaves everything there. The CPU time
 of every command is printed: all of a page should take less than a minute.
 """
 
@@ -55,7 +54,7 @@ class Command:
     def runs(self, folder: Path) -> bool:
         """Whether it is run, not only shown: `excite`, and scripts that the page shows."""
         program, *rest = self.words
-        return program == "excite" or (program == "python" and (folder / rest[0]).is_file())
+        return program == "excite" or (program in ("python", "sh") and (folder / rest[0]).is_file())
 
 
 def commands(block: str) -> Iterator[Command]:
@@ -77,11 +76,11 @@ def write_files(text: str, folder: Path) -> None:
 
 def run(command: Command, folder: Path) -> tuple[int, str]:
     """Exit status of a command, and what it prints: progress is left out, messages only count where it failed."""
-    of_module = ["-m"] if command.words[0] == "excite" else []
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     ended = subprocess.run(
-        [sys.executable, *of_module, *command.words[not of_module :]],
+        command.words,
         cwd=folder,
-        env={**os.environ, "MPLBACKEND": "Agg", "COLUMNS": str(WIDTH)},
+        env={**os.environ, "PATH": programs, "MPLBACKEND": "Agg", "COLUMNS": str(WIDTH)},
         capture_output=True,
         text=True,
         timeout=300,
