@@ -9,8 +9,9 @@ The commands of a page run in its order, in an empty folder. In the page
 - ``<!-- folder: example-robot-data -->``: the folder of robots of that package is there, as a link;
 - ``# exit status 1`` behind a command: that is how it ends.
 
-Without PAGE all pages with such marks are filled in. Commands of ``excite`` run, and scripts that the page shows; all others are only shown. ``--keep DIR`` runs in DIR/PAGE and leaves everything there. The CPU time
-of every command is printed: all of a page should take less than a minute.
+Without PAGE all pages with such marks are filled in. Commands of ``excite`` run, and scripts that the page shows; all
+others are only shown. ``--keep DIR`` runs in DIR/PAGE and leaves everything there. The CPU time of every command is
+printed: all of a page should take less than a minute.
 """
 
 from __future__ import annotations
