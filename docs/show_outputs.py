@@ -38,6 +38,7 @@ BLOCK = re.compile(
 )
 DRAWING = re.compile(r"<!-- draws: (\S+) -->\n!\[[^\]]*\]\((\S+)\)")
 ROBOTS = re.compile(r"^<!-- folder: example-robot-data -->$", re.MULTILINE)
+COMMAND = re.compile(r"^(?P<printed>\$ (?:.*\\\n)*.*)\n(?P<below>(?:(?!\$ ).*\n)*)", re.MULTILINE)
 STATUS = re.compile(r"#.* exit status (\d)")
 WIDTH = 92  # of a terminal, as wide as a block on the site
 PIXELS, COLOURS = 1100, 96  # of a figure
@@ -46,11 +47,12 @@ PLACE = "cmeel.prefix/share/example-robot-data"
 
 @dataclass(frozen=True)
 class Command:
-    """One command of a page: as printed, its words, and the exit status that the page states."""
+    """One command of a page: as printed, its words, the exit status that the page states, and the lines below it."""
 
     printed: str
     words: tuple[str, ...]
     status: int
+    shown: tuple[str, ...]
 
     def runs(self, folder: Path) -> bool:
         """Whether it is run, not only shown: `excite`, and scripts that the page shows."""
@@ -59,11 +61,12 @@ class Command:
 
 
 def commands(block: str) -> Iterator[Command]:
-    """Commands of one console block, without what they print."""
-    for printed in re.findall(r"^\$ (?:.*\\\n)*.*$", block, re.MULTILINE):
-        line = printed.removeprefix("$ ").replace("\\\n", " ")
+    """Commands of one console block, with what is shown below them."""
+    for found in COMMAND.finditer(block):
+        line = found["printed"].removeprefix("$ ").replace("\\\n", " ")
         status = STATUS.search(line)
-        yield Command(printed, tuple(shlex.split(line, comments=True)), int(status[1]) if status else 0)
+        words, shown = shlex.split(line, comments=True), found["below"].splitlines()
+        yield Command(found["printed"], tuple(words), int(status[1]) if status else 0, tuple(shown))
 
 
 def write_files(text: str, folder: Path) -> None:
@@ -76,12 +79,13 @@ def write_files(text: str, folder: Path) -> None:
 
 
 def run(command: Command, folder: Path) -> tuple[int, str]:
-    """Exit status of a command, and what it prints: progress is left out, messages only count where it failed."""
+    """Exit status of a command, and what it prints; where it refuses its input, the messages without the progress."""
     programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    alone = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
     ended = subprocess.run(
         command.words,
         cwd=folder,
-        env={**os.environ, "PATH": programs, "MPLBACKEND": "Agg", "COLUMNS": str(WIDTH)},
+        env={**os.environ, **alone, "PATH": programs, "COLUMNS": str(WIDTH)},
         capture_output=True,
         text=True,
         timeout=300,
