@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from excite.cli.command import Command
 from excite.cli.options import Folder, own_parts, snap_option, split_base
 from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
@@ -24,8 +24,16 @@ if TYPE_CHECKING:
 
 _BASE_TOO = "--base-link names the first link of a chain; --base still takes it too"
 
+_GROUPS = {
+    "Robot": ("base_link", "tip"),
+    "Model": ("base",),
+    "Other": ("task_file",),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="design",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -94,7 +102,6 @@ What is written to DIR:
 @own_parts
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 @click.option("--fresh", is_flag=True, help="Remove the starts that an earlier run has left in DIR.")
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -105,7 +112,6 @@ def command(
     parts: tuple[str, ...],
     force: bool,
     fresh: bool,
-    form: str,
     **_: Any,
 ) -> None:
     """Find the motion that identifies ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
@@ -119,7 +125,7 @@ def command(
     task = _task(ctx, robot, task_file, parts)
     both = split_base(ctx.params["base"])[1] is not None
     design, files = design_and_write(task, out, (_BASE_TOO,) if both else (), force=force, fresh=fresh)
-    _show(design, files, out, form)
+    _show(design, files, out)
     sys.exit(_status(design))
 
 
@@ -136,17 +142,17 @@ def _task(ctx: click.Context, robot: str, task_file: Path | None, parts: tuple[s
     return task
 
 
-def _show(design: Design, files: list[Path], out: Path, form: str) -> None:
+def _show(design: Design, files: list[Path], out: Path) -> None:
     """Print the summary."""
-    from excite.cli.design_text import print_design
+    from excite.cli.design_text import design_summary, print_design
+    from excite.cli.summary import show
     from excite.files.design_folder import design_content
 
-    if form == "text":
-        print_design(design, files)
-        return
-    left_out = ("schema", "robot", "solver", "conventions")
-    content = {name: value for name, value in design_content(design).items() if name not in left_out}
-    click.echo(json.dumps({"out": str(out), **content}, indent=1))
+    def content() -> dict[str, Any]:
+        left_out = ("schema", "robot", "solver", "conventions")
+        return {"out": str(out), **{k: v for k, v in design_content(design).items() if k not in left_out}}
+
+    show(design_summary(design, files), content, lambda: print_design(design, files))
 
 
 def _begin(folder: str | None, parts: tuple[str, ...]) -> DesignedMotion | None:

@@ -7,12 +7,22 @@ from typing import Any
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.options import Folder, Names, Number, own_parts, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import DROPPABLE
 
+_GROUPS = {
+    "Logs": ("drives", "plan", "mapping", "drop"),
+    "Windows": ("window", "tolerance", "speed"),
+    "Gravity": ("gravity", "parameters"),
+    "Curve": ("model", "exponent", "criterion", "temperature", "load", "stiction"),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="fit",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -131,7 +141,6 @@ What is written to DIR:
     help="fit: torques at which a drive broke away are points of its curve at speed zero.",
 )
 @click.option("--force", is_flag=True, help="Replace a fit that is already in DIR.")
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:
     """Fit friction curves to LOGs of ROBOT, and write them to DIR.
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.options import Folder, Names, Number, Numbers, Ranges, snap_option
 from excite.cli.task_options import installation_of, task_options
 
@@ -29,8 +30,17 @@ _SCHEDULE = (
     "pause", "ramping",
 )  # fmt: skip
 
+_GROUPS = {
+    "Drives and poses": ("drives", "joints", "pose", "balanced", "world", "seed"),
+    "Runs": ("percent", "shortest", "longest", "stroke", "warm_up", "repeats", "pause"),
+    "Break-away tests": ("breakaways", "creep", "creeping", "torque_ramp", "ramping"),
+    "Limits": ("position_limit", "velocity_limit", "acceleration_limit", "jerk_limit"),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="plan",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -151,9 +161,10 @@ def command(
     tests. ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
     """
     import excite
-    from excite.cli.friction_plan_text import print_plan
+    from excite.cli.friction_plan_text import plan_summary, print_plan
     from excite.cli.sign_of_life import tell
-    from excite.files.friction_plan_folder import FIGURE, KIND, check_free
+    from excite.cli.summary import show
+    from excite.files.friction_plan_folder import FIGURE, KIND, check_free, plan_content
     from excite.plots.figure_files import write_figure_files
     from excite.plots.friction_plan_plot import friction_plan_figure
     from excite.storage.result_folder import result_folder
@@ -174,6 +185,12 @@ def command(
         files = plan.save(out, replace=options["force"])
         tell("drawing")
         files = [*files, *write_figure_files({"runs": friction_plan_figure(plan)}, out, KIND)]
-    print_plan(plan, files, chosen=options["pose"] is None)
+    chosen_pose = options["pose"] is None
+    left_out = ("schema", "robot")
+    show(
+        plan_summary(plan, files, chosen=chosen_pose),
+        lambda: {"out": str(out), **{k: v for k, v in plan_content(plan).items() if k not in left_out}},
+        lambda: print_plan(plan, files, chosen=chosen_pose),
+    )
     if not plan.holds:
         ctx.exit(_NOT_HELD)

@@ -8,6 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from excite.cli.command import Command
 from excite.cli.options import Folder, Number, NumberOr, Numbers, PartName, SettingNames, own_parts, snap_option
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
@@ -47,7 +48,21 @@ class Delay(NumberOr):
         return None if number == self.word else number
 
 
+_GROUPS = {
+    "Motion": ("design_folder", "designs", "period", "harmonics"),
+    "Model": ("friction_curves",),
+    "Logs": ("mapping", "drop", "rows", "temperature"),
+    "Signals": ("signals", "cutoff", "delay", "average", "measured_velocity", "low_pass", "every"),
+    "Friction in the equations": ("sign_width", "breakaway", "standstill", "friction_scale"),
+    "Estimator": ("estimator", "covariance", "pull", "described_within", "choose"),
+    "Drive gains": ("loaded", "known_mass", "gains"),
+    "Repetitions": ("each", "repeat", "seed"),
+}
+
+
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="identify",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -255,7 +270,6 @@ What is written to DIR:
 @click.option("--repeat", type=Number(), default=0, metavar="N", help="Repeat the experiment N times in simulation.")
 @click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of the repetitions.")
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context
 def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:
     """Identify ROBOT's dynamic parameters from one LOG or several, and write them to DIR with their uncertainty.

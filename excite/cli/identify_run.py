@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import click
-
 import excite
 from excite.cli.design_of_mapping import design_folder
-from excite.cli.estimate_text import print_estimate
+from excite.cli.estimate_text import estimate_summary, print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
 from excite.cli.sign_of_life import tell
+from excite.cli.streams import remark
+from excite.cli.summary import show
 from excite.files.result_json import FIGURES, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
@@ -53,6 +52,7 @@ def identify_and_write(
         Recipe(**of_recipe).check_repeatable(given["repeat"])
     from excite.cli.main import NOT_HELD
 
+    tell("reading the logs")
     with result_folder(out):
         check_free(out, FIGURES, replace=given["force"])
         with one_interrupt() as interruption:
@@ -67,14 +67,19 @@ def identify_and_write(
             tell("repeating the experiment in simulation")
             content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"])
             status = repeated or status
-    if given["form"] == "json":
-        left_out = ("schema", "robot", "covariance", "task")
-        click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))
-    else:
-        print_estimate(content, files)
-        if "repetitions" in content:
-            print_repetitions(content["repetitions"])
+    left_out = ("schema", "robot", "covariance", "task")
+    show(
+        estimate_summary(content, files),
+        lambda: {"out": str(out), **{k: v for k, v in content.items() if k not in left_out}},
+        lambda: _print(content, files),
+    )
     sys.exit(status)
+
+
+def _print(content: dict[str, Any], files: Sequence[Path]) -> None:
+    print_estimate(content, files)
+    if "repetitions" in content:
+        print_repetitions(content["repetitions"])
 
 
 def _identified(
@@ -118,10 +123,9 @@ def _tell_of_curves(design: Any, typed: Mapping[str, Any], *, repeat: bool) -> N
     known = design.task.known_friction is not None and not typed.get("friction", False)
     if not known or design.task.changed(**_of_model(typed)).model.channel != "effort":
         return
-    click.echo(
+    remark(
         "excite: note: the design is for known friction: its curves are subtracted; --friction identifies friction, "
-        "--friction-curves names other curves",
-        err=True,
+        "--friction-curves names other curves"
     )
     if repeat:
         raise not_repeated()
