@@ -181,7 +181,7 @@ def _show(exported: Exported) -> None:
 
     show(
         Summary(
-            verdict=_verdict(exported), holds=True, facts=_facts(exported), notes=exported.notes, files=exported.files
+            verdict=_verdict(exported), holds=True, facts=_played(exported), notes=exported.notes, files=exported.files
         ),
         content,
         details,
@@ -194,10 +194,21 @@ def _verdict(exported: Exported) -> str:
     if "closest_limit" not in facts:
         return f"Model exported as {exported.format}"
     label, used = facts["closest_limit"], facts["closest_limit_used"]
-    closest = (
-        "; no limit is known" if label is None else f", within its limits; closest: {label}, {100 * used:.4g} % used"
+    if label is None:
+        return f"Motion exported as {exported.format}; no limit of the robot is known"
+    return (
+        f"Motion exported as {exported.format}, within its limits; the closest, {label}, is used to {100 * used:.4g} %"
     )
-    return f"Motion exported as {exported.format}{closest}"
+
+
+def _played(exported: Exported) -> list[str]:
+    """Rate and duration of a motion, in one line."""
+    facts = exported.facts
+    if not {"rate", "samples", "duration", "joints"} <= facts.keys():
+        return _facts(exported)
+    return [
+        f"{facts['samples']} samples at {facts['rate']:g} Hz over {facts['duration']:g} s of {', '.join(facts['joints'])}"
+    ]
 
 
 def _facts(exported: Exported) -> list[str]:

@@ -92,9 +92,9 @@ def command(robot: str, out: Path, **given: Any) -> None:
     ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
     """
     import excite
+    from excite.cli.design_text import print_design
     from excite.cli.interrupts import one_interrupt
     from excite.cli.main import NOT_HELD
-    from excite.cli.design_text import print_design
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
     from excite.files.design_folder import check_no_design
