@@ -125,8 +125,8 @@ def _summary(judgements: Sequence[Judgement], verdicts: Sequence[str]) -> Summar
             f"{first.minimised}",
             *compact_table("design", "cond(W)", "criterion", "lasts", "tightest limit used", "limits", rows=rows),
         ],
-        notes=_notes(judgements),
-        next_steps=["excite compare ... --verbose shows every convention"],
+        notes=[note for note in _notes(judgements) if note != _UNLIKE],
+        next_steps=["--verbose shows every convention of the condition number, and every metric"],
     )
 
 
@@ -147,7 +147,7 @@ def _notes(judgements: Sequence[Judgement]) -> list[str]:
             "only some of the designs identify friction; all are compared like the first one, "
             f"{how} friction parameters"
         )
-    return notes
+    return list(dict.fromkeys(notes))
 
 
 def _print(judgements: Sequence[Judgement]) -> None:

@@ -82,8 +82,9 @@ def _asked(design: Design) -> str:
     moving = ", ".join(design.target.motion.labels)
     return (
         f"{design.robot.name}: {name_of(task.model.model)} model, {moving} move, {design.base.rank} base parameters; "
-        f"{task.trajectory.period:g} s, {design.trajectory.family.described}; minimised: {minimised_text(task)}; best "
-        f"of {design.number_of_starts} starts, {design.provenance['cpu_seconds']:.1f} s CPU"
+        f"{task.trajectory.period:g} s, {design.trajectory.family.described}; minimised: {minimised_text(task)}; "
+        f"{design.number_of_starts} start{'s' * (design.number_of_starts > 1)}, "
+        f"{design.provenance['cpu_seconds']:.1f} s CPU"
     )
 
 

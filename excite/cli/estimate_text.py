@@ -39,7 +39,7 @@ def estimate_summary(content: Mapping[str, Any], files: Sequence[Path]) -> Summa
             *(f"warning: {warning['what']}: {warning['cause']}; {warning['cure']}" for warning in warnings),
             *([f"warning: {said}"] if said is not None else []),
             _data(content),
-            _conditions(content["condition_number"], content["relative_error"]),
+            _conditions(content["condition_number"], None),
             *_least_certain(content["parameters"]),
             *_repeated(content),
         ],
@@ -60,9 +60,9 @@ def _verdict(content: Mapping[str, Any]) -> str:
         return f"This result cannot be right: {doubts[0]['what']}: {doubts[0]['cause']}"
     seen = [p for p in parameters if p["seen"]]
     error = content["relative_error"]
-    explained = "" if error is None else f"; they explain the logs but for {100 * error:.3g} % of what was measured"
+    residual = "" if error is None else f"; residual {100 * error:.3g} % of what was measured"
     count = f"all {len(seen)}" if len(seen) == len(parameters) else f"{len(seen)} of {len(parameters)}"
-    return f"Identified {count} base parameters of {content['robot']['name']}{explained}"
+    return f"Identified {count} base parameters of {content['robot']['name']}{residual}"
 
 
 def _data(content: Mapping[str, Any]) -> str:
@@ -77,7 +77,7 @@ def _least_certain(parameters: Sequence[Mapping[str, Any]]) -> list[Any]:
     seen = [p for p in parameters if p["seen"]]
     sized = sorted((p for p in seen if p["relative_deviation"] is not None), key=lambda p: -p["relative_deviation"])
     rows = [
-        (p["name"], f"{p['value']:.4g}", f"+- {_half(p):.2g}", p["unit"], f"{100 * p['relative_deviation']:.2g} %")
+        (p["name"], f"{p['value']:.4g}", f"+- {_half(p):.2g}", p["unit"], _share(p["relative_deviation"]))
         for p in sized[:_SHOWN]
     ]
     unseen = [p["name"] for p in parameters if not p["seen"]]
@@ -87,6 +87,10 @@ def _least_certain(parameters: Sequence[Mapping[str, Any]]) -> list[Any]:
         *compact_table("least certain", "value", "99 %", "unit", "std. dev.", rows=rows),
         *([f"not identifiable from these logs: {some_of(unseen, 8)}"] if unseen else []),
     ]
+
+
+def _share(deviation: float) -> str:
+    return f"{100 * deviation:.2g} %" if deviation < 1.0 else "over 100 %"
 
 
 def _half(p: Mapping[str, Any]) -> float:

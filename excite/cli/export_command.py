@@ -207,7 +207,7 @@ def _played(exported: Exported) -> list[str]:
     if not {"rate", "samples", "duration", "joints"} <= facts.keys():
         return _facts(exported)
     return [
-        f"{facts['samples']} samples at {facts['rate']:g} Hz over {facts['duration']:g} s of {', '.join(facts['joints'])}"
+        f"{facts['samples']} samples at {facts['rate']:g} Hz over {facts['duration']:g} s; {', '.join(facts['joints'])}"
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -140,16 +141,25 @@ def _content(motion: PayloadMotion, out: Path) -> dict[str, Any]:
     return {"out": str(out), **shown, **own}
 
 
+def _rounded(box: Sequence[tuple[float | None, float | None]]) -> list[tuple[str, str]]:
+    return [("-inf" if low is None else f"{low:.3g}", "inf" if high is None else f"{high:.3g}") for low, high in box]
+
+
 def _summary(motion: PayloadMotion, files: list[Path]) -> Summary:
     """That of the design, with the box that the tool point stays in, and what to do next."""
     from excite.cli.design_text import design_summary
 
-    sides = ", ".join(f"{axis} {low:.3g} to {high:.3g}" for axis, (low, high) in zip("xyz", motion.box, strict=True))
+    stays = ""
+    if motion.box is not None:
+        sides = ", ".join(
+            f"{axis} {low} to {high}" for axis, (low, high) in zip("xyz", _rounded(motion.box), strict=True)
+        )
+        stays = f"the tool point stays in {sides} m; "
     return replace(
         design_summary(motion.design, files),
         notes=(*motion.notes, *motion.design.notes),
         next_steps=[
-            f"the tool point stays in {sides} m; drive to the first pose, play trajectory.csv slowly, then without and "
+            f"{stays}drive to the first pose, play trajectory.csv slowly, then without and "
             "with the load, and record both for 'excite payload identify'"
         ],
     )

@@ -94,7 +94,7 @@ def _summary(calibrated: CalibratedGains, out: Path) -> Summary:
     return Summary(
         verdict=f"Gains of {calibrated.robot} are {factors.min():.3f} to {factors.max():.3f} times those stated",
         facts=[
-            f"with the stated gains, the load of {calibrated.known_mass:g} kg appears as {calibrated.stated_mass:.4g} kg",
+            f"with stated gains, the load of {calibrated.known_mass:g} kg appears as {calibrated.stated_mass:.4g} kg",
             *compact_table("drive", "factor", "99 %", rows=_rows(calibrated)),
         ],
         notes=calibrated.notes,

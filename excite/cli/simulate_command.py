@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
 
+_NEGLIGIBLE = 1e-4  # tracking error over the range of motion
+
+
 def _noise(of: str, what: str, default: str = "0", metavar: str = "S,...") -> Callable[[Decorated], Decorated]:
     """Option for the standard deviation of one noise."""
     named: dict[str, Any] = {
@@ -319,9 +322,10 @@ def _tracking_text(simulation: Simulation) -> str:
     if not tracking:
         return ""
     worst = max(tracking, key=lambda each: each.relative)
-    return (
-        f" within {100 * worst.relative:.2g} % of its range of motion ({worst.joint}: {worst.error:.2g} {worst.unit})"
-    )
+    if worst.relative < _NEGLIGIBLE:
+        return f" within {100 * _NEGLIGIBLE:g} % of its range of motion"
+    deviation = f"{worst.joint}: {worst.error:.2g} {worst.unit}"
+    return f" within {100 * worst.relative:.2g} % of its range of motion ({deviation})"
 
 
 def _print(simulation: Simulation, files: list[Path]) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from excite.cli.literal_console import LiteralConsole
 
 _LINES, _COLUMNS = 24, 100
+_FIGURE, _ALIKE = "figure", 4
 _STYLES = {True: "bold green", False: "bold red", None: "bold"}
 
 
@@ -149,14 +151,23 @@ def _written(files: Sequence[Path]) -> list[str]:
     """One sentence on what was written; figures are counted."""
     if not files:
         return []
+    named, counted = _counted(files)
     folders = {path.parent for path in files}
-    figures = [path for path in files if path.suffix in (".png", ".pdf", ".svg")]
-    named = files if len(files) < 3 else [path for path in files if path not in figures]
-    counted = len(files) - len(named)
-    drawn = [f"{counted} figure{'s' * (counted > 1)}"] if counted else []
     if len(folders) == 1 and len(files) > 1:
-        return [f"written to {files[0].parent}: {', '.join([*(path.name for path in named), *drawn])}"]
-    return [f"written: {', '.join([*map(str, named), *drawn])}"]
+        return [f"written to {files[0].parent}: {', '.join([*(path.name for path in named), *counted])}"]
+    return [f"written: {', '.join([*map(str, named), *counted])}"]
+
+
+def _counted(files: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Files that are named, and how many others of a kind there are: figures, and many of one ending."""
+    kinds = Counter(_kind(path) for path in files)
+    many = {kind for kind, count in kinds.items() if count > _ALIKE or (kind == _FIGURE and len(files) > 2)}
+    counted = [f"{kinds[kind]} {kind}{'s' * (kinds[kind] > 1)}" for kind in kinds if kind in many]
+    return [path for path in files if _kind(path) not in many], counted
+
+
+def _kind(path: Path) -> str:
+    return _FIGURE if path.suffix in (".png", ".pdf", ".svg") else f"{path.suffix.removeprefix('.')} file"
 
 
 def _next(steps: Sequence[str]) -> list[str]:

@@ -237,9 +237,9 @@ def _predicted(verification: Verification) -> str:
     identified = "" if trained is None else f" ({100 * trained:.3g} % where identified)"
     log = verification.prepared.log
     return (
-        f"{log.source}: {log.count} rows; torques are predicted within {100 * verification.relative_error:.3g} % of what "
-        f"was measured{identified}{_without_noise(verification)}; allowed: {100 * verification.tolerances.torque:g} %, of "
-        f"a motion {100 * verification.tolerances.motion:g} %"
+        f"{log.source}: {log.count} rows; torques are predicted within {100 * verification.relative_error:.3g} % of "
+        f"what was measured{identified}{_without_noise(verification)}; allowed are "
+        f"{100 * verification.tolerances.torque:g} %, and {100 * verification.tolerances.motion:g} % of a motion"
     )
 
 
