@@ -10,7 +10,7 @@ import click
 from click.core import ParameterSource
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, own_parts, snap_option, split_base
+from excite.cli.options import Folder, RobotName, own_parts, snap_option, split_base
 from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CONVENTIONS
@@ -83,7 +83,7 @@ What is written to DIR:
   *.png            the motion within its limits, the singular spectrum, the progress of the search
   starts/          every start, written as soon as it ends; the same command after a kill goes on from them""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option("--out", "out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option(
     "--task", "task_file", type=click.Path(path_type=Path), metavar="FILE", help="YAML file with these options as keys."

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, Names, Number, own_parts, snap_option
+from excite.cli.options import Folder, Names, Number, RobotName, own_parts, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import DROPPABLE
 
@@ -59,7 +59,7 @@ What is written to DIR:
   fit.json       windows, parameters with 99 % intervals, all models that were compared, break-away torques
   friction.png   windows, curves and their 99 % bands, break-away torques""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")

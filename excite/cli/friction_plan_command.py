@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, Names, Number, Numbers, Ranges, snap_option
+from excite.cli.options import Folder, Names, Number, Numbers, Ranges, RobotName, snap_option
 from excite.cli.task_options import installation_of, task_options
 
 _NOT_HELD = 1
@@ -74,7 +74,7 @@ robot from one pose to the next; with --world the summary lists the straight lin
 \b
 Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is written.""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")

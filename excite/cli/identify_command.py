@@ -9,7 +9,17 @@ import click
 from click.core import ParameterSource
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, Number, NumberOr, Numbers, PartName, SettingNames, own_parts, snap_option
+from excite.cli.options import (
+    Folder,
+    Number,
+    NumberOr,
+    Numbers,
+    PartName,
+    RobotName,
+    SettingNames,
+    own_parts,
+    snap_option,
+)
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 from excite.tasks.task import PLACE
@@ -107,7 +117,7 @@ What is written to DIR:
   result.json   parameters with 99 % intervals, their logs and settings, everything to verify them
   *.png         torques, residuals, parameters, estimates over time""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option(

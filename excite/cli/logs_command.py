@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import snap_option
+from excite.cli.options import RobotName, snap_option
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -41,7 +41,9 @@ and from ranges. Each is stated, certain, or likely; what is not certain is aske
 answers, with the questions as comments: correct it before you use it.""",
 )
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
-@click.option("--robot", metavar="ROBOT", help="Robot that moved, for the names and the ranges of its joints.")
+@click.option(
+    "--robot", type=RobotName(), metavar="ROBOT", help="Robot that moved, for the names and the ranges of its joints."
+)
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @snap_option

@@ -12,7 +12,7 @@ import click
 
 from excite.cli.command import Command
 from excite.cli.messages import in_options
-from excite.cli.options import Folder, Number, Numbers
+from excite.cli.options import Folder, Number, Numbers, RobotName
 from excite.cli.payload_options import BoxOrSides, frame_option, robot_of, robot_options
 from excite.cli.streams import remark
 from excite.cli.task_options import task_options
@@ -52,7 +52,7 @@ record positions and torques (or the wrench) with 'excite payload identify' in m
 What is written to DIR: design.json and trajectory.csv, as by 'excite design'.
 Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @robot_options
 @click.option(

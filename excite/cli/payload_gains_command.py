@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Number
+from excite.cli.options import Number, RobotName
 from excite.cli.payload_options import log_options, logs_of, robot_of, robot_options
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ weighed shows by which factor the stated gains are off: of all drives together (
 stays within some 10 % of the common one where the load hardly acts on the drive. The file has each factor, its standard
 deviation and correlations; 'excite payload identify --gains' counts them in its intervals.""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option(
     "--without", required=True, multiple=True, type=click.Path(path_type=Path), metavar="LOG",
     help="Log without the load; repeatable.",

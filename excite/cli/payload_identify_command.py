@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, Number
+from excite.cli.options import Folder, Number, RobotName
 from excite.cli.payload_options import Share, frame_option, log_options, logs_of, robot_of, robot_options
 
 _CONTROLLERS = ("all", "none", "ur", "franka", "kuka", "abb", "urdf")
@@ -54,7 +54,7 @@ What is written to DIR:
   payload.script (UR), payload.franka.cpp, payload.dat (KUKA), payload.mod (ABB), payload.urdf
 Exit code: 0 done; 1 written, but a doubt remains, such as a mass that is hardly shown.""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option(
     "--without", multiple=True, type=click.Path(path_type=Path), metavar="LOG", help="Log without the load; repeatable."
 )

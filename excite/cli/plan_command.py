@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Names, Number, snap_option
+from excite.cli.options import Names, Number, RobotName, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import MODELS
 from excite.tasks.model_choice import FURTHER_FRICTION
@@ -36,7 +36,7 @@ Examples:
 Each motion is then designed on its own:
   excite design irp6 --drives 1,3 --out designs/irp6-13""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))

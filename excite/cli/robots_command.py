@@ -10,7 +10,7 @@ import click
 
 from excite.cli.command import Command
 from excite.cli.messages import in_options
-from excite.cli.options import Names, snap_option
+from excite.cli.options import Names, RobotName, snap_option
 from excite.cli.streams import remark
 from excite.cli.task_options import task_options
 from excite.cli.verbosity import verbosity
@@ -42,7 +42,7 @@ Examples:
   excite robots arm.urdf --capsules > world.yaml
   excite robots arm.xml --tip hand --out arm.yaml""",
 )
-@click.argument("robot", required=False)
+@click.argument("robot", type=RobotName(), required=False)
 @click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, Number, Numbers, own_parts
+from excite.cli.options import Folder, Number, Numbers, RobotName, own_parts
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -51,7 +51,7 @@ What is written to DIR:
   study.json                 of every motion: times, estimates, deviations, cond(W(t)), true values, scatter
   estimates_over_time.png    cond(W), the largest deviation, and every parameter over time""",
 )
-@click.argument("robot", metavar="ROBOT")
+@click.argument("robot", type=RobotName(), metavar="ROBOT")
 @click.argument("logs", nargs=-1, type=click.Path(path_type=Path), metavar="[LOG...]")
 @click.option(
     "--design", "designs", multiple=True, type=Folder(), metavar="DIR", help="Design to simulate; repeatable."
