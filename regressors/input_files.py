@@ -61,7 +61,7 @@ def opened(path: str | Path, most: int = FILE) -> Iterator[BinaryIO]:
         No file can have this name.
     """
     handle = _handle(path)
-    _LOGGER.debug("reading %s", path)
+    _LOGGER.debug("reading %s ...", path)
     try:
         status = os.fstat(handle)
         _check(status, most)

@@ -125,7 +125,7 @@ def _summary(judgements: Sequence[Judgement], verdicts: Sequence[str]) -> Summar
             f"{first.minimised}",
             *compact_table("design", "cond(W)", "criterion", "lasts", "tightest limit used", "limits", rows=rows),
         ],
-        notes=[note for note in _notes(judgements) if note != _UNLIKE],
+        notes=[*(note for note in _notes(judgements) if note != _UNLIKE), *_unchecked(judgements)],
         next_steps=["--verbose shows every convention of the condition number, and every metric"],
     )
 
@@ -136,10 +136,13 @@ def _row(j: Judgement, goal: float) -> tuple[str, ...]:
     return (j.name, f"{j.criteria['condition_number']:.4g}", f"{goal:.4g}", f"{j.duration:g} s", used, held)
 
 
+def _unchecked(judgements: Sequence[Judgement]) -> list[str]:
+    notes = (f"{j.name}: not checked when designed: {', '.join(j.unchecked)}" for j in judgements if j.unchecked)
+    return list(dict.fromkeys(notes))
+
+
 def _notes(judgements: Sequence[Judgement]) -> list[str]:
-    notes = [f"{j.name}: not checked when designed: {', '.join(j.unchecked)}" for j in judgements if j.unchecked]
-    if not _is_alike(judgements):
-        notes.insert(0, _UNLIKE)
+    notes = [] if _is_alike(judgements) else [_UNLIKE]
     identified = [j.friction == "identified" for j in judgements]
     if len(set(identified)) > 1 and judgements[0].channel == "effort":
         how = "with" if identified[0] else "without"
@@ -147,7 +150,7 @@ def _notes(judgements: Sequence[Judgement]) -> list[str]:
             "only some of the designs identify friction; all are compared like the first one, "
             f"{how} friction parameters"
         )
-    return list(dict.fromkeys(notes))
+    return notes
 
 
 def _print(judgements: Sequence[Judgement]) -> None:

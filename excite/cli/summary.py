@@ -108,7 +108,8 @@ def _print_text(summary: Summary, details: Callable[[], None] | None) -> None:
 def _print_rest(summary: Summary, out: LiteralConsole, width: int) -> None:
     """Print facts, as many notes as fit, files and next steps."""
     above = [_rendered(fact, out, width) for fact in summary.facts]
-    below = [_wrapped(text, width, "  ") for text in (*_written(summary.files), *_next(summary.next_steps))]
+    below = [_wrapped(text, width, "  ") for text in _written(summary.files)]
+    below += [_next(step, width) for step in summary.next_steps]
     taken = len(_wrapped(summary.verdict, width, "")) + sum(map(len, [*above, *below]))
     notes = _notes_that_fit(summary, _LINES - taken, width)
     for lines in (*above, *notes, *below):
@@ -170,8 +171,12 @@ def _kind(path: Path) -> str:
     return _FIGURE if path.suffix in (".png", ".pdf", ".svg") else f"{path.suffix.removeprefix('.')} file"
 
 
-def _next(steps: Sequence[str]) -> list[str]:
-    return [f"next: {step}" for step in steps]
+def _next(step: str, width: int) -> list[str]:
+    """A next step; a command on several lines can be pasted into a shell."""
+    if not step.startswith("excite "):
+        return _wrapped(f"next: {step}", width, "  ")
+    *lines, last = _wrapped(f"next: {step}", width - 2, "    ")
+    return [*(f"{line} \\" for line in lines), last]
 
 
 def some_of(names: Sequence[str], most: int = 3) -> str:
