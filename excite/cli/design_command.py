@@ -26,7 +26,6 @@ _BASE_TOO = "--base-link names the first link of a chain; --base still takes it 
 
 _GROUPS = {
     "Robot": ("base_link", "tip"),
-    "Model": ("base",),
     "Other": ("task_file",),
 }
 

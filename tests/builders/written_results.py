@@ -216,6 +216,7 @@ def _stub_study(patch: Patch, version: str) -> None:
     study.save = lambda folder, replace: save_time_study(study, folder, replace=replace)
     patch.setattr("excite.timecourse.study_over_time.study_over_time", lambda *_, **__: study)
     patch.setattr("excite.files.time_study_json.time_study_content", lambda _: {"version": version})
+    patch.setattr("excite.cli.study_command._summary", lambda *_: None)
     patch.setattr("excite.cli.summary.show", lambda *_: None)
     _pictures(patch, "excite.plots.time_course_plot", version, "estimates_over_time_figure")
 

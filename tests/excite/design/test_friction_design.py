@@ -451,7 +451,7 @@ def test_designs_are_compared_under_the_friction_of_the_first(saved: Path) -> No
 def test_what_differs_is_said(here: Here) -> None:
     note = "note: only some of the designs identify friction; all are compared like the first one, {} friction"
     ended = here.run("compare", "-v", "known", "identified", "left-out")
-    assert ended.stdout.rstrip().endswith(note.format("without") + " parameters")
+    assert ended.stdout.splitlines()[-2] == note.format("without") + " parameters"
     row = next(line for line in ended.stdout.splitlines() if "friction, when designed" in line)
     assert [cell.strip() for cell in row.split("│")[2:5]] == ["known", "identified", "left out"]
     assert note.format("with") in here.run("compare", "-v", "identified", "known").stdout
