@@ -16,9 +16,7 @@ HELD = "--payload 2,0,0,0.1,0.01,0,0,0.01,0,0.01"
 # what each command is run with, in an order in which the one before writes what the next one reads
 SESSION = {
     "design": f"design ROBOT {QUICK} --out d",
-    "with a load": f"design ROBOT {QUICK} {HELD} --no-approach-and-return --out dh".replace(
-        "--no-approach-and-return ", ""
-    ),
+    "with a load": f"design ROBOT {QUICK} {HELD} --out dh",
     "simulate": f"simulate d {LOGS} --out run.csv",
     "another log": f"simulate d {LOGS} --seed 1 --out other.csv",
     "a third log": f"simulate d {LOGS} --seed 2 --out third.csv",
@@ -33,7 +31,7 @@ SESSION = {
     "logs": "logs run.csv --robot ROBOT",
     "study": "study ROBOT run.csv --design d --repeats 2 --points 5 --rate 200 --out s",
     "friction plan": "friction plan ROBOT --drives 2 --speeds 20,40,60,80 --warm-up 0 --breakaways 0 --out p",
-    "the runs": "simulate p/DRIVE.csv --controller pd --bandwidth 10 --rate 500 --torque-noise 0.3 FRICTION --out f.csv",
+    "the runs": "simulate p/DRIVE.csv --controller pd --bandwidth 10 --rate 500 FRICTION --out f.csv",
     "friction fit": "friction fit ROBOT f.csv --plan p --out f",
     "payload design": "payload design ROBOT --starts 1 --out m",
     "payload gains": "payload gains ROBOT --without run.csv --with held.csv --mass 2 --out gains.yaml",

@@ -35,7 +35,7 @@ def test_verbose_prints_all_tables_and_versions(words: str, here: Here) -> None:
     "words", ["plan irp6 --json", "plan irp6 --format json", "-q plan irp6 --json", "-v plan irp6 --json"]
 )
 def test_json_is_one_document(words: str, here: Here) -> None:
-    content = json.loads(here.run(*words.split()).stdout)
+    content = json.loads(here.run(*words.replace("ROBOT", "irp6").split()).stdout)
     assert (content["verdict"], content["rank"]) == (VERDICT.strip(), 13)
 
 
