@@ -69,7 +69,7 @@ def _data(content: Mapping[str, Any]) -> str:
     logs = content["logs"]
     rows = f"{logs[0]['file']}, {logs[0]['from']:.2f} s to {logs[0]['to']:.2f} s"
     named = rows if len(logs) == 1 else f"{len(logs)} logs"
-    return f"{content['task']['model']} model, {content['rows']} equations of {named}; {content['estimator']}"
+    return f"{content['task']['model']} model, {content['rows']} equations of {named}; estimator {content['estimator']}"
 
 
 def _least_certain(parameters: Sequence[Mapping[str, Any]]) -> list[Any]:

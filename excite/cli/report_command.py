@@ -63,5 +63,5 @@ def command(
     tell("writing the page")
     page = excite.write_report(paths, out, replace=force, robot_file=robot_file, part=parts)
     size = page.stat().st_size
-    summary = Summary(f"written: {page} ({size / 1e6:.2f} MB); open it in a browser")
+    summary = Summary(f"Page written: {page} ({size / 1e6:.2f} MB); open it in a browser")
     show(summary, lambda: {"out": str(page), "bytes": size}, lambda: None)

@@ -182,7 +182,7 @@ def _summary(judged: Sequence[Verification], files: Sequence[Path]) -> Summary:
     else:
         against = sum(not verification.holds for verification in judged)
         verdict = (
-            f"The result predicts all {len(judged)} logs: you can rely on it for motions of these kinds."
+            f"The result predicts each of {len(judged)} logs: you can rely on it for motions of these kinds."
             if holds
             else f"Do not rely on the result: it does not hold on {against} of {len(judged)} logs."
         )
