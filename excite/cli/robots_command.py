@@ -105,10 +105,14 @@ def command(
         return
     motion, parameters = left_to_right_base(whole, task)
     moving = motion.labels
-    if verbosity().as_json or verbosity().quiet:
-        show(Summary(_verdict(whole, moving, parameters)), lambda: _content(whole, moving, parameters), lambda: None)
-    else:
+    if verbosity().plain:
         _show(whole, moving, parameters)
+        return
+    show(
+        Summary(_verdict(whole, moving, parameters)),
+        lambda: _content(whole, moving, parameters),
+        lambda: _show(whole, moving, parameters),
+    )
 
 
 def _verdict(whole: Robot, moving: tuple[str, ...], base: Base) -> str:

@@ -35,6 +35,11 @@ class Verbosity:
     as_json: bool = False
     began: float = field(default_factory=time.monotonic)
 
+    @property
+    def plain(self) -> bool:
+        """True if none of the options is given."""
+        return not (self.quiet or self.verbose or self.as_json)
+
 
 def verbosity() -> Verbosity:
     """What the command at work prints."""

@@ -33,7 +33,7 @@ _GROUPS = {
 Examples:
   excite verify results/irp6 validation.csv
   excite verify results/ur10e ptp.csv --mapping ur10e.yaml --torque-tolerance 6
-  excite verify results/irp6 a.csv b.csv --horizon 1 --format json
+  excite verify results/irp6 a.csv b.csv --horizon 1 --json
 
 \b
 Two tests per log: the torques that the result predicts along the measured motion, and the motion that the identified
