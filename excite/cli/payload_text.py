@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from excite.payload.payload_result import PayloadResult
 
 _ROWS = (
-    ("mass", 1.0, "kg"),
-    *((f"centre {axis}", 1e3, "mm") for axis in "xyz"),
-    *((f"inertia {pair}", 1.0, "kg m^2") for pair in ("xx", "xy", "xz", "yy", "yz", "zz")),
+    ("mass", 1.0, "kg", ".4g"),
+    *((f"centre {axis}", 1e3, "mm", ".1f") for axis in "xyz"),
+    *((f"inertia {pair}", 1.0, "kg m^2", ".3g") for pair in ("xx", "xy", "xz", "yy", "yz", "zz")),
 )
 
 
@@ -55,8 +55,8 @@ def _numbers(payload: PayloadResult) -> list[tuple[str, ...]]:
     """Name, value, interval and unit of each number."""
     rows = zip(_ROWS, payload.body.listed, payload.intervals, strict=True)
     return [
-        (name, f"{factor * value:.4g}", f"{factor * low:.4g}", f"{factor * high:.4g}", unit)
-        for (name, factor, unit), value, (low, high) in rows
+        (name, *(format(factor * number, form) for number in (value, low, high)), unit)
+        for (name, factor, unit, form), value, (low, high) in rows
     ]
 
 

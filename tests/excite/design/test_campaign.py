@@ -74,9 +74,7 @@ def test_the_model_of_a_robot_is_an_option(model: str) -> None:
 
 
 def test_the_first_argument_by_its_former_name_warns() -> None:
-    with pytest.warns(
-        DeprecationWarning, match=r"plan_campaign\(model=\.\.\.\) is now plan_campaign"
-    ) as said:
+    with pytest.warns(DeprecationWarning, match=r"plan_campaign\(model=\.\.\.\) is now plan_campaign") as said:
         campaign = plan_campaign(model="irp6")
     assert (campaign.model, said[0].filename) == ("energy", __file__)
 
