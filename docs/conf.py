@@ -23,6 +23,7 @@ extensions = [
     "example_gallery",
     "repository_files",  # files outside this folder
     "readable_docstrings",
+    "grouped_options",
     "drawn_equations",
 ]
 exclude_patterns = ["extensions"]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import io
+import logging
 import os
 import select
 import stat
@@ -21,6 +22,7 @@ FILE = 64 * 2**20  # bytes of any other file
 LOG = 4 * 10**9  # bytes of a log, which is not held in memory
 SILENCE = 10.0  # seconds without a byte after which a pipe is given up
 _BLOCK = 2**20
+_LOGGER = logging.getLogger(__name__)
 _KINDS = (
     (stat.S_ISCHR, "it is a device"),
     (stat.S_ISBLK, "it is a device"),
@@ -59,6 +61,7 @@ def opened(path: str | Path, most: int = FILE) -> Iterator[BinaryIO]:
         No file can have this name.
     """
     handle = _handle(path)
+    _LOGGER.debug("reading %s ...", path)
     try:
         status = os.fstat(handle)
         _check(status, most)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import json
+import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.options import own_parts
 from excite.registry import MODELS, WINDOWS
 
 if TYPE_CHECKING:
+    from excite.cli.summary import Summary
     from excite.design.comparison import Judgement
 
 _ROWS = {
@@ -30,6 +33,7 @@ _ROWS = {
     "log_det_noise_weighted": "log det, noise-weighted",
     "trace_inverse_noise_weighted": "trace, noise-weighted",
 }
+_UNLIKE = "the designs are for different robots, models or moving joints; their numbers are not comparable"
 _LARGER_IS_BETTER = (
     "smallest_singular_value",
     "log_det",
@@ -37,8 +41,12 @@ _LARGER_IS_BETTER = (
     "log_det_noise_weighted",
 )
 
+_GROUPS = {"Model": ("model", "window")}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="compare",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -50,10 +58,7 @@ Example:
 @click.option("--model", type=click.Choice(MODELS), help="Compare under this model.  [default: that of each design]")
 @click.option("--window", type=click.Choice(WINDOWS), help="Time windows of energy and load-integral.")
 @own_parts
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(
-    designs: tuple[Path, ...], model: str | None, window: str | None, parts: tuple[str, ...], as_json: bool
-) -> None:
+def command(designs: tuple[Path, ...], model: str | None, window: str | None, parts: tuple[str, ...]) -> None:
     """Compare designs by the same metrics: every condition number, smallest singular value, log det, margins.
 
     Every design is judged under the parameters (friction, rotors) and the noise of the first one, sampled at 100 Hz,
@@ -61,6 +66,7 @@ def command(
     """
     import excite
     from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
 
     read = []
     for folder in designs:
@@ -68,24 +74,89 @@ def command(
         read.append(excite.load_design(folder, parts))
     tell("comparing the designs")
     judgements = excite.compare(read, model, window)
-    if as_json:
-        click.echo(json.dumps([_plain(judgement) for judgement in judgements], indent=1))
-    else:
-        _show(judgements)
+    verdicts = _verdicts(judgements)
+    show(
+        _summary(judgements, verdicts),
+        lambda: [{"verdict": text, **_plain(j)} for text, j in zip(verdicts, judgements, strict=True)],
+        lambda: _print(judgements),
+    )
 
 
 def _plain(judgement: Judgement) -> dict[str, object]:
-    import math
-
     criteria = {name: value if math.isfinite(value) else None for name, value in judgement.criteria.items()}
     goal = judgement.goal if judgement.goal is not None and math.isfinite(judgement.goal) else None
     return {**asdict(judgement), "goal": goal, "criteria": criteria}
 
 
-def _show(judgements: list[Judgement]) -> None:
+def _is_alike(judgements: Sequence[Judgement]) -> bool:
+    return len({(j.robot, j.model, j.moving, j.parameters) for j in judgements}) == 1
+
+
+def _goals(judgements: Sequence[Judgement]) -> list[float]:
+    """The criterion of the first design, or its condition number where that does not apply to all."""
+    if any(j.goal is None for j in judgements):
+        return [j.criteria["condition_number"] for j in judgements]
+    return [math.inf if j.goal is None else j.goal for j in judgements]
+
+
+def _verdicts(judgements: Sequence[Judgement]) -> list[str]:
+    """One sentence on each design."""
+    goals = _goals(judgements)
+    sentences = []
+    for judgement, goal in zip(judgements, goals, strict=True):
+        held = "keeps every checked limit" if judgement.feasible else "exceeds a limit"
+        best = "; the best of these" if _is_alike(judgements) and len(goals) > 1 and goal == min(goals) else ""
+        condition = judgement.criteria["condition_number"]
+        sentences.append(f"{judgement.name}: {held}, condition number {condition:.4g}{best}")
+    return sentences
+
+
+def _summary(judgements: Sequence[Judgement], verdicts: Sequence[str]) -> Summary:
+    from excite.cli.summary import Summary, compact_table
+
+    goals = _goals(judgements)
+    ranked = sorted(range(len(judgements)), key=lambda k: goals[k]) if _is_alike(judgements) else range(len(judgements))
+    rows = [_row(judgements[k], goals[k]) for k in ranked]
+    first = judgements[0]
+    return Summary(
+        verdict=verdicts[ranked[0]] if _is_alike(judgements) else _UNLIKE,
+        facts=[
+            f"{first.robot}, {first.model} model, {first.parameters} base parameters; criterion of the first design: "
+            f"{first.minimised}",
+            *compact_table("design", "cond(W)", "criterion", "lasts", "tightest limit used", "limits", rows=rows),
+        ],
+        notes=[*(note for note in _notes(judgements) if note != _UNLIKE), *_unchecked(judgements)],
+        next_steps=["--verbose shows every convention of the condition number, and every metric"],
+    )
+
+
+def _row(j: Judgement, goal: float) -> tuple[str, ...]:
+    used = "-" if j.tightest is None else f"{100 * j.tightest.use:.1f} %"
+    held = "hold" if j.feasible else "BROKEN"
+    return (j.name, f"{j.criteria['condition_number']:.4g}", f"{goal:.4g}", f"{j.duration:g} s", used, held)
+
+
+def _unchecked(judgements: Sequence[Judgement]) -> list[str]:
+    notes = (f"{j.name}: not checked when designed: {', '.join(j.unchecked)}" for j in judgements if j.unchecked)
+    return list(dict.fromkeys(notes))
+
+
+def _notes(judgements: Sequence[Judgement]) -> list[str]:
+    notes = [] if _is_alike(judgements) else [_UNLIKE]
+    identified = [j.friction == "identified" for j in judgements]
+    if len(set(identified)) > 1 and judgements[0].channel == "effort":
+        how = "with" if identified[0] else "without"
+        notes.append(
+            "only some of the designs identify friction; all are compared like the first one, "
+            f"{how} friction parameters"
+        )
+    return notes
+
+
+def _print(judgements: Sequence[Judgement]) -> None:
     from rich.table import Table
 
-    from excite.cli.design_text import console
+    from excite.cli.literal_console import console
 
     table = Table()
     table.add_column("")
@@ -97,8 +168,7 @@ def _show(judgements: list[Judgement]) -> None:
     table.add_row("duration [s]", *(f"{j.duration:g}" for j in judgements))
     table.add_row("base parameters", *(str(j.parameters) for j in judgements))
     table.add_row("friction, when designed", *(j.friction for j in judgements))
-    alike = len({(j.robot, j.model, j.moving, j.parameters) for j in judgements}) == 1
-    comparable = alike and len(judgements) > 1
+    comparable = _is_alike(judgements) and len(judgements) > 1
     for name, label in _ROWS.items():
         values = [j.criteria[name] for j in judgements]
         best = max(values) if name in _LARGER_IS_BETTER else min(values)
@@ -121,14 +191,5 @@ def _show(judgements: list[Judgement]) -> None:
     table.add_row("CPU of the design [s]", *(f"{j.cpu_seconds:.1f}" for j in judgements))
     console().print("designs under the same metrics" + ("; the best of each row is marked *" if comparable else ""))
     console().print(table)
-    if not alike:
-        click.echo(
-            "note: the designs are for different robots, models or moving joints; their numbers are not comparable"
-        )
-    asked = [judgement.friction == "identified" for judgement in judgements]
-    if len(set(asked)) > 1 and judgements[0].channel == "effort":
-        how = "with" if asked[0] else "without"
-        click.echo(
-            "note: only some of the designs identify friction; all are compared like the first one, "
-            f"{how} friction parameters"
-        )
+    for note in _notes(judgements):
+        console().print(f"note: {note}", soft_wrap=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from excite.cli.command import Command
 from excite.cli.figure_options import FigureChoice, figure_options
-from excite.cli.options import Folder, own_parts, snap_option, split_base
+from excite.cli.options import Folder, RobotName, own_parts, snap_option, split_base
 from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CONVENTIONS
@@ -25,8 +25,15 @@ if TYPE_CHECKING:
 
 _BASE_TOO = "--base-link names the first link of a chain; --base still takes it too"
 
+_GROUPS = {
+    "Robot": ("base_link", "tip"),
+    "Other": ("task_file",),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="design",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -76,7 +83,7 @@ What is written to DIR:
   *.png, or --figures  the motion within its limits, the singular spectrum, the progress of the search
   starts/          every start, written as soon as it ends; the same command after a kill goes on from them""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option("--out", "out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option(
     "--task", "task_file", type=click.Path(path_type=Path), metavar="FILE", help="YAML file with these options as keys."
@@ -96,7 +103,6 @@ What is written to DIR:
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 @click.option("--fresh", is_flag=True, help="Remove the starts that an earlier run has left in DIR.")
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -108,7 +114,6 @@ def command(
     force: bool,
     fresh: bool,
     figures: FigureChoice,
-    form: str,
     **_: Any,
 ) -> None:
     """Find the motion that identifies ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
@@ -123,7 +128,7 @@ def command(
     both = split_base(ctx.params["base"])[1] is not None
     notes = (_BASE_TOO,) if both else ()
     design, files = design_and_write(task, out, notes, figures=figures, force=force, fresh=fresh)
-    _show(design, files, out, form)
+    _show(design, files, out)
     sys.exit(_status(design))
 
 
@@ -140,17 +145,17 @@ def _task(ctx: click.Context, robot: str, task_file: Path | None, parts: tuple[s
     return task
 
 
-def _show(design: Design, files: list[Path], out: Path, form: str) -> None:
+def _show(design: Design, files: list[Path], out: Path) -> None:
     """Print the summary."""
-    from excite.cli.design_text import print_design
+    from excite.cli.design_text import design_summary, print_design
+    from excite.cli.summary import show
     from excite.files.design_folder import design_content
 
-    if form == "text":
-        print_design(design, files)
-        return
-    left_out = ("schema", "robot", "solver", "conventions")
-    content = {name: value for name, value in design_content(design).items() if name not in left_out}
-    click.echo(json.dumps({"out": str(out), **content}, indent=1))
+    def content() -> dict[str, Any]:
+        left_out = ("schema", "robot", "solver", "conventions")
+        return {"out": str(out), **{k: v for k, v in design_content(design).items() if k not in left_out}}
+
+    show(design_summary(design, files), content, lambda: print_design(design, files))
 
 
 def _begin(folder: str | None, parts: tuple[str, ...]) -> DesignedMotion | None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import click
-
+from excite.cli.streams import remark
 from excite.files.named_design import find_design
 from excite.logs.mapping import read_mapping
 
@@ -36,11 +35,10 @@ def design_folder(given: Path | None, mapping: Path | None, places: Sequence[Pat
     found = find_design(named, searched)
     where = ", ".join(str(place) for place in searched)
     if found is None:
-        click.echo(
+        remark(
             f"excite: note: {mapping} names the design {named[:12]}..., which is not in {where} nor directly below: "
-            "its model is not used; --designs names other folders, --design the design itself",
-            err=True,
+            "its model is not used; --designs names other folders, --design the design itself"
         )
     else:
-        click.echo(f"excite: note: {found} holds the design that {mapping} names; its model is used", err=True)
+        remark(f"excite: note: {found} holds the design that {mapping} names; its model is used")
     return found

@@ -9,7 +9,7 @@ from excite.cli.interrupts import one_interrupt
 from excite.cli.messages import in_options
 from excite.cli.progress import progress_of_starts
 from excite.cli.sign_of_life import tell
-from excite.cli.streams import say
+from excite.cli.streams import remark
 from excite.design.design import Design
 from excite.design.design_memory import search_seconds
 from excite.design.formulation import Formulation, formulate
@@ -48,6 +48,7 @@ def design_and_write(
     design : Design
     files : list of Path
     """
+    tell("setting up the problem")
     robot = installed_robot(task)
     with result_folder(out):
         names = [*data_files(task), *figure_files(task, figures.formats)]
@@ -71,7 +72,7 @@ def design_and_write(
 def _print_what_is_known(formulation: Formulation, task: Task, kept: KeptStarts, notes: tuple[str, ...]) -> None:
     """Print on stderr what was assumed, what an earlier run has left, and how long the search will take."""
     for note in (*notes, *formulation.notes):
-        say(f"excite: note: {in_options(note)}")
+        remark(f"excite: note: {in_options(note)}")
     for found in kept.notes:
-        say(f"excite: {found}")
+        remark(f"excite: {found}")
     announce("the search", search_seconds(formulation.target, task, kept.count - len(kept.done)), _ENDED)

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from excite.cli.literal_console import LiteralConsole
+from excite.cli.literal_console import console
 from excite.cli.messages import in_options
+from excite.cli.summary import Summary, compact_table, some_of
 from excite.design.unchecked import kept_text
 from excite.information.metrics import noise_text
 from excite.information.weighting import minimised_text
@@ -30,17 +30,79 @@ _CONDITIONS = {
     "condition_number_noise_weighted": "rows weighted by noise",
     "condition_number_frobenius": "Frobenius norm instead of 2-norm",
 }
+_CONDITION = "condition, base gautier"
+_NEXT = (
+    "play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and torques; "
+    "compare candidates with excite compare DIR..."
+)
+_MOST_STARTS = 30
 _NEAR = 0.5  # limits used beyond this fraction are listed; design.json has all of them
 
 
-def console() -> Console:
-    """Console on stdout that prints names literally, brackets included, and does not wrap tables when piped."""
-    plain = LiteralConsole(markup=False, highlight=False)
-    return plain if plain.is_terminal else LiteralConsole(markup=False, highlight=False, width=120)
+def design_summary(design: Design, files: Sequence[Path]) -> Summary:
+    """Summary of a design: whether its limits hold, its criterion, the limits that are used most.
+
+    Parameters
+    ----------
+    design : Design
+    files : sequence of Path
+        Files that were written.
+    """
+    return Summary(
+        verdict=_verdict(design),
+        holds=design.feasible,
+        facts=[_asked(design), *_unchecked(design), *_nearest_limits(design), *_transfer_lines(design)],
+        notes=design.notes,
+        files=files,
+        next_steps=[_NEXT],
+        all_in="design.json",
+    )
+
+
+def _verdict(design: Design) -> str:
+    """Whether the limits hold, and the condition number beside those that the search began with."""
+    uses = [use for some in (design.limits, *design.transfer_limits.values()) for use in some]
+    if design.broken:
+        held = f"Design exceeds {len(design.broken)} of {len(uses)} checked limits: {some_of(design.broken)}"
+    else:
+        held = f"Design within all {len(uses)} checked limits" if uses else "Design for which no limit was checked"
+    return f"{held}; condition number {design.condition_number:.4g}{_guesses(design)}"
+
+
+def _guesses(design: Design) -> str:
+    """Condition numbers of the initial guesses, where it is the condition number that was minimised."""
+    values = [start.history[0] for start in design.starts if start.history]
+    if not values or minimised_text(design.task) != _CONDITION:
+        return ""
+    return f" (initial guesses: {min(values):.4g}" + (f" to {max(values):.4g})" if len(values) > 1 else ")")
+
+
+def _asked(design: Design) -> str:
+    task = design.task
+    moving = ", ".join(design.target.motion.labels)
+    return (
+        f"{design.robot.name}: {name_of(task.model.model)} model, {moving} move, {design.base.rank} base parameters; "
+        f"{task.trajectory.period:g} s, {design.trajectory.family.described}; minimised: {minimised_text(task)}; "
+        f"{design.number_of_starts} start{'s' * (design.number_of_starts > 1)}, "
+        f"{design.provenance['cpu_seconds']:.1f} s CPU"
+    )
+
+
+def _unchecked(design: Design) -> list[str]:
+    return [f"not checked: {', '.join(map(str, design.unchecked))}"] if design.unchecked else []
+
+
+def _nearest_limits(design: Design) -> list[str | Table]:
+    """The limits that are used most, those that do not hold first."""
+    uses = sorted(design.limits, key=lambda use: (use.holds, -use.use))
+    rows = [
+        (use.label, f"{use.extreme:.4g}", f"{use.bound:.4g}", use.unit, f"{100 * use.use:.1f} %") for use in uses[:4]
+    ]
+    return compact_table("limits used most", "extreme", "bound", "unit", "used", rows=rows)
 
 
 def print_design(design: Design, files: Sequence[Path]) -> None:
-    """Print a summary of a design: criteria, use of the limits, predicted accuracy, next step."""
+    """Print all of a design: criteria, use of the limits, predicted accuracy, starts, next step."""
     out = console()
     task = design.task
     best = next(start for start in design.starts if start.index == design.best_start)
@@ -70,13 +132,22 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     out.print(_predictions(design))
     for note in design.notes[first:]:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
-    out.print(Text(_verdict(design), style="" if design.feasible else "bold red"), soft_wrap=True)
+    out.print(Text(_kept(design), style="" if design.feasible else "bold red"), soft_wrap=True)
+    out.print(_starts(design))
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
-    out.print(
-        "next: play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and "
-        "torques; compare candidates with excite compare DIR...",
-        soft_wrap=True,
-    )
+    out.print(f"next: {_NEXT}", soft_wrap=True)
+
+
+def _starts(design: Design) -> Table:
+    """How each start ended, the best first."""
+    table = Table(title="starts", title_justify="left")
+    for heading in ("start", "began at", "ended at", "iterates", "CPU [s]", "how it ended"):
+        table.add_column(heading, justify="left" if heading == "how it ended" else "right", overflow="fold")
+    for start in sorted(design.starts, key=lambda start: start.value)[:_MOST_STARTS]:
+        began = f"{start.history[0]:.4g}" if start.history else "-"
+        row = (str(start.index), began, f"{start.value:.4g}", str(len(start.history)), f"{start.cpu:.1f}")
+        table.add_row(*row, start.status)
+    return table
 
 
 def _conditions(design: Design) -> Table:
@@ -113,7 +184,7 @@ def _limits(design: Design) -> Table:
     return table
 
 
-def _verdict(design: Design) -> str:
+def _kept(design: Design) -> str:
     """Whether the limits are kept, and what is not known of them."""
     broken = [use.label for part in (design.limits, *design.transfer_limits.values()) for use in part if not use.holds]
     if broken:

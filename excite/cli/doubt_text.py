@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.text import Text
 
-from excite.cli.design_text import console
+from excite.cli.literal_console import console
 from excite.cli.messages import in_options
 
 

@@ -10,9 +10,104 @@ from rich.table import Table
 from rich.text import Text
 
 from excite.cli.between_logs_text import print_between_logs
-from excite.cli.design_text import console
 from excite.cli.doubt_text import next_steps, print_doubts
+from excite.cli.literal_console import console
 from excite.cli.messages import in_options
+from excite.cli.summary import Summary, compact_table, some_of
+
+_SHOWN, _WELL = 5, 0.05  # parameters in the summary; relative deviation of one that is well known
+
+
+def estimate_summary(content: Mapping[str, Any], files: Sequence[Path]) -> Summary:
+    """Summary of a result: whether it can be right, its residual, and the parameters that are least certain.
+
+    Parameters
+    ----------
+    content : mapping
+        Content of ``result.json``.
+    files : sequence of Path
+        Files that were written.
+    """
+    doubts, warnings = content["doubts"], content["warnings"]
+    between = content.get("between_logs") or {}
+    said = between.get("warning")
+    return Summary(
+        verdict=_verdict(content),
+        holds=not doubts,
+        facts=[
+            *(f"this result cannot be right: {doubt['what']}: {doubt['cause']}" for doubt in doubts[1:]),
+            *(f"warning: {warning['what']}: {warning['cause']}; {warning['cure']}" for warning in warnings),
+            *([f"warning: {said}"] if said is not None else []),
+            _data(content),
+            _conditions(content["condition_number"], None),
+            *_least_certain(content["parameters"]),
+            *_repeated(content),
+        ],
+        notes=[
+            content["interval_scope"],
+            *content["notes"],
+            *(note for log in content["logs"] for note in log["notes"]),
+        ],
+        files=files,
+        next_steps=[step.removeprefix("next: ") for step in next_steps(content, files[-1].parent)],
+        all_in="result.json",
+    )
+
+
+def _verdict(content: Mapping[str, Any]) -> str:
+    doubts, parameters = content["doubts"], content["parameters"]
+    if doubts:
+        return f"This result cannot be right: {doubts[0]['what']}: {doubts[0]['cause']}"
+    seen = [p for p in parameters if p["seen"]]
+    error = content["relative_error"]
+    residual = "" if error is None else f"; residual {100 * error:.3g} % of what was measured"
+    count = f"all {len(seen)}" if len(seen) == len(parameters) else f"{len(seen)} of {len(parameters)}"
+    return f"Identified {count} base parameters of {content['robot']['name']}{residual}"
+
+
+def _data(content: Mapping[str, Any]) -> str:
+    logs = content["logs"]
+    rows = f"{logs[0]['file']}, {logs[0]['from']:.2f} s to {logs[0]['to']:.2f} s"
+    named = rows if len(logs) == 1 else f"{len(logs)} logs"
+    return f"{content['task']['model']} model, {content['rows']} equations of {named}; estimator {content['estimator']}"
+
+
+def _least_certain(parameters: Sequence[Mapping[str, Any]]) -> list[Any]:
+    """The parameters with the widest intervals beside their size, and those without any."""
+    seen = [p for p in parameters if p["seen"]]
+    sized = sorted((p for p in seen if p["relative_deviation"] is not None), key=lambda p: -p["relative_deviation"])
+    rows = [
+        (p["name"], f"{p['value']:.4g}", f"+- {_half(p):.2g}", p["unit"], _share(p["relative_deviation"]))
+        for p in sized[:_SHOWN]
+    ]
+    unseen = [p["name"] for p in parameters if not p["seen"]]
+    known = sum(p["relative_deviation"] < _WELL for p in sized)
+    return [
+        f"{known} of {len(parameters)} parameters have a standard deviation below {100 * _WELL:g} % of their value",
+        *compact_table("least certain", "value", "99 %", "unit", "std. dev.", rows=rows),
+        *([f"not identifiable from these logs: {some_of(unseen, 8)}"] if unseen else []),
+    ]
+
+
+def _share(deviation: float) -> str:
+    return f"{100 * deviation:.2g} %" if deviation < 1.0 else "over 100 %"
+
+
+def _half(p: Mapping[str, Any]) -> float:
+    half: float = (p["interval"][1] - p["interval"][0]) / 2
+    return half
+
+
+def _repeated(content: Mapping[str, Any]) -> list[str]:
+    """How repetitions in simulation agree with the intervals."""
+    if "repetitions" not in content:
+        return []
+    repeated = content["repetitions"]
+    coverage = [p["coverage"] for p in repeated["parameters"]]
+    return [
+        f"{repeated['count']} repetitions in simulation: the 99 % intervals hold the truth in "
+        f"{100 * min(coverage):.1f} % (the worst parameter) to {100 * max(coverage):.1f} % of them"
+    ]
 
 
 def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
@@ -77,7 +172,7 @@ def _parameters(parameters: Sequence[Mapping[str, Any]], reference: str | None) 
     for p in parameters:
         shown = [p["name"], "not identifiable", "", p["unit"], "", ""]
         if p["seen"]:
-            half = (p["interval"][1] - p["interval"][0]) / 2
+            half = _half(p)
             relative = p["relative_deviation"]
             shown = [
                 p["name"],

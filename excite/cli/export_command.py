@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.options import Folder, Number, PartName, own_parts
 from excite.registry import MODEL_FORMATS, MOTION_FORMATS, built_in
 
@@ -16,8 +16,12 @@ if TYPE_CHECKING:
 
 _DESIGN, _RESULT = "design.json", "result.json"
 
+_GROUPS = {"Output": ("form", "rate")}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="export",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -80,7 +84,6 @@ Exit status 1, and no file, where the motion breaks a limit.""",
 )
 @own_parts
 @click.option("--force", is_flag=True, help="Replace files that are already there.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
     folder: Path,
     form: str,
@@ -89,7 +92,6 @@ def command(
     robot_file: Path | None,
     parts: tuple[str, ...],
     force: bool,
-    as_json: bool,
 ) -> None:
     """Export the design or the result in DIR as a FILE that other programs take.
 
@@ -99,7 +101,7 @@ def command(
         exported = _export_model(folder, form, out, rate, robot_file, parts, force)
     else:
         exported = _export_motion(folder, form, out, rate, robot_file, parts, force)
-    _show(exported, as_json=as_json)
+    _show(exported)
 
 
 def _holds_result(folder: Path, form: str) -> bool:
@@ -163,17 +165,60 @@ def _export_model(
     return exported
 
 
-def _show(exported: Exported, *, as_json: bool) -> None:
+def _show(exported: Exported) -> None:
     from excite.cli.messages import in_options
+    from excite.cli.summary import Summary, show
 
-    files, notes = [str(file) for file in exported.files], [in_options(note) for note in exported.notes]
-    if as_json:
-        content = {"format": exported.format, "files": files, **exported.facts, "notes": notes}
-        click.echo(json.dumps(content, indent=1))
-        return
-    for name, value in exported.facts.items():
-        shown = ", ".join(value) if isinstance(value, list) else "-" if value is None else value
-        click.echo(f"{name.replace('_', ' ')}: {shown}")
-    for note in notes:
-        click.echo(f"note: {note}")
-    click.echo(f"written: {', '.join(files)}")
+    def content() -> dict[str, Any]:
+        notes = [in_options(note) for note in exported.notes]
+        files = [str(file) for file in exported.files]
+        return {"format": exported.format, "files": files, **exported.facts, "notes": notes}
+
+    def details() -> None:
+        for line in (*_facts(exported), *(f"note: {in_options(note)}" for note in exported.notes)):
+            click.echo(line)
+        click.echo(f"written: {', '.join(map(str, exported.files))}")
+
+    show(
+        Summary(
+            verdict=_verdict(exported), holds=True, facts=_played(exported), notes=exported.notes, files=exported.files
+        ),
+        content,
+        details,
+    )
+
+
+def _verdict(exported: Exported) -> str:
+    """What was written, and, of a motion, how near it comes to its limits."""
+    facts = exported.facts
+    if "closest_limit" not in facts:
+        return f"Model exported as {exported.format}"
+    label, used = facts["closest_limit"], facts["closest_limit_used"]
+    if label is None:
+        return f"Motion exported as {exported.format}; no limit of the robot is known"
+    return (
+        f"Motion exported as {exported.format}, within its limits; the closest, {label}, is used to {100 * used:.4g} %"
+    )
+
+
+def _played(exported: Exported) -> list[str]:
+    """Rate and duration of a motion, in one line."""
+    facts = exported.facts
+    if not {"rate", "samples", "duration", "joints"} <= facts.keys():
+        return _facts(exported)
+    return [
+        f"{facts['samples']} samples at {facts['rate']:g} Hz over {facts['duration']:g} s; {', '.join(facts['joints'])}"
+    ]
+
+
+def _facts(exported: Exported) -> list[str]:
+    """Facts with their numbers rounded."""
+    return [f"{name.replace('_', ' ')}: {_shown(value)}" for name, value in exported.facts.items()]
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(map(_shown, value)) or "none"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return "-" if value is None else str(value)

@@ -7,13 +7,23 @@ from typing import Any
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.figure_options import figure_options
-from excite.cli.options import Folder, Names, Number, own_parts, snap_option
+from excite.cli.options import Folder, Names, Number, RobotName, own_parts, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import DROPPABLE
 
+_GROUPS = {
+    "Logs": ("drives", "plan", "mapping", "drop"),
+    "Windows": ("window", "tolerance", "speed"),
+    "Gravity": ("gravity", "parameters"),
+    "Curve": ("model", "exponent", "criterion", "temperature", "load", "stiction"),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="fit",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -50,7 +60,7 @@ What is written to DIR:
   fit.json       windows, parameters with 99 % intervals, all models that were compared, break-away torques
   friction.png   windows, curves and their 99 % bands, break-away torques""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
@@ -133,7 +143,6 @@ What is written to DIR:
 )
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a fit that is already in DIR.")
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:
     """Fit friction curves to LOGs of ROBOT, and write them to DIR.
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import click
 from rich.table import Table
 
 import excite
-from excite.cli.literal_console import LiteralConsole
+from excite.cli.literal_console import console
 from excite.cli.messages import in_options
 from excite.cli.sign_of_life import tell
+from excite.cli.summary import Summary, compact_table, show
 from excite.files.figure_names import figure_names
 from excite.files.friction_fit_file import FIGURE, FRICTION, check_no_fit, fit_content
 from excite.friction.fit.characteristic import Characteristic
@@ -50,6 +49,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         The command's other options.
     """
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
+    tell("reading the logs")
     with result_folder(out):
         check_no_fit(out, (FRICTION, *figure_names([FIGURE], given["figures"].formats)), replace=given["force"])
         task = excite.Task(
@@ -72,24 +72,58 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
 
             tell("drawing")
             files = [*write_friction_figure(robot.name, fit.characteristics, out, **figures.how), *files]
-    if given["form"] == "json":
-        click.echo(json.dumps({"out": str(out), **fit_content(fit)}, indent=1))
-    else:
-        _print(fit.characteristics, files)
+    show(
+        _summary(fit.characteristics, files),
+        lambda: {"out": str(out), **fit_content(fit)},
+        lambda: _print(fit.characteristics, files),
+    )
+
+
+def _summary(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> Summary:
+    count, points = len(characteristics), sum(len(each.points) for each in characteristics)
+    rows = [_row(each) for each in characteristics]
+    return Summary(
+        verdict=f"Friction curves of {count} drive{'s' * (count > 1)} from {points} windows of constant speed",
+        facts=[
+            *compact_table("drive", "equation", "points", "Coulomb", "viscous", "scatter", rows=rows, left=2),
+            "coulomb and viscous friction with 99 % intervals; scatter: of the points, over what noise explains",
+        ],
+        notes=[f"{each.drive}: {line}" for each in characteristics for line in each.notes]
+        + ["friction of other drives is identified with the masses"],
+        files=files,
+        next_steps=[f"excite identify ROBOT LOG... --friction-curves {files[-1].parent / FRICTION} --out DIR"],
+        all_in="fit.json",
+    )
+
+
+def _row(characteristic: Characteristic) -> tuple[str, ...]:
+    """Coulomb and viscous friction of a drive, in one direction where the two differ."""
+    fit, points = characteristic.fit, str(len(characteristic.points))
+    if fit is None:
+        return (characteristic.drive, "table", points, "-", "-", "-")
+    units = _units(characteristic)
+    found = {
+        name.rsplit(".", 1)[-1]: f"{value:.4g} +- {half:.1g} {units[name.rsplit('.', 1)[-1]]}"
+        for name, value, half in zip(fit.form.parameters, fit.values, fit.halfwidth, strict=True)
+    }
+    friction = (found.get("coulomb", "-"), found.get("viscous", "-"))
+    return (characteristic.drive, fit.form.name, points, *friction, f"{fit.scatter:.2g}")
 
 
 def _print(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> None:
-    console = LiteralConsole(markup=False, highlight=False)
+    out = console()
     for characteristic in characteristics:
         name = "table" if characteristic.fit is None else characteristic.fit.form.name
-        console.print(f"{characteristic.drive}: {name}, {len(characteristic.points)} points", style="bold")
-        console.print(_table(characteristic))
+        out.print(f"{characteristic.drive}: {name}, {len(characteristic.points)} points", style="bold")
+        out.print(_table(characteristic))
         for line in _summary_lines(characteristic):
-            console.print(f"  {in_options(line)}", soft_wrap=True)
-    console.print(f"note: {FRICTION} has curves of ", end="")
-    console.print(", ".join(characteristic.drive for characteristic in characteristics), end="")
-    console.print("; friction of other drives is identified with the masses", soft_wrap=True)
-    console.print("written: " + ", ".join(map(str, files)), soft_wrap=True)
+            out.print(f"  {in_options(line)}", soft_wrap=True)
+    drives = ", ".join(characteristic.drive for characteristic in characteristics)
+    out.print(
+        f"note: {FRICTION} has curves of {drives}; friction of other drives is identified with the masses",
+        soft_wrap=True,
+    )
+    out.print("written: " + ", ".join(map(str, files)), soft_wrap=True)
 
 
 def _table(characteristic: Characteristic) -> Table:

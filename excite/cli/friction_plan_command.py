@@ -7,8 +7,9 @@ from typing import Any
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.figure_options import figure_options
-from excite.cli.options import Folder, Names, Number, Numbers, Ranges, snap_option
+from excite.cli.options import Folder, Names, Number, Numbers, Ranges, RobotName, snap_option
 from excite.cli.task_options import installation_of, task_options
 
 _NOT_HELD = 1
@@ -30,8 +31,17 @@ _SCHEDULE = (
     "pause", "ramping",
 )  # fmt: skip
 
+_GROUPS = {
+    "Drives and poses": ("drives", "joints", "pose", "balanced", "world", "seed"),
+    "Runs": ("percent", "shortest", "longest", "stroke", "warm_up", "repeats", "pause"),
+    "Break-away tests": ("breakaways", "creep", "creeping", "torque_ramp", "ramping"),
+    "Limits": ("position_limit", "velocity_limit", "acceleration_limit", "jerk_limit"),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="plan",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -65,7 +75,7 @@ robot from one pose to the next; with --world the summary lists the straight lin
 \b
 Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is written.""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
@@ -153,10 +163,11 @@ def command(
     tests. ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
     """
     import excite
-    from excite.cli.friction_plan_text import print_plan
+    from excite.cli.friction_plan_text import plan_summary, print_plan
     from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
     from excite.files.figure_names import figure_names
-    from excite.files.friction_plan_folder import FIGURE, KIND, check_free
+    from excite.files.friction_plan_folder import FIGURE, KIND, check_free, plan_content
     from excite.storage.result_folder import result_folder
     from excite.tasks.robot_of_task import installed_robot
 
@@ -180,6 +191,12 @@ def command(
             tell("drawing")
             drawn = write_figure_files(lambda: {FIGURE: friction_plan_figure(plan)}, out, KIND, **figures.how)
             files = [*files, *drawn]
-    print_plan(plan, files, chosen=options["pose"] is None)
+    chosen_pose = options["pose"] is None
+    left_out = ("schema", "robot")
+    show(
+        plan_summary(plan, files, chosen=chosen_pose),
+        lambda: {"out": str(out), **{k: v for k, v in plan_content(plan).items() if k not in left_out}},
+        lambda: print_plan(plan, files, chosen=chosen_pose),
+    )
     if not plan.holds:
         ctx.exit(_NOT_HELD)

@@ -10,8 +10,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from excite.cli.design_text import console
+from excite.cli.literal_console import console
 from excite.cli.messages import in_options
+from excite.cli.summary import Summary, compact_table
 from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
 from excite.friction.plan.schedule import LONGEST
 
@@ -22,6 +23,47 @@ _GRAVITY = {
     "subtracted": "subtracted by the model",
     "stated": "cancels, as --balanced states",
 }
+
+
+def plan_summary(plan: FrictionPlan, files: Sequence[Path], *, chosen: bool) -> Summary:
+    """Summary of a plan: whether its limits hold, how long it takes, its runs.
+
+    Parameters
+    ----------
+    plan : FrictionPlan
+    files : sequence of Path
+        Files that were written.
+    chosen : bool
+        Whether poses were searched for.
+    """
+    count = len(plan.coordinates)
+    first, *others = _environment(plan)
+    rows = [
+        (c.label, _gravity(c), f"{c.stroke:.3g} {c.unit}", f"{max(c.order) / 100 * c.pace.velocity:.3g} {c.unit}/s",
+         f"{c.runs.duration:.0f} s", _limits(c))
+        for c in plan.coordinates
+    ]  # fmt: skip
+    return Summary(
+        verdict=f"Plan of {count} friction measurement{'s' * (count > 1)}, {plan.duration / 60:.1f} min, "
+        + ("within all checked limits" if plan.holds else "that exceeds a limit or comes too near to something"),
+        holds=plan.holds,
+        facts=[
+            first,
+            *compact_table("moves", "gravity", "to each side", "top speed", "lasts", "limits", rows=rows, left=2),
+        ],
+        notes=[
+            *(line for c in plan.coordinates for line in _coordinate(c, chosen=chosen)),
+            *others,
+            *_length(plan),
+            *_torque_ramps(plan),
+        ],
+        files=files,
+        next_steps=[
+            "play each file and record positions and torques, then excite friction fit ROBOT LOG... --plan "
+            f"{files[0].parent} --out DIR"
+        ],
+        all_in="plan.json",
+    )
 
 
 def print_plan(plan: FrictionPlan, files: Sequence[Path], *, chosen: bool) -> None:

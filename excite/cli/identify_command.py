@@ -8,8 +8,19 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from excite.cli.command import Command
 from excite.cli.figure_options import figure_options
-from excite.cli.options import Folder, Number, NumberOr, Numbers, PartName, SettingNames, own_parts, snap_option
+from excite.cli.options import (
+    Folder,
+    Number,
+    NumberOr,
+    Numbers,
+    PartName,
+    RobotName,
+    SettingNames,
+    own_parts,
+    snap_option,
+)
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 from excite.tasks.task import PLACE
@@ -48,7 +59,21 @@ class Delay(NumberOr):
         return None if number == self.word else number
 
 
+_GROUPS = {
+    "Motion": ("design_folder", "designs", "period", "harmonics"),
+    "Model": ("friction_curves",),
+    "Logs": ("mapping", "drop", "rows", "temperature"),
+    "Signals": ("signals", "cutoff", "delay", "average", "measured_velocity", "low_pass", "every"),
+    "Friction in the equations": ("sign_width", "breakaway", "standstill", "friction_scale"),
+    "Estimator": ("estimator", "covariance", "pull", "described_within", "choose"),
+    "Drive gains": ("loaded", "known_mass", "gains"),
+    "Repetitions": ("each", "repeat", "seed"),
+}
+
+
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="identify",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -93,7 +118,7 @@ What is written to DIR:
   result.json   parameters with 99 % intervals, their logs and settings, everything to verify them
   *.png         torques, residuals, parameters, estimates over time""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option(
@@ -257,7 +282,6 @@ What is written to DIR:
 @click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of the repetitions.")
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context
 def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:
     """Identify ROBOT's dynamic parameters from one LOG or several, and write them to DIR with their uncertainty.

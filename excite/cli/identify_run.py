@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import click
-
 import excite
 from excite.cli.design_of_mapping import design_folder
-from excite.cli.estimate_text import print_estimate
+from excite.cli.estimate_text import estimate_summary, print_estimate
 from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
 from excite.cli.sign_of_life import tell
+from excite.cli.streams import remark
+from excite.cli.summary import show
 from excite.files.figure_names import figure_names
 from excite.files.result_json import FIGURES, REPETITIONS, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
@@ -54,6 +53,7 @@ def identify_and_write(
         Recipe(**of_recipe).check_repeatable(given["repeat"])
     from excite.cli.main import NOT_HELD
 
+    tell("reading the logs")
     with result_folder(out):
         figures: FigureChoice = given["figures"]
         check_free(out, figure_names(FIGURES, figures.formats), replace=given["force"])
@@ -74,14 +74,19 @@ def identify_and_write(
             status = repeated or status
             drawn = figure_names([REPETITIONS], figures.formats) if "repetitions" in content else []
             files = [*(out / name for name in drawn), *files]
-    if given["form"] == "json":
-        left_out = ("schema", "robot", "covariance", "task")
-        click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))
-    else:
-        print_estimate(content, files)
-        if "repetitions" in content:
-            print_repetitions(content["repetitions"])
+    left_out = ("schema", "robot", "covariance", "task")
+    show(
+        estimate_summary(content, files),
+        lambda: {"out": str(out), **{k: v for k, v in content.items() if k not in left_out}},
+        lambda: _print(content, files),
+    )
     sys.exit(status)
+
+
+def _print(content: dict[str, Any], files: Sequence[Path]) -> None:
+    print_estimate(content, files)
+    if "repetitions" in content:
+        print_repetitions(content["repetitions"])
 
 
 def _identified(
@@ -125,10 +130,9 @@ def _tell_of_curves(design: Any, typed: Mapping[str, Any], *, repeat: bool) -> N
     known = design.task.known_friction is not None and not typed.get("friction", False)
     if not known or design.task.changed(**_of_model(typed)).model.channel != "effort":
         return
-    click.echo(
+    remark(
         "excite: note: the design is for known friction: its curves are subtracted; --friction identifies friction, "
-        "--friction-curves names other curves",
-        err=True,
+        "--friction-curves names other curves"
     )
     if repeat:
         raise not_repeated()

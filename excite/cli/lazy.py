@@ -8,7 +8,9 @@ from importlib import import_module
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
+from excite.cli.verbosity import loudness_options
 from regressors.quoting import shortened
 
 
@@ -38,6 +40,7 @@ class LazyGroup(click.Group):
         super().__init__(**options)
         self._summaries, self._modules = dict(summaries), modules
         self._groups = groups or {"Commands": tuple(summaries)}
+        self.params += loudness_options()
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the commands, in the order of the help."""
@@ -49,6 +52,13 @@ class LazyGroup(click.Group):
             return None
         command: click.Command = import_module(self._modules.format(name)).command
         return command
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Commands that begin so, without importing any; options as click completes them."""
+        begun = [
+            CompletionItem(name, help=text) for name, text in self._summaries.items() if name.startswith(incomplete)
+        ]
+        return [*begun, *click.Command.shell_complete(self, ctx, incomplete)]
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import snap_option
+from excite.cli.command import Command
+from excite.cli.options import RobotName, snap_option
 
 if TYPE_CHECKING:
+    from excite.cli.summary import Summary
     from excite.logs.guess.log_guess import LogGuess
 
 _NAMED = 8  # columns
+_STREAMS, _FACTS = 4, 5  # lines of the summary
+
+_GROUPS = {"Robot": ("robot",), "Output": ("write_mapping",)}
 
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="logs",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -35,7 +41,9 @@ and from ranges. Each is stated, certain, or likely; what is not certain is aske
 answers, with the questions as comments: correct it before you use it.""",
 )
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
-@click.option("--robot", metavar="ROBOT", help="Robot that moved, for the names and the ranges of its joints.")
+@click.option(
+    "--robot", type=RobotName(), metavar="ROBOT", help="Robot that moved, for the names and the ranges of its joints."
+)
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @snap_option
@@ -43,7 +51,6 @@ answers, with the questions as comments: correct it before you use it.""",
     "--write-mapping", type=click.Path(path_type=Path), metavar="MAP.yaml", help="Mapping to write, for --mapping."
 )
 @click.option("--force", is_flag=True, help="Replace a mapping that is already there.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
     file: Path,
     robot: str | None,
@@ -52,25 +59,24 @@ def command(
     snap_angles: bool | None,
     write_mapping: Path | None,
     force: bool,
-    as_json: bool,
 ) -> None:
     """Show what FILE holds, what was recognised, and what it does not say; write the mapping that reads it.
 
     FILE is a recording of any known format, or a folder of one.
     """
     import excite
+    from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
     from excite.logs.guess.mapping_file import check_mapping_free, write_mapping_file
 
     if write_mapping is not None:
         check_mapping_free(write_mapping, replace=force)
+    tell(f"reading {file}")
     moved = None if robot is None else excite.load_robot(robot, base_link, tip, snap_angles=snap_angles is not False)
     guess = excite.guess_mapping(file, moved)
     if write_mapping is not None:
         write_mapping_file(guess, write_mapping, replace=force)
-    if as_json:
-        click.echo(json.dumps(_content(guess, write_mapping), indent=1))
-    else:
-        _show(guess, write_mapping)
+    show(_summary(guess, write_mapping), lambda: _content(guess, write_mapping), lambda: _print(guess, write_mapping))
 
 
 def _content(guess: LogGuess, written: Path | None) -> dict[str, Any]:
@@ -89,7 +95,40 @@ def _content(guess: LogGuess, written: Path | None) -> dict[str, Any]:
     }
 
 
-def _show(guess: LogGuess, written: Path | None) -> None:
+def _summary(guess: LogGuess, written: Path | None) -> Summary:
+    from excite.cli.summary import Summary
+
+    source, questions = guess.contents.source, len(guess.questions)
+    if questions:
+        verdict = f"{source}: {questions} question{'s' * (questions > 1)} to answer before it can be used"
+    else:
+        verdict = f"{source} can be used as it is: no question is left"
+    streams = [f"{one.stream}: {_rate(one)}" for one in guess.summaries]
+    return Summary(
+        verdict=verdict,
+        holds=not questions,
+        facts=[
+            f"format: {guess.contents.format}",
+            *streams[:_STREAMS],
+            *([f"... and {len(streams) - _STREAMS} more streams"] if len(streams) > _STREAMS else []),
+            *(f"recognised: {text}" for text in guess.recognised[:_FACTS]),
+            *(f"question: {text}" for text in guess.questions[:_FACTS]),
+        ],
+        notes=guess.contents.notes,
+        files=[] if written is None else [written],
+        next_steps=[_next_step(guess, written)] if _next_step(guess, written) else [],
+    )
+
+
+def _next_step(guess: LogGuess, written: Path | None) -> str:
+    if not guess.questions:
+        return "give the file as LOG, without a mapping"
+    if written is not None:
+        return f"answer the questions in {written}, and give it as --mapping"
+    return "" if guess.mapping is None else "--write-mapping MAP.yaml writes the mapping that reads it, to be corrected"
+
+
+def _print(guess: LogGuess, written: Path | None) -> None:
     from regressors.quoting import printable
 
     lines = [f"{guess.contents.source}: {guess.contents.format}"]
@@ -100,12 +139,8 @@ def _show(guess: LogGuess, written: Path | None) -> None:
     lines += [f"  note: {note}" for note in guess.contents.notes]
     lines += ["recognised:", *(f"  {text}" for text in guess.recognised)] if guess.recognised else []
     lines += ["questions:", *(f"  {text}" for text in guess.questions)] if guess.questions else []
-    if not guess.questions:
-        lines.append("next: no question is left; give the file as LOG, without a mapping")
-    elif written is not None:
-        lines.append(f"next: answer the questions in {written}, and give it as --mapping")
-    elif guess.mapping is not None:
-        lines.append("next: --write-mapping MAP.yaml writes the mapping that reads it, to be corrected")
+    if step := _next_step(guess, written):
+        lines.append(f"next: {step}")
     for line in lines:
         click.echo(printable(line))
 

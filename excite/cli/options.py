@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from excite.registry import CONVENTIONS
 from excite.tasks.mounts import MOUNTS
@@ -20,11 +22,28 @@ class Folder(click.ParamType[Path]):
 
     name = "folder"
 
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Folders."""
+        return [CompletionItem(incomplete, type="dir")]
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Convert the text of the option."""
         if value == "":
             self.fail("expected the name of a folder, given ''", param, ctx)
         return Path(value)
+
+
+class RobotName(click.ParamType[str]):
+    """A built-in robot, or the file of one."""
+
+    name = "robot"
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Built-in names that begin so, and files."""
+        from regressors.robots import built_in_names
+
+        names = [CompletionItem(name) for name in built_in_names() if name.startswith(incomplete)]
+        return [*names, CompletionItem(incomplete, type="file")]
 
 
 class OwnName(click.ParamType[str]):
@@ -368,12 +387,20 @@ class PartName(click.ParamType[str]):
         """The built-in names, and the form of others."""
         return f"[{'|'.join(self.names)}|MODULE:NAME]"
 
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Built-in names that begin so."""
+        return [CompletionItem(name) for name in self.names if name.startswith(incomplete)]
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Check the name and return it."""
         from excite.registry import is_own
 
         if value not in self.names and not is_own(str(value)):
-            self.fail(f"{value!r} is not one of {', '.join(self.names)}, nor module:Name of your own", param, ctx)
+            near = get_close_matches(str(value), self.names, 1)
+            meant = f"; did you mean {near[0]}?" if near else ""
+            self.fail(
+                f"{value!r} is not one of {', '.join(self.names)}, nor module:Name of your own{meant}", param, ctx
+            )
         return str(value)
 
 

@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
-import json
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.figure_options import figure_options
 from excite.cli.messages import in_options
-from excite.cli.options import Folder, Number, Numbers
+from excite.cli.options import Folder, Number, Numbers, RobotName
 from excite.cli.payload_options import BoxOrSides, frame_option, robot_of, robot_options
-from excite.cli.streams import say
+from excite.cli.streams import remark
 from excite.cli.task_options import task_options
+
+if TYPE_CHECKING:
+    from excite.cli.summary import Summary
+    from excite.payload.payload_motion import PayloadMotion
 
 _LIMITS = ("velocity", "acceleration", "jerk", "torque_margin", "tool_point", "tool_speed", "self_collision")
 
+_GROUPS = {
+    "Motion": ("box", "centre", "pose", "swing", "period", "harmonics"),
+    "Sensor": ("sensor", "frame"),
+    "Search": ("starts", "seed"),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="design",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -39,7 +53,7 @@ record positions and torques (or the wrench) with 'excite payload identify' in m
 What is written to DIR: design.json and trajectory.csv, as by 'excite design'.
 Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @robot_options
 @click.option(
@@ -73,7 +87,6 @@ Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
 @task_options(("limits",), only=_LIMITS)
 @click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, as for 'excite design'.")
 @figure_options("none")
-@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 def command(robot: str, out: Path, **given: Any) -> None:
     """Find a short motion of ROBOT in a small box that shows mass, centre and inertia of what it holds.
@@ -81,9 +94,12 @@ def command(robot: str, out: Path, **given: Any) -> None:
     ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
     """
     import excite
+    from excite.cli.design_text import print_design
     from excite.cli.interrupts import one_interrupt
     from excite.cli.main import NOT_HELD
-    from excite.files.design_folder import check_no_design, design_content
+    from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
+    from excite.files.design_folder import check_no_design
     from excite.storage.result_folder import result_folder
 
     limits = {name: given[name] for name in _LIMITS if given[name] is not None}
@@ -95,6 +111,7 @@ def command(robot: str, out: Path, **given: Any) -> None:
     asked = ("sensor", "pose", "centre", "swing", "period", "harmonics", "starts", "seed", "rate", "frame")
     with result_folder(out):
         check_no_design(out, ("trajectory.csv",), replace=given["force"])
+        tell("looking for the best motion")
         with one_interrupt() as interruption:
             motion = excite.design_payload_motion(
                 robot,
@@ -106,23 +123,44 @@ def command(robot: str, out: Path, **given: Any) -> None:
             interruption.ignore()
             files = motion.design.save(out, replace=given["force"])
             if figures := given["figures"]:
+                tell("drawing")
                 from excite.plots import write_figures
 
                 files = [*write_figures(motion.design, out, **figures.how), *files]
-    if given["as_json"]:
-        content = design_content(motion.design)
-        left_out = ("schema", "robot", "solver", "conventions")
-        shown = {k: v for k, v in content.items() if k not in left_out}
-        shown |= {"pose": motion.pose.tolist(), "box": motion.box, "payload_notes": list(motion.notes)}
-        click.echo(json.dumps({"out": str(out), **shown}, indent=1))
-    else:
-        _print(motion, files)
+    for note in motion.notes:
+        remark(f"excite: note: {in_options(note)}")
+    show(_summary(motion, files), lambda: _content(motion, out), lambda: print_design(motion.design, files))
     sys.exit(0 if motion.design.feasible else NOT_HELD)
 
 
-def _print(motion: Any, files: list[Path]) -> None:
-    from excite.cli.design_text import print_design
+def _content(motion: PayloadMotion, out: Path) -> dict[str, Any]:
+    from excite.files.design_folder import design_content
 
-    for note in motion.notes:
-        say(f"excite: note: {in_options(note)}")
-    print_design(motion.design, files)
+    left_out = ("schema", "robot", "solver", "conventions")
+    shown = {k: v for k, v in design_content(motion.design).items() if k not in left_out}
+    own = {"pose": motion.pose.tolist(), "box": motion.box, "payload_notes": list(motion.notes)}
+    return {"out": str(out), **shown, **own}
+
+
+def _rounded(box: Sequence[tuple[float | None, float | None]]) -> list[tuple[str, str]]:
+    return [("-inf" if low is None else f"{low:.3g}", "inf" if high is None else f"{high:.3g}") for low, high in box]
+
+
+def _summary(motion: PayloadMotion, files: list[Path]) -> Summary:
+    """That of the design, with the box that the tool point stays in, and what to do next."""
+    from excite.cli.design_text import design_summary
+
+    stays = ""
+    if motion.box is not None:
+        sides = ", ".join(
+            f"{axis} {low} to {high}" for axis, (low, high) in zip("xyz", _rounded(motion.box), strict=True)
+        )
+        stays = f"the tool point stays in {sides} m; "
+    return replace(
+        design_summary(motion.design, files),
+        notes=(*motion.notes, *motion.design.notes),
+        next_steps=[
+            f"{stays}drive to the first pose, play trajectory.csv slowly, then without and "
+            "with the load, and record both for 'excite payload identify'"
+        ],
+    )

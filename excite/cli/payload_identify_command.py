@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Number
+from excite.cli.command import Command
+from excite.cli.options import Folder, Number, RobotName
 from excite.cli.payload_options import Share, frame_option, log_options, logs_of, robot_of, robot_options
 
 _CONTROLLERS = ("all", "none", "ur", "franka", "kuka", "abb", "urdf")
 
+_GROUPS = {
+    "Logs": ("without", "loaded", "wrench", "mapping", "drop", "rows", "without_rows"),
+    "Signals": ("cutoff", "low_pass"),
+    "Gains": ("gains", "gain_deviation"),
+    "Payload": ("result", "frame", "frame_name", "controller", "rated"),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="identify",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -45,7 +54,7 @@ What is written to DIR:
   payload.script (UR), payload.franka.cpp, payload.dat (KUKA), payload.mod (ABB), payload.urdf
 Exit code: 0 done; 1 written, but a doubt remains, such as a mass that is hardly shown.""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option(
     "--without", multiple=True, type=click.Path(path_type=Path), metavar="LOG", help="Log without the load; repeatable."
 )
@@ -73,7 +82,6 @@ Exit code: 0 done; 1 written, but a doubt remains, such as a mass that is hardly
 @click.option("--rated", type=Number("known_mass"), metavar="KG", help="Largest load of the robot [kg].")
 @robot_options
 @log_options
-@click.option("--json", "as_json", is_flag=True, help="Print payload.json.")
 @click.option("--force", is_flag=True, help="Replace a payload that is already in DIR.")
 def command(
     robot: str,
@@ -89,6 +97,9 @@ def command(
     """
     import excite
     from excite.cli.main import NOT_HELD
+    from excite.cli.payload_text import payload_summary, print_payload
+    from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
     from excite.payload.controllers import CONTROLLERS, FILES
     from excite.payload.payload_file import check_no_payload, payload_content, save_payload
     from excite.storage.result_folder import result_folder
@@ -96,6 +107,7 @@ def command(
     if bool(loaded) == bool(wrench):
         raise click.UsageError("give the logs of the motion with the load, as --with or as --wrench")
     chosen = {"all": CONTROLLERS, "none": ()}.get(given["controller"], (given["controller"],))
+    tell("reading the logs and identifying")
     with result_folder(out):
         check_no_payload(out, [FILES[name] for name in chosen], replace=given["force"])
         payload = excite.identify_payload(
@@ -108,10 +120,9 @@ def command(
             **robot_of(given),
         )
         files = save_payload(payload, out, controllers=chosen, replace=given["force"])
-    if given["as_json"]:
-        click.echo(json.dumps({"out": str(out), **payload_content(payload, chosen)}, indent=1))
-    else:
-        from excite.cli.payload_text import print_payload
-
-        print_payload(payload, chosen, files)
+    show(
+        payload_summary(payload, files),
+        lambda: {"out": str(out), **payload_content(payload, chosen)},
+        lambda: print_payload(payload, chosen, files),
+    )
     sys.exit(NOT_HELD if payload.doubts else 0)

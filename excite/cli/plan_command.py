@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from dataclasses import asdict
 from pathlib import Path
@@ -10,17 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Names, Number, snap_option
+from excite.cli.command import Command
+from excite.cli.options import Names, Number, RobotName, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import MODELS
 from excite.tasks.model_choice import FURTHER_FRICTION
 
 if TYPE_CHECKING:
+    from excite.cli.summary import Summary
     from excite.design.campaign import Campaign
     from excite.tasks.task import Task
 
 
 @click.command(
+    cls=Command,
     name="plan",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -34,7 +36,7 @@ Examples:
 Each motion is then designed on its own:
   excite design irp6 --drives 1,3 --out designs/irp6-13""",
 )
-@click.argument("robot")
+@click.argument("robot", type=RobotName())
 @click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))
@@ -55,7 +57,6 @@ Each motion is then designed on its own:
 )
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @task_options(("model",), only=(*FURTHER_FRICTION, "stribeck_speed"))
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
     robot: str,
     base_link: str | None,
@@ -67,7 +68,6 @@ def command(
     friction: bool,
     friction_curves: str | None,
     rotor: bool,
-    as_json: bool,
     **further: Any,
 ) -> None:
     """Propose the shortest campaign: few motions of few drives of ROBOT that together identify every parameter.
@@ -76,6 +76,7 @@ def command(
     """
     import excite
     from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
 
     curves = None if friction_curves is None else excite.read_friction(Path(friction_curves))
     asked: dict[str, Any] = {
@@ -89,10 +90,8 @@ def command(
     task = excite.Task(robot, **described, **asked, **further)
     tell("finding the parameters that each selection of drives identifies")
     campaign = excite.plan_campaign(task, at_once)
-    if as_json:
-        click.echo(json.dumps(asdict(campaign), indent=1))
-    else:
-        _show(campaign, _design_command(task, friction_curves))
+    design = _design_command(task, friction_curves)
+    show(_summary(campaign, design), lambda: asdict(campaign), lambda: _print(campaign, design))
 
 
 def _design_command(task: Task, curves: str | None) -> str:
@@ -119,11 +118,37 @@ def _friction_words(name: str, chosen: bool | tuple[str, ...]) -> list[str]:
     return [flag, "all" if chosen is True else ",".join(chosen)]
 
 
-def _show(campaign: Campaign, design: str) -> None:
+def _summary(campaign: Campaign, design: str) -> Summary:
+    from excite.cli.summary import Summary, compact_table, some_of
+
+    rows = [
+        (str(number), ", ".join(step.drives), str(step.rank), some_of(step.parameters, 6))
+        for number, step in enumerate(campaign.steps, 1)
+    ]
+    most = max(len(step.drives) for step in campaign.steps)
+    count = len(campaign.steps)
+    return Summary(
+        verdict=f"{count} motion{'s' * (count > 1)} of at most {most} drive{'s' * (most > 1)} identify all "
+        f"{campaign.rank} parameters of {campaign.robot} ({campaign.model} model)",
+        facts=[
+            f"joints {', '.join(campaign.joints)}; {len(campaign.subsets)} selections of drives were compared",
+            *compact_table(
+                "motion", "drives that move", "combinations", "then identified individually", rows=rows, left=4
+            ),
+        ],
+        next_steps=[_next_step(campaign, design)],
+    )
+
+
+def _next_step(campaign: Campaign, design: str) -> str:
+    return f"{design} --drives {','.join(campaign.steps[0].drives)} --out designs/motion-1"
+
+
+def _print(campaign: Campaign, design: str) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from excite.cli.design_text import console
+    from excite.cli.literal_console import console
 
     out = console()
     out.print(
@@ -146,5 +171,4 @@ def _show(campaign: Campaign, design: str) -> None:
     for drives, rank in campaign.subsets:
         subsets.add_row(", ".join(drives), str(rank))
     out.print(subsets)
-    numbers = ",".join(campaign.steps[0].drives)
-    out.print(f"next: {design} --drives {numbers} --out designs/motion-1", soft_wrap=True)
+    out.print(f"next: {_next_step(campaign, design)}", soft_wrap=True)

@@ -12,6 +12,8 @@ import click
 
 from excite.cli.sign_of_life import SECONDS, something_is_shown, tell
 from excite.cli.streams import say
+from excite.cli.terminal import can_move
+from excite.cli.verbosity import verbosity
 
 if TYPE_CHECKING:
     from excite.design.kept_starts import KeptStarts
@@ -35,11 +37,15 @@ def progress_of_starts(kept: KeptStarts, at_end: Callable[[], None]) -> Iterator
     total, done = kept.count, len(kept.done)
     if done == total:
         at_end()
-    if not sys.stderr.isatty():
+    if verbosity().quiet:
+        yield _silent(kept, at_end)
+        return
+    if verbosity().verbose or not can_move(sys.stderr):
         yield _lines(kept, at_end)
         return
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from excite.cli.literal_console import console_of_progress
 
     columns = (
         TextColumn("designing"),
@@ -49,7 +55,7 @@ def progress_of_starts(kept: KeptStarts, at_end: Callable[[], None]) -> Iterator
         TimeElapsedColumn(),
     )
     something_is_shown()
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with Progress(*columns, console=console_of_progress()) as bar:
         best = kept.best
         task = bar.add_task("starts", total=total, completed=done, best=f"{best:.4g}" if done else "-")
 
@@ -63,6 +69,18 @@ def progress_of_starts(kept: KeptStarts, at_end: Callable[[], None]) -> Iterator
         yield report
 
 
+def _silent(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResult], None]:
+    done = len(kept.done)
+
+    def count(_: StartResult) -> None:
+        nonlocal done
+        done += 1
+        if done == kept.count:
+            at_end()
+
+    return count
+
+
 def _lines(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResult], None]:
     total, best, done = kept.count, kept.best, len(kept.done)
     if total - done > _MANY:
@@ -71,8 +89,11 @@ def _lines(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResul
     def report(result: StartResult) -> None:
         nonlocal best, done
         done += 1
-        if result.value < best:
-            best = result.value
+        better = result.value < best
+        best = min(best, result.value)
+        if verbosity().verbose:
+            say(f"start {done} of {total}: {result.value:.4g} in {result.cpu:.1f} s, {result.status}; best {best:.4g}")
+        elif better:
             something_is_shown()
             say(f"start {done} of {total}: best so far {best:.4g}")
         if done == total:
@@ -85,10 +106,12 @@ def _lines(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResul
 def progress_of_samples() -> Iterator[Callable[[int, int], None]]:
     """Report the share of a simulation that is done, if it takes longer."""
     start = shown = time.monotonic()
-    terminal = sys.stderr.isatty()
+    terminal, quiet = can_move(sys.stderr), verbosity().quiet
 
     def report(done: int, total: int) -> None:
         nonlocal shown
+        if quiet:
+            return
         now, text = time.monotonic(), f"simulated {100 * done // total} %"
         if not terminal and now - shown > _BETWEEN:
             shown = now

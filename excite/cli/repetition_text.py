@@ -9,12 +9,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import click
 from rich.table import Table
 
-from excite.cli.design_text import console
 from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import deferred_interrupt, interrupted_status
+from excite.cli.literal_console import console, console_of_progress
+from excite.cli.sign_of_life import something_is_shown
+from excite.cli.streams import remark, say
+from excite.cli.terminal import can_move
+from excite.cli.verbosity import verbosity
 from excite.files.result_json import amend_content
 from excite.identification.identification import Identification
 from excite.montecarlo.repetitions import Repetitions
@@ -64,7 +67,7 @@ def repeat_and_write(
             content = {**content, "repetitions": repetition_content(repeated_runs)}
             amend_content(out, content)
     except KeyboardInterrupt:
-        click.echo("excite: interrupted; the result is saved, without repetitions", err=True)
+        say("excite: interrupted; the result is saved, without repetitions")
         return content, interrupted_status()
     except InputError as error:
         raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
@@ -131,13 +134,14 @@ def print_repetitions(content: dict[str, Any]) -> None:
 
 @contextmanager
 def _progress(total: int) -> Iterator[Callable[[int, int], None]]:
-    if not sys.stderr.isatty():
+    if verbosity().quiet or not can_move(sys.stderr):
         yield _Lines()
         return
-    from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    with Progress(console=Console(stderr=True)) as bar:
+    something_is_shown()
+    columns = (TextColumn("repeating"), BarColumn(), MofNCompleteColumn(), TextColumn("left"), TimeRemainingColumn())
+    with Progress(*columns, console=console_of_progress()) as bar:
         task = bar.add_task("repeating", total=total)
         yield lambda done, _: bar.update(task, completed=done)
 
@@ -154,4 +158,4 @@ class _Lines:
             return
         self.said = now
         left = (now - self.began) / done * (count - done)
-        click.echo(f"excite: {done} of {count} repetitions" + f", about {left:.0f} s left" * (done < count), err=True)
+        remark(f"excite: {done} of {count} repetitions" + f", about {left:.0f} s left" * (done < count))

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.options import Folder, own_parts
+
+_GROUPS = {"Robot": ("robot_file",)}
 
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="report",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b
@@ -44,21 +48,20 @@ Exit status 0: written; 2: bad input, and an older page stays.""",
 )
 @own_parts
 @click.option("--force", is_flag=True, help="Replace a page that is already there.")
-@click.option("--json", "as_json", is_flag=True, help="Print the page's name and size as JSON.")
 def command(
     paths: tuple[Path, ...],
     out: Path,
     robot_file: Path | None,
     parts: tuple[str, ...],
     force: bool,
-    as_json: bool,
 ) -> None:
     """Write one HTML page on what is in each DIR: designs, identifications, verifications; or in their JSON files."""
     import excite
+    from excite.cli.sign_of_life import tell
+    from excite.cli.summary import Summary, show
 
+    tell("writing the page")
     page = excite.write_report(paths, out, replace=force, robot_file=robot_file, part=parts)
     size = page.stat().st_size
-    if as_json:
-        click.echo(json.dumps({"out": str(page), "bytes": size}, indent=1))
-    else:
-        click.echo(f"written: {page} ({size / 1e6:.2f} MB); open it in a browser")
+    summary = Summary(f"Page written: {page} ({size / 1e6:.2f} MB); open it in a browser")
+    show(summary, lambda: {"out": str(page), "bytes": size}, lambda: None)

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.messages import in_options
-from excite.cli.options import Names, snap_option
+from excite.cli.options import Names, RobotName, snap_option
+from excite.cli.streams import remark
 from excite.cli.task_options import task_options
+from excite.cli.verbosity import verbosity
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -19,8 +22,15 @@ if TYPE_CHECKING:
     from regressors.robot.finding import Finding
     from regressors.robot.robot import Robot
 
+_GROUPS = {
+    "Robot": ("base",),
+    "Output": ("capsules",),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="robots",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -32,7 +42,7 @@ Examples:
   excite robots arm.urdf --capsules > world.yaml
   excite robots arm.xml --tip hand --out arm.yaml""",
 )
-@click.argument("robot", required=False)
+@click.argument("robot", type=RobotName(), required=False)
 @click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))
@@ -40,7 +50,6 @@ Examples:
 @click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others are locked.")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--capsules", is_flag=True, help="Print a URDF's shape as capsules, to begin a world file with.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the robot as robot YAML.")
 @click.option("--force", is_flag=True, help="Replace a FILE that is already there.")
@@ -52,7 +61,6 @@ def command(
     joints: tuple[str, ...] | None,
     friction: bool,
     rotor: bool,
-    as_json: bool,
     capsules: bool,
     out: Path | None,
     force: bool,
@@ -64,6 +72,7 @@ def command(
     of inertial parameters that are identifiable from motion; of a URDF also what was assumed, what is missing and what
     is implausible. With --out the robot is written as robot YAML instead.
     """
+    from excite.cli.summary import Summary, show
     from excite.information.target import left_to_right_base
     from excite.tasks.robot_of_task import installed_robot
     from excite.tasks.task import Task
@@ -71,7 +80,7 @@ def command(
     if robot is None:
         if out is not None:
             raise click.UsageError("--out writes one robot; name it: excite robots ROBOT --out FILE")
-        _list(as_json)
+        _list()
         return
     snapped = snap_angles is not False
     if capsules:
@@ -79,8 +88,11 @@ def command(
 
         parts, left_out = urdf_capsules(robot, base, tip, snap_angles=snapped)
         for what in left_out:
-            click.echo(f"excite: note: left out: {what}", err=True)
-        click.echo(capsules_text(parts), nl=False)
+            remark(f"excite: note: left out: {what}")
+        if verbosity().as_json:
+            click.echo(json.dumps({"world": capsules_text(parts), "left_out": list(left_out)}, indent=1))
+        else:
+            click.echo(capsules_text(parts), nl=False)
         return
     described: dict[str, Any] = {"base_link": base, "tip": tip, "snap_angles": snapped}
     task = Task(robot, joints=joints, friction=friction, rotor=rotor, **described, **installation)
@@ -89,22 +101,33 @@ def command(
         from excite.files.robot_yaml import write_robot
 
         write_robot(whole, out, replace=force)
-        click.echo(f"wrote {out}", err=as_json)
+        show(Summary(f"written: {out}"), lambda: {"out": str(out)}, lambda: None)
         return
     motion, parameters = left_to_right_base(whole, task)
     moving = motion.labels
-    if as_json:
-        click.echo(json.dumps(_content(whole, moving, parameters), indent=1))
-    else:
+    if verbosity().plain:
         _show(whole, moving, parameters)
+        return
+    show(
+        Summary(_verdict(whole, moving, parameters)),
+        lambda: _content(whole, moving, parameters),
+        lambda: _show(whole, moving, parameters),
+    )
 
 
-def _list(as_json: bool) -> None:
-    from excite.cli.design_text import console
+def _verdict(whole: Robot, moving: tuple[str, ...], base: Base) -> str:
+    return f"{whole.name}: {whole.n} joints; motion of {', '.join(moving)} identifies {base.rank} base parameters"
+
+
+def _list() -> None:
+    from excite.cli.literal_console import console
     from regressors.readers.library import built_in, built_in_names
 
     robots = {name: built_in(name) for name in built_in_names()}
-    if as_json:
+    if verbosity().quiet:
+        click.echo("\n".join(robots))
+        return
+    if verbosity().as_json:
         listed = [{"name": name, "joints": list(r.joint_names), "source": r.source} for name, r in robots.items()]
         click.echo(json.dumps(listed, indent=1))
         return
@@ -149,7 +172,7 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     from rich.text import Text
 
     from constraints.linear import QUANTITIES, linear_limits
-    from excite.cli.design_text import console
+    from excite.cli.literal_console import console
 
     out = console()
     out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
@@ -190,7 +213,7 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
 
 def _show_health(notes: tuple[Finding, ...]) -> None:
     """What the reader noticed in the file."""
-    from excite.cli.design_text import console
+    from excite.cli.literal_console import console
 
     if not notes:
         return

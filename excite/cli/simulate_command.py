@@ -9,18 +9,24 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.degradation_options import degradation_options
 from excite.cli.options import Folder, Number, NumberOr, Numbers, own_parts
+from excite.cli.streams import remark, say
 from excite.simulation.settings import AUTO, CONTROLLERS
 from regressors.quantities import number_of
 
 if TYPE_CHECKING:
+    from excite.cli.summary import Summary
     from excite.simulation.simulation import Simulation
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
 
-def _noise(of: str, what: str, default: str = "0", metavar: str = "S,...") -> Callable[[Command], Command]:
+_NEGLIGIBLE = 1e-4  # tracking error over the range of motion
+
+
+def _noise(of: str, what: str, default: str = "0", metavar: str = "S,...") -> Callable[[Decorated], Decorated]:
     """Option for the standard deviation of one noise."""
     named: dict[str, Any] = {
         "type": Numbers(),
@@ -31,7 +37,23 @@ def _noise(of: str, what: str, default: str = "0", metavar: str = "S,...") -> Ca
     return click.option(f"--{of}-noise", **named)
 
 
+_GROUPS = {
+    "Motion": ("trajectory", "approach_and_return", "beyond_limits", "periods"),
+    "Controller": ("controller", "bandwidth", "model_error", "torque_limits"),
+    "Friction and load": ("friction", "temperature", "sign_width", "breakaway", "catch", "load"),
+    "Measurement": (
+        "rate", "wrench_rate", "encoder", "position_noise", "velocity_noise", "torque_noise", "wrench_noise", "seed",
+    ),
+    "What spoils a log": (
+        "impact", "friction_drift", "torque_gain", "delay", "coloured_noise", "noise_corner", "position_step", "hold",
+        "clock_jitter", "drop_rows",
+    ),
+}  # fmt: skip
+
+
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="simulate",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -198,6 +220,7 @@ def command(
     from excite.cli.messages import in_options
     from excite.cli.progress import progress_of_samples
     from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
     from excite.errors import LostMotionError
     from excite.files.simulation_files import paths_of
     from excite.simulation.settings import SimulationSettings
@@ -205,14 +228,14 @@ def command(
     from excite.storage.result_file import result_file
 
     if ways is not None:
-        click.echo("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form", err=True)
+        remark("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form")
         approach_and_return = ways
     settings = changed_settings(SimulationSettings(), options)  # invalid settings are reported before files are read
     design = excite.load_design(source, parts) if parts else source
     resolved = motion_source(design, trajectory, approach_and_return=approach_and_return)
     payload = None if load is None else _payload(load)
     if payload is None and resolved.task.model.channel == "wrench":
-        click.echo("excite: note: the design is for a load, but none is simulated; give one with --load", err=True)
+        remark("excite: note: the design is for a load, but none is simulated; give one with --load")
     try:
         with result_file(out):
             paths_of(out, wrench=payload is not None, replace=force)
@@ -224,9 +247,13 @@ def command(
             tell("writing")
             files = simulation.save(out, replace=force)
     except LostMotionError as error:
-        click.echo(f"excite: {in_options(str(error))}", err=True)
+        say(f"excite: {in_options(str(error))}")
         sys.exit(NOT_HELD)
-    _show(simulation, files)
+    show(
+        _summary(simulation, files),
+        lambda: {"out": str(out), **_content(simulation, files)},
+        lambda: _print(simulation, files),
+    )
     sys.exit(0 if simulation.outcome.holds else NOT_HELD)
 
 
@@ -241,12 +268,72 @@ def _payload(text: str) -> Any:
     return Payload(numbers)
 
 
-def _show(simulation: Simulation, files: list[Path]) -> None:
+def _content(simulation: Simulation, files: list[Path]) -> dict[str, Any]:
+    """What is not in the log: how well the motion was followed, and the torques that it took."""
+    from dataclasses import asdict
+
+    samples = simulation.run.samples
+    return {
+        "files": [str(file) for file in files],
+        "robot": simulation.robot.name,
+        "duration": float(samples.time[-1]),
+        "samples": int(samples.time.size),
+        "rate": simulation.settings.rate,
+        "seed": simulation.settings.seed,
+        "holds": simulation.outcome.holds,
+        "failures": list(simulation.outcome.failures),
+        "tracking": [asdict(tracking) for tracking in simulation.outcome.tracking],
+        "torques": [asdict(use) for use in simulation.torques],
+        "energy_residual": float(simulation.energy_residual),
+        "notes": [*simulation.outcome.notes, *simulation.notes],
+    }
+
+
+def _summary(simulation: Simulation, files: list[Path]) -> Summary:
+    from excite.cli.summary import Summary, compact_table, some_of
+
+    samples, settings, outcome = simulation.run.samples, simulation.settings, simulation.outcome
+    run = f"{samples.time[-1]:g} s of {simulation.robot.name}"
+    if outcome.holds:
+        verdict = f"Simulated {run}: the motion was followed{_tracking_text(simulation)}"
+    else:
+        verdict = f"Simulated {run}, but the motion does not hold: {some_of(outcome.failures)}"
+    rows = [
+        (use.label, f"{use.peak:.4g}", f"{use.limit:.4g}", f"{100 * use.peak / use.limit:.1f} %", str(use.saturated))
+        for use in sorted(simulation.torques, key=lambda use: -use.peak / use.limit)
+    ]
+    return Summary(
+        verdict=verdict,
+        holds=outcome.holds,
+        facts=[
+            f"{samples.time.size} samples at {settings.rate:g} Hz; {settings.controller} of {settings.bandwidth:g} Hz, "
+            f"seed {settings.seed}",
+            *compact_table("torque limit of", "peak", "limit", "used", "samples at the limit", rows=rows, most=7),
+        ],
+        notes=(*outcome.notes, *simulation.notes),
+        files=files,
+        next_steps=[f"excite identify ROBOT {files[0]} --out DIR"] if outcome.holds else [],
+        all_in=next((file.name for file in files if file.suffix == ".json"), None),
+    )
+
+
+def _tracking_text(simulation: Simulation) -> str:
+    tracking = simulation.outcome.tracking
+    if not tracking:
+        return ""
+    worst = max(tracking, key=lambda each: each.relative)
+    if worst.relative < _NEGLIGIBLE:
+        return f" within {100 * _NEGLIGIBLE:g} % of its range of motion"
+    deviation = f"{worst.joint}: {worst.error:.2g} {worst.unit}"
+    return f" within {100 * worst.relative:.2g} % of its range of motion ({deviation})"
+
+
+def _print(simulation: Simulation, files: list[Path]) -> None:
     import numpy as np
     from rich.table import Table
     from rich.text import Text
 
-    from excite.cli.design_text import console
+    from excite.cli.literal_console import console
     from excite.cli.messages import in_options
 
     out = console()

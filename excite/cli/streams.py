@@ -13,6 +13,11 @@ from typing import TextIO
 import click
 
 from excite.cli.messages import in_options
+from excite.cli.sign_of_life import clear_line
+from excite.cli.verbosity import verbosity
+
+_LEVELS = {"excite.estimates": logging.INFO, "regressors.input_files": logging.DEBUG}
+_WITH_LINES = ("excite", "regressors.input_files")
 
 
 def open_streams() -> None:
@@ -41,26 +46,50 @@ def say(text: str) -> None:
     ----------
     text : str
     """
+    clear_line()
     with suppress(OSError, ValueError):
         click.echo(text, err=True)
 
 
+def remark(text: str) -> None:
+    """Print a line on stderr that ``--quiet`` leaves out, such as a note.
+
+    Parameters
+    ----------
+    text : str
+    """
+    if not verbosity().quiet:
+        say(text)
+
+
 class _Lines(logging.Handler):
-    """Prints warnings of the library as lines of the command."""
+    """Prints what the library logs as lines of the command: ``--quiet`` leaves warnings, ``--verbose`` adds files."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        say(f"excite: {in_options(record.getMessage())}")
+        chosen = verbosity()
+        least = logging.WARNING if chosen.quiet else logging.DEBUG if chosen.verbose else logging.INFO
+        if record.levelno >= least and not _is_own(record):
+            say(f"excite: {in_options(record.getMessage())}")
+
+
+def _is_own(record: logging.LogRecord) -> bool:
+    """Whether it is about a file with a hidden name, by which commits are kept whole."""
+    return record.levelno == logging.DEBUG and any("/." in f"/{argument}" for argument in record.args or ())
 
 
 @contextmanager
 def printed_warnings() -> Iterator[None]:
-    """Print what the library logs in the block: warnings, and how long work will take."""
-    logger, times, handler = logging.getLogger("excite"), logging.getLogger("excite.estimates"), _Lines(logging.INFO)
-    before = times.level
-    times.setLevel(logging.INFO)
-    logger.addHandler(handler)
+    """Print what the library logs in the block: warnings, how long work will take, and which files are read."""
+    handler = _Lines()
+    before = {name: logging.getLogger(name).level for name in _LEVELS}
+    for name, level in _LEVELS.items():
+        logging.getLogger(name).setLevel(level)
+    for name in _WITH_LINES:
+        logging.getLogger(name).addHandler(handler)
     try:
         yield
     finally:
-        logger.removeHandler(handler)
-        times.setLevel(before)
+        for name in _WITH_LINES:
+            logging.getLogger(name).removeHandler(handler)
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)

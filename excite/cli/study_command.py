@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.figure_options import FigureChoice, figure_options
-from excite.cli.options import Folder, Number, Numbers, own_parts
+from excite.cli.options import Folder, Number, Numbers, RobotName, own_parts
 
 if TYPE_CHECKING:
+    from excite.cli.summary import Summary
     from excite.timecourse.time_course import TimeCourse
     from excite.timecourse.time_study import TimeStudy
 
+_GROUPS = {
+    "Motions": ("designs", "trajectories", "mapping"),
+    "Estimates": ("below", "points", "estimator", "cutoff"),
+    "Simulation": ("repeats", "rate", "torque_noise", "encoder", "seed"),
+}
+
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="study",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -43,7 +52,7 @@ What is written to DIR:
   study.json                 of every motion: times, estimates, deviations, cond(W(t)), true values, scatter
   estimates_over_time.png    cond(W), the largest deviation, and every parameter over time""",
 )
-@click.argument("robot", metavar="ROBOT")
+@click.argument("robot", type=RobotName(), metavar="ROBOT")
 @click.argument("logs", nargs=-1, type=click.Path(path_type=Path), metavar="[LOG...]")
 @click.option(
     "--design", "designs", multiple=True, type=Folder(), metavar="DIR", help="Design to simulate; repeatable."
@@ -77,7 +86,6 @@ What is written to DIR:
 @own_parts
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a study that is already there.")
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(
     robot: str,
     logs: tuple[Path, ...],
@@ -94,7 +102,6 @@ def command(
     parts: tuple[str, ...],
     figures: FigureChoice,
     force: bool,
-    form: str,
     **options: Any,
 ) -> None:
     """Follow the estimates of ROBOT's parameters over the growing time of every LOG, and of motions that it simulates.
@@ -103,6 +110,7 @@ def command(
     """
     import excite
     from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
     from excite.files.figure_names import figure_names
     from excite.files.time_study_json import FIGURE, check_free, time_study_content
     from excite.storage.result_folder import result_folder
@@ -130,16 +138,42 @@ def command(
 
             tell("drawing")
             files = [*files, *write_time_study_figure(study, out, **figures.how)]
-    if form == "json":
-        click.echo(json.dumps(time_study_content(study), indent=1))
+    show(_summary(study, files), lambda: time_study_content(study), lambda: _print(study, files))
+
+
+def _summary(study: TimeStudy, files: list[Path]) -> Summary:
+    from excite.cli.summary import Summary, compact_table
+
+    share = f"{100 * study.below:g} %"
+    rows = [_row(course, study.below) for course in study.courses]
+    times = [(course.time_below(study.below).max(), course.name) for course in study.courses]
+    known = sorted((time, name) for time, name in times if time == time)
+    if known:
+        time, name = known[0]
+        verdict = f"{name} determines every parameter to {share} soonest, after {time:.3g} s"
     else:
-        _show(study, files)
+        row = min(rows, key=lambda row: int(row[5].split()[0]))
+        verdict = f"No motion determines every parameter to {share}; fewest are left by {row[0]}: {row[5]}"
+    return Summary(
+        verdict=verdict,
+        holds=bool(known),
+        facts=compact_table(
+            "motion", "lasts [s]", "cond(W)", f"all below {share} [s]", "half [s]", "still above", "last", rows=rows
+        ),
+        notes=_notes(study),
+        files=files,
+        all_in="study.json",
+    )
 
 
-def _show(study: TimeStudy, files: list[Path]) -> None:
+def _notes(study: TimeStudy) -> list[str]:
+    return [f"{course.name}: {text}" for course in study.courses for text in (*_scatter_text(course), *course.notes)]
+
+
+def _print(study: TimeStudy, files: list[Path]) -> None:
     from rich.table import Table
 
-    from excite.cli.design_text import console
+    from excite.cli.literal_console import console
     from excite.cli.messages import in_options
 
     out = console()
@@ -158,9 +192,8 @@ def _show(study: TimeStudy, files: list[Path]) -> None:
     for course in study.courses:
         table.add_row(*_row(course, study.below))
     out.print(table)
-    for course in study.courses:
-        for text in (*_scatter_text(course), *course.notes):
-            out.print(f"note: {course.name}: {in_options(text)}", soft_wrap=True)
+    for text in _notes(study):
+        out.print(f"note: {in_options(text)}", soft_wrap=True)
     out.print(f"written: {', '.join(map(str, files))}", soft_wrap=True)
 
 

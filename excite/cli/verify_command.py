@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Sequence
@@ -11,22 +10,31 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from excite.cli.command import Command
 from excite.cli.figure_options import FigureChoice, figure_options
 from excite.cli.options import Folder, Number, Numbers, own_parts
 from excite.registry import DROPPABLE, SIGNALS
 
 if TYPE_CHECKING:
+    from excite.cli.summary import Summary
     from excite.verification.verification import Verification
+
+_GROUPS = {
+    "Verdict": ("torque_tolerance", "motion_tolerance", "horizon", "training_too"),
+    "Logs": ("mapping", "drop", "rows", "signals", "temperature"),
+}
 
 
 @click.command(
+    cls=Command,
+    groups=_GROUPS,
     name="verify",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite verify results/irp6 validation.csv
   excite verify results/ur10e ptp.csv --mapping ur10e.yaml --torque-tolerance 6
-  excite verify results/irp6 a.csv b.csv --horizon 1 --format json
+  excite verify results/irp6 a.csv b.csv --horizon 1 --json
 
 \b
 Two tests per log: the torques that the result predicts along the measured motion, and the motion that the identified
@@ -93,7 +101,6 @@ What is written to DIR (or --out), per log:
 @own_parts
 @figure_options()
 @click.option("--training-too", is_flag=True, help="Accept logs that the result was identified from.")
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(
     folder: Path,
     logs: tuple[Path, ...],
@@ -109,7 +116,6 @@ def command(
     parts: tuple[str, ...],
     training_too: bool,
     figures: FigureChoice,
-    form: str,
 ) -> None:
     """Judge the result in DIR on each LOG: predicted torques, simulated motion, and a verdict with its reasons.
 
@@ -118,6 +124,7 @@ def command(
     import excite
     from excite.cli.main import NOT_HELD
     from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
     from excite.files.verification_json import check_replaceable, verification_content
     from excite.storage.result_folder import result_folder
 
@@ -135,17 +142,22 @@ def command(
             tell(f"judging {folder} on {log}")
             judged.append(excite.verify(result, log, **options))
         saved = [verification.save(target, name=stem) for verification, stem in zip(judged, stems, strict=True)]
+        written = saved
         if figures:
             from excite.plots import write_verification_figures
 
             tell("drawing")
-        for verification, stem, files in zip(judged, stems, saved, strict=True):
-            if figures:
-                files = [*write_verification_figures(verification, target, stem, **figures.how), *files]
-            if form == "text":
-                _show(verification, files)
-    if form == "json":
-        click.echo(json.dumps([verification_content(verification) for verification in judged], indent=1))
+            written = [
+                [*write_verification_figures(verification, target, stem, **figures.how), *files]
+                for verification, stem, files in zip(judged, stems, saved, strict=True)
+            ]
+
+    def details() -> None:
+        for verification, files in zip(judged, written, strict=True):
+            _print(verification, files)
+
+    files = [file for some in written for file in some]
+    show(_summary(judged, files), lambda: [verification_content(verification) for verification in judged], details)
     sys.exit(0 if all(verification.holds for verification in judged) else NOT_HELD)
 
 
@@ -165,11 +177,83 @@ def _without_noise(verification: Verification) -> str:
     return f", within {100 * whole.relative:.3g} % without the noise of the measurement"
 
 
-def _show(verification: Verification, files: list[Path]) -> None:
+def _summary(judged: Sequence[Verification], files: Sequence[Path]) -> Summary:
+    """Of one log its verdict and the errors of each joint; of several, a line each."""
+    from excite.cli.summary import Summary, compact_table
+
+    holds = all(verification.holds for verification in judged)
+    if len(judged) == 1:
+        (only,) = judged
+        verdict, facts = only.verdict.text, [_predicted(only), *_errors(only)]
+    else:
+        against = sum(not verification.holds for verification in judged)
+        verdict = (
+            f"The result predicts each of {len(judged)} logs: you can rely on it for motions of these kinds."
+            if holds
+            else f"Do not rely on the result: it does not hold on {against} of {len(judged)} logs."
+        )
+        rows = [_row(verification) for verification in sorted(judged, key=lambda each: each.holds)]
+        facts = compact_table("log", "verdict", "error of torques", "largest of a motion", rows=rows, left=2)
+    return Summary(
+        verdict=verdict,
+        holds=holds,
+        facts=facts,
+        notes=_notes(judged),
+        files=files,
+        next_steps=[] if holds else ["'excite verify ... --verbose' shows what limits each joint"],
+        all_in="verification-*.json",
+    )
+
+
+def _notes(judged: Sequence[Verification]) -> list[str]:
+    """Reasons against the result on each of several logs, and remarks."""
+    several = len(judged) > 1
+    return [
+        f"{verification.prepared.log.source}: {text}" if several else text
+        for verification in judged
+        for text in (*(verification.verdict.against if several else ()), *verification.verdict.remarks)
+    ]
+
+
+def _row(verification: Verification) -> tuple[str, ...]:
+    motions = [m.relative for m in verification.motions or () if math.isfinite(m.relative)]
+    return (
+        verification.prepared.log.source,
+        "holds" if verification.holds else "DOES NOT HOLD",
+        f"{100 * verification.relative_error:.3g} %",
+        f"{100 * max(motions):.3g} %" if motions else "-",
+    )
+
+
+def _errors(verification: Verification) -> list[Any]:
+    """Errors of the torques and of the motion of each joint."""
+    from excite.cli.summary import compact_table
+
+    motions = {m.name: m for m in verification.motions or ()}
+    rows = []
+    for torque in verification.torques:
+        motion = motions.get(torque.name)
+        moved = "-" if motion is None or not math.isfinite(motion.relative) else f"{100 * motion.relative:.1f} %"
+        rows.append((torque.name, f"{torque.error:.3g} {torque.unit}", f"{100 * torque.relative:.1f} %", moved))
+    return compact_table("equation", "torque error", "of measured", "simulated motion", rows=rows)
+
+
+def _predicted(verification: Verification) -> str:
+    trained = verification.training_error
+    identified = "" if trained is None else f" ({100 * trained:.3g} % where identified)"
+    log = verification.prepared.log
+    return (
+        f"{log.source}: {log.count} rows; torques are predicted within {100 * verification.relative_error:.3g} % of "
+        f"what was measured{identified}{_without_noise(verification)}; allowed are "
+        f"{100 * verification.tolerances.torque:g} %, and {100 * verification.tolerances.motion:g} % of a motion"
+    )
+
+
+def _print(verification: Verification, files: list[Path]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from excite.cli.design_text import console
+    from excite.cli.literal_console import console
     from excite.cli.messages import in_options
 
     out, log = console(), verification.prepared.log

@@ -16,7 +16,7 @@ from excite.estimates.long_work import announce
 from excite.information.identifiability import Identifiability, partial_motions
 from excite.information.target import model_of, moving_robot
 from excite.registry import name_of
-from excite.tasks.robot_of_task import robot_and_task
+from excite.tasks.robot_of_task import first_argument, robot_and_task
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import Base, base_parameters, enough_states, random_states
@@ -81,25 +81,32 @@ class Campaign:
     "the campaign",
     "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
 )
-def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | None = None, **options: Any) -> Campaign:
+def plan_campaign(
+    robot_or_model: RegressorModel | Robot | Task | str | None = None,
+    /,
+    at_once: int | None = None,
+    **options: Any,
+) -> Campaign:
     """Shortest campaign: fewest motions, then fewest moving drives, of at most ``at_once`` drives at a time.
 
     Parameters
     ----------
-    model : RegressorModel, Robot, Task or str
-        Model to identify; the energy model where a robot, or its name or file, is given.
+    robot_or_model : RegressorModel, Robot, Task or str
+        Model to identify; the energy model where a robot, or its name or file, is given, unless ``model`` names
+        another one.
     at_once : int, optional
         Largest number of drives at a time; two if not given, or one for a single drive.
     **options
-        Model options of a `Task`, by name.
+        Model options of a `Task`, by name, such as ``model="differential"``.
 
     Raises
     ------
     InputError
         No drives, or motions of so few drives never identify all parameters.
     """
-    robot, task = robot_and_task(model)
-    if isinstance(model, Robot | str):
+    subject = first_argument(robot_or_model, options, "plan_campaign", frames=4)
+    robot, task = robot_and_task(subject)
+    if isinstance(subject, Robot | str):
         task = task.changed(model="energy")
     task = task.changed(**options)
     moving = moving_robot(robot, task)

@@ -30,7 +30,7 @@ from excite.storage.lock import locked
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
 from excite.tasks.output import Output
-from excite.tasks.robot_of_task import check_robot, robot_and_task
+from excite.tasks.robot_of_task import check_robot, first_argument, robot_and_task
 from excite.tasks.search import Search
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -48,7 +48,8 @@ _NONE = "no start has a result: the process of each ended unexpectedly; try fewe
 
 
 def design_trajectory(
-    model: RegressorModel | Robot | Task | str,
+    robot_or_model: RegressorModel | Robot | Task | str | None = None,
+    /,
     trajectory: Family | str | None = None,
     *,
     criterion: Criterion | Objective | str | None = None,
@@ -65,9 +66,9 @@ def design_trajectory(
 
     Parameters
     ----------
-    model : RegressorModel, Robot, Task or str
-        Model to identify; the differential model where a robot, or its name or file, is given. A task contains all
-        options.
+    robot_or_model : RegressorModel, Robot, Task or str
+        Model to identify; the differential model where a robot, or its name or file, is given, unless ``model`` names
+        another one. A task contains all options.
     trajectory : Family or str, optional
         Family of motions; Fourier series if not given.
     criterion : Criterion, Objective or str, optional
@@ -88,7 +89,7 @@ def design_trajectory(
     progress : callable, optional
         Called with each start's result.
     **options
-        Further options of a `Task`, by name, such as ``joints=("1", "3")`` or ``noise=0.5``.
+        Further options of a `Task`, by name, such as ``model="energy"``, ``joints=("1", "3")`` or ``noise=0.5``.
 
     Returns
     -------
@@ -107,12 +108,13 @@ def design_trajectory(
     KeyboardInterrupt
         Interrupted before any motion was found.
     """
+    subject = first_argument(robot_or_model, options, "design_trajectory")
     parts: dict[str, Any] = {"limits": limits, "search": search, "output": output}
     if isinstance(trajectory, Task):
-        robot, task = _robot_and_task(model, trajectory)
+        robot, task = _robot_and_task(subject, trajectory)
     else:
         parts["trajectory"] = trajectory
-        robot, task = robot_and_task(model)
+        robot, task = robot_and_task(subject)
     parts["objective" if isinstance(criterion, Objective) else "criterion"] = criterion
     given = {name: value for name, value in parts.items() if value is not None}
     task = task.changed(**given, **options)

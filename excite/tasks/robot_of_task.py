@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from typing import Any
+
 from excite.tasks.installation import Installation
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
@@ -58,6 +61,40 @@ def robot_and_task(
     if isinstance(model, Robot):
         return model, Task(model)
     raise InputError(f"expected a model, a robot, the name of one, or a task; given {type(model).__name__}")
+
+
+def first_argument(
+    robot_or_model: RegressorModel | Robot | Task | str | None, options: dict[str, Any], call: str, frames: int = 3
+) -> RegressorModel | Robot | Task | str:
+    """What a call is about, where it may also have been named ``model``, as it was in the last release.
+
+    Parameters
+    ----------
+    robot_or_model : RegressorModel, Robot, Task or str, optional
+    options : dict
+        Options of a task; its ``model`` is removed where it is the argument itself.
+    call : str
+        Name of the call, for the message.
+    frames : int
+        Frames from here to the caller of that call, for the warning.
+
+    Raises
+    ------
+    InputError
+        Neither, or a model and the name of another one.
+    """
+    if robot_or_model is None:
+        if "model" not in options:
+            raise InputError(f"`{call}` needs a robot, a model or a task as its first argument")
+        message = (
+            f"{call}(model=...) is now {call}(...): the first argument has no name, `model` is the model of a robot"
+        )
+        warnings.warn(message, DeprecationWarning, stacklevel=frames)
+        model: RegressorModel | Robot | Task | str = options.pop("model")
+        return model
+    if isinstance(robot_or_model, RegressorModel) and "model" in options:
+        raise InputError("`model` chooses the model of a robot, but a model is given already; give one of them")
+    return robot_or_model
 
 
 def installed_robot(task: Task) -> Robot:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from difflib import get_close_matches
 from functools import cache
 from importlib import resources
 from pathlib import Path
 
 from regressors.errors import InputError, UnknownName
+from regressors.quoting import shortened
 from regressors.readers.xml_kind import MJCF, XACRO, xml_kind
 from regressors.robot.robot import Robot
 from regressors.robot.sizes import check_sizes
+from regressors.robots import built_in_names as built_in_names
 
 _DESCRIPTIONS = "regressors.robots"
 _YAML = (".yaml", ".yml")
 _TABLE = ".csv"
 _XML = (".urdf", ".xml", ".xacro", ".mjcf")
 _OTHER = (".sdf",)  # whose reader says what to do
-
-
-def built_in_names() -> tuple[str, ...]:
-    """Names of the built-in robots, in alphabetical order."""
-    files = (Path(file.name) for file in resources.files(_DESCRIPTIONS).iterdir())
-    return tuple(sorted(file.stem for file in files if file.suffix == ".yaml"))
+_FILES = (*_YAML, _TABLE, *_XML, *_OTHER)
+_NEAR = 0.7  # likeness of names that may be meant
 
 
 def built_in(name: str) -> Robot:
@@ -42,7 +42,8 @@ def built_in(name: str) -> Robot:
         There is no built-in robot of that name.
     """
     if name not in built_in_names():
-        raise UnknownName("built-in robot", name, built_in_names())
+        near = get_close_matches(name, built_in_names(), 1, _NEAR)
+        raise UnknownName("built-in robot", name, built_in_names(), near)
     return _built_in(name)
 
 
@@ -84,7 +85,9 @@ def _read(spec: str, base: str | None, tip: str | None, *, snap_angles: bool) ->
         return built_in(spec)
     if not Path(spec).exists():
         names = ", ".join(built_in_names())
-        raise InputError(f"no robot {spec!r}: built-in robots are {names}, and a file of that name does not exist")
+        raise InputError(
+            f"no robot {spec!r}: {_meant(spec)}built-in robots are {names}, and a file of that name does not exist"
+        )
     if suffix in _YAML:
         from regressors.readers.description import read_description
 
@@ -96,6 +99,16 @@ def _read(spec: str, base: str | None, tip: str | None, *, snap_angles: bool) ->
     if suffix in (*_XML, *_OTHER):
         return _read_tree(spec, base, tip, snap_angles=snap_angles)
     raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_XML, _TABLE))}")
+
+
+def _meant(spec: str) -> str:
+    """The question whether a built-in robot, or a robot's file in the same folder, of a near name is meant."""
+    near = get_close_matches(spec, built_in_names(), 1, _NEAR)
+    folder = Path(spec).parent
+    with suppress(OSError, ValueError):
+        files = [path.name for path in folder.iterdir() if path.suffix.lower() in _FILES]
+        near += [str(folder / name) for name in get_close_matches(Path(spec).name, files, 1, _NEAR)]
+    return f"did you mean {' or '.join(map(shortened, near))}? " if near else ""
 
 
 def has_tree(spec: str) -> bool:

@@ -167,7 +167,7 @@ def _stub_design(patch: Patch, version: str) -> None:
 
     patch.setattr("excite.cli.design_run.formulate", lambda *_: problem)
     patch.setattr("excite.cli.design_run.solve", solve)
-    patch.setattr("excite.cli.design_text.print_design", lambda *_: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
     names = ("motion", "phase", "workspace") if version == "old" else ("motion", "phase")
     patch.setattr("excite.plots.FIGURES", {name: lambda _, name=name: Picture(f"{version} {name}") for name in names})
 
@@ -177,12 +177,12 @@ def _stub_simulate(patch: Patch, version: str) -> None:
         simulation(each)  # before its parts are replaced
     patch.setattr("excite.simulation.simulate.motion_source", lambda *_, **__: SimpleNamespace(task=design("old").task))
     patch.setattr(excite, "simulate", lambda *_, **__: simulation(version))
-    patch.setattr("excite.cli.simulate_command._show", lambda *_: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
 
 
 def _stub_identify(patch: Patch, version: str) -> None:
     patch.setattr("excite.cli.identify_run._identified", lambda *_: result(version))
-    patch.setattr("excite.cli.identify_run.print_estimate", lambda *_: None)
+    patch.setattr("excite.cli.identify_run.show", lambda *_: None)
     names = ("torques_figure", "residuals_figure", "parameters_figure")
     _pictures(patch, "excite.plots.identification_plots", version, *names)
 
@@ -190,14 +190,14 @@ def _stub_identify(patch: Patch, version: str) -> None:
 def _stub_verify(patch: Patch, version: str) -> None:
     patch.setattr(excite, "load_result", lambda *_: SimpleNamespace(folder=None))
     patch.setattr(excite, "verify", lambda *_, **__: verification(version))
-    patch.setattr("excite.cli.verify_command._show", lambda *_: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
     names = ("predicted_torques_figure", "simulated_motion_figure", "error_parts_figure")
     _pictures(patch, "excite.plots.verification_plots", version, *names)
 
 
 def _stub_plan(patch: Patch, version: str) -> None:
     patch.setattr(excite, "plan_friction", lambda *_, **__: plan(version))
-    patch.setattr("excite.cli.friction_plan_text.print_plan", lambda *_, **__: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
     _pictures(patch, "excite.plots.friction_plan_plot", version, "friction_plan_figure")
 
 
@@ -207,7 +207,7 @@ def _stub_fit(patch: Patch, version: str) -> None:
     fit.save = lambda folder, replace: save_fit(fit, folder, replace=replace)
     patch.setattr(excite, "fit_friction", lambda *_, **__: fit)
     patch.setattr("excite.files.friction_fit_file.fit_content", lambda _: {"version": version})
-    patch.setattr("excite.cli.friction_fit_run._print", lambda *_: None)
+    patch.setattr("excite.cli.friction_fit_run.show", lambda *_: None)
     _pictures(patch, "excite.plots.friction_plot", version, "friction_figure")
 
 
@@ -216,21 +216,22 @@ def _stub_study(patch: Patch, version: str) -> None:
     study.save = lambda folder, replace: save_time_study(study, folder, replace=replace)
     patch.setattr("excite.timecourse.study_over_time.study_over_time", lambda *_, **__: study)
     patch.setattr("excite.files.time_study_json.time_study_content", lambda _: {"version": version})
-    patch.setattr("excite.cli.study_command._show", lambda *_: None)
+    patch.setattr("excite.cli.study_command._summary", lambda *_: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
     _pictures(patch, "excite.plots.time_course_plot", version, "estimates_over_time_figure")
 
 
 def _stub_export(patch: Patch, version: str) -> None:
     made = design(version)
     patch.setattr(excite, "load_design", lambda *_: made)
-    patch.setattr("excite.cli.export_command._show", lambda *_, **__: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
 
 
 def _stub_export_model(patch: Patch, version: str) -> None:
     made = result(version)
     patch.setattr(excite, "load_result", lambda *_: made)
     patch.setattr("excite.cli.export_command._holds_result", lambda *_: True)
-    patch.setattr("excite.cli.export_command._show", lambda *_, **__: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
 
 
 @cache
@@ -250,20 +251,20 @@ def _stub_payload_design(patch: Patch, version: str) -> None:
         design(each)  # before its parts are replaced
     motion = excite.PayloadMotion(design(version), np.zeros(5), None, ())
     patch.setattr(excite, "design_payload_motion", lambda *_, **__: motion)
-    patch.setattr("excite.cli.payload_design_command._print", lambda *_: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
 
 
 def _stub_payload_gains(patch: Patch, version: str) -> None:
     gains = excite.KnownGains(("z1",), np.array([1.0 + VERSIONS.index(version)]), np.eye(1), "")
     found = excite.CalibratedGains("irp6", gains, 1.0, 1.0, 3.0, ())
     patch.setattr(excite, "calibrate_gains", lambda *_, **__: found)
-    patch.setattr("excite.cli.payload_gains_command._print", lambda *_: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
 
 
 def _stub_payload_identify(patch: Patch, version: str) -> None:
     found = payload(version)
     patch.setattr(excite, "identify_payload", lambda *_, **__: found)
-    patch.setattr("excite.cli.payload_text.print_payload", lambda *_: None)
+    patch.setattr("excite.cli.summary.show", lambda *_: None)
 
 
 @cache

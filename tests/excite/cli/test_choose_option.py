@@ -33,7 +33,7 @@ def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: py
 
 def chosen(here: Here, log: str, *arguments: str) -> tuple[list[dict[str, Any]], str]:
     """Choices as written, and what is printed."""
-    ended = here.run("identify", "irp6", log, *arguments, "--out", "out", "--force")
+    ended = here.run("identify", "irp6", log, "-v", *arguments, "--out", "out", "--force")
     assert ended.returncode == 0
     content = json.loads((here.cwd / "out" / "result.json").read_text())
     return content["choices"], ended.stdout

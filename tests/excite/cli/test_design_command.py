@@ -37,7 +37,7 @@ ARM = """\
 def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """Folder and terminal output of one design with a pool of one process."""
     cwd = tmp_path_factory.mktemp("first")
-    ended = run("design", "irp6", "--starts", "2", "--harmonics", "3", "--workers", "1", "--out", "a/b", cwd=cwd)
+    ended = run("design", "irp6", "--starts", "2", "--harmonics", "3", "--workers", "1", "-v", "--out", "a/b", cwd=cwd)
     assert ended.returncode == 0, ended.stderr
     return cwd / "a" / "b", ended.stdout
 
@@ -115,6 +115,7 @@ def test_json_on_stdout(here: Here) -> None:
     shown = json.loads(ended.stdout)
     written = content_of(here.cwd / "o")
     assert shown.pop("out") == "o"
+    assert shown.pop("verdict").startswith("Design within all 18 checked limits; condition number ")
     assert shown == {name: written[name] for name in shown}
     assert {"feasible", "criteria", "limits", "task", "trajectory", "predicted", "base"} <= set(shown)
 

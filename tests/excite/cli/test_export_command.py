@@ -56,7 +56,8 @@ def refused(here: Here, *arguments: str) -> tuple[int, str]:
 def test_summary_as_text_and_as_json(here: Here) -> None:
     arguments = ("export", "designs/irp6", "--format", "npz", "--out", "play/a.npz")
     text = here.run(*arguments).stdout
-    assert "written: play/a.npz, play/a.npz.mapping.yaml" in text
+    assert text.startswith("Motion exported as npz, within its limits; ")
+    assert "written to play: a.npz, a.npz.mapping.yaml" in text
     content = json.loads(here.run(*arguments, "--rate", "250", "--force", "--json").stdout)
     assert (content["format"], content["rate"], content["samples"], content["duration"]) == ("npz", 250.0, 501, 2.0)
     assert content["design"] == irp6().file_sha256

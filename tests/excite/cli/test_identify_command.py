@@ -70,7 +70,7 @@ def values(content: dict[str, Any]) -> dict[str, float]:
 
 def test_a_result_holds_what_it_rests_on(drawing: Here) -> None:
     here = drawing
-    ended = here.run("identify", "irp6", "run.csv", "again.csv", "--design", "design", "--out", "results/irp6")
+    ended = here.run("identify", "irp6", "run.csv", "again.csv", "--design", "design", "-v", "--out", "results/irp6")
     assert (ended.returncode, ended.stderr) == (0, "")
     folder = here.cwd / "results" / "irp6"
     assert files_below(folder) == COMPLETE
@@ -121,7 +121,7 @@ def test_a_design_gives_the_model_and_typed_options_change_it(here: Here) -> Non
 def test_simulated_logs_show_the_truth(here: Here) -> None:
     truth = {**standard_values(built_in("irp6")), "F1c": 27.5}
     write_sidecar(here.cwd / "run.csv", built_in("irp6"), truth=truth)
-    ended = here.run("identify", "irp6", "run.csv", "--out", "out")
+    ended = here.run("identify", "irp6", "run.csv", "-v", "--out", "out")
     assert "truth" in ended.stdout
     content = json.loads((here.cwd / "out" / "result.json").read_text())
     assert content["reference"] == "truth"
@@ -368,8 +368,7 @@ def test_repetitions_join_the_result(here: Here) -> None:
     ended = here.run("identify", "irp6", "other.csv", "--rows", "all", "--repeat", "30", "--seed", "3", "--out", "out")
     assert ended.returncode == 0
     assert ended.stderr == "excite: 30 of 30 repetitions\n"
-    assert "30 repetitions in simulation, seed 3" in ended.stdout
-    assert "out: repetitions.png, result.json" in ended.stdout
+    assert "30 repetitions in simulation: the 99 % intervals hold the truth in " in ended.stdout
     assert "repetitions.png" in read_manifest(here.cwd / "out")["result"].files
     found = json.loads((here.cwd / "out" / "result.json").read_text())["repetitions"]
     assert (found["count"], found["seed"]) == (30, 3)

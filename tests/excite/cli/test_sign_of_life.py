@@ -14,7 +14,7 @@ from written_results import COMMANDS
 import excite.cli.sign_of_life as module
 from excite.cli.main import main
 from excite.cli.progress import progress_of_samples
-from excite.cli.sign_of_life import SECONDS, sign_of_life, something_is_shown, tell
+from excite.cli.sign_of_life import SECONDS, be_quiet, clear_line, sign_of_life, something_is_shown, tell
 
 
 class Stream(io.StringIO):
@@ -40,22 +40,62 @@ def pipe() -> Iterator[tuple[int, int]]:
         os.close(end)
 
 
-@pytest.mark.parametrize("terminal", [False, True])
 @pytest.mark.parametrize(("steps", "shown"), [((), "working"), (("reading", "drawing\x1b"), "drawing\\x1b")])
 def test_the_step_at_work_is_shown(
-    terminal: bool, steps: tuple[str, ...], shown: str, pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+    steps: tuple[str, ...], shown: str, pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert SECONDS < 2.0
     monkeypatch.setattr(module, "SECONDS", 0.2)
-    stream = Stream(pipe[1], terminal=terminal)
+    stream = Stream(pipe[1])
     monkeypatch.setattr(sys, "stderr", stream)
     with sign_of_life():
         for step in steps:
             tell(step)
-        assert stream.getvalue() == ""
         assert os.read(pipe[0], 100).decode() == f"excite: {shown} ...\n"
         tell("next")
-        assert stream.getvalue() == "excite: next ...\n"
+        assert os.read(pipe[0], 100).decode() == "excite: next ...\n"
+    assert stream.getvalue() == ""
+
+
+def until_read(end: int, text: str) -> str:
+    """What is read from a pipe until a text has come."""
+    read = ""
+    while text not in read:
+        read += os.read(end, 1000).decode()
+    return read
+
+
+@pytest.mark.parametrize("term", ["xterm", "dumb"])
+def test_on_a_terminal_the_step_moves(term: str, pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line that is drawn again and again, and removed for other lines and at the end."""
+    monkeypatch.setenv("TERM", term)
+    monkeypatch.setattr(module, "SECONDS", 0.05)
+    monkeypatch.setattr(module, "_BETWEEN", 0.01)
+    monkeypatch.setattr(sys, "stderr", Stream(pipe[1], terminal=True))
+    with sign_of_life():
+        tell("drawing")
+        if term == "dumb":
+            assert until_read(pipe[0], "\n") == "excite: drawing ...\n"
+            return
+        seen = until_read(pipe[0], "\r\\ excite: drawing ... 0 s\033[K")
+        assert "\r- excite: drawing ... 0 s\033[K" in seen
+        assert "\n" not in seen
+        clear_line()
+        until_read(pipe[0], "\r\033[K")
+        tell("next")
+        until_read(pipe[0], " excite: next ... 0 s\033[K")
+    assert os.read(pipe[0], 10_000).decode().endswith("\r\033[K")
+
+
+def test_a_quiet_command_shows_no_step(pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "SECONDS", 0.0)
+    monkeypatch.setattr(sys, "stderr", Stream(pipe[1], terminal=True))
+    with sign_of_life():
+        (sign,) = module._signs
+        be_quiet()
+        tell("drawing")
+        sign.show()
+        assert not sign.drawn
 
 
 def test_a_quick_command_shows_nothing(pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,7 +105,8 @@ def test_a_quick_command_shows_nothing(pipe: tuple[int, int], monkeypatch: pytes
     with sign_of_life():
         tell("reading")
         (sign,) = module._signs
-    sign.timer.join(5.0)
+    sign.watch.join(5.0)
+    assert not sign.watch.is_alive()
     assert (stream.getvalue(), sign.shown, module._signs) == ("", False, [])
     tell("outside of any command")
     assert stream.getvalue() == ""
@@ -75,7 +116,12 @@ def test_no_step_comes_where_a_bar_is_shown(pipe: tuple[int, int], monkeypatch: 
     monkeypatch.setattr(sys, "stderr", Stream(pipe[1], terminal=True))
     with sign_of_life():
         something_is_shown()
-        assert all(sign.timer.finished.is_set() for sign in module._signs)
+        (sign,) = module._signs
+        sign.show()
+        assert not sign.drawn
+        tell("next")
+        sign.show()
+        assert sign.drawn
 
 
 def test_a_pipe_that_is_closed_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,6 +147,7 @@ def test_nothing_is_started_elsewhere(stream: object, monkeypatch: pytest.Monkey
 def test_the_share_of_a_simulation(
     terminal: bool, pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setenv("TERM", "xterm")
     clock = iter([0.0, 1.0, 2.5, 3.0, 5.0])
     monkeypatch.setattr("excite.cli.progress.time.monotonic", lambda: next(clock, 5.0))
     stream = Stream(pipe[1], terminal=terminal)
@@ -114,12 +161,17 @@ def test_the_share_of_a_simulation(
 
 
 STEPS = {
-    "design": ("looking for the best motion", "writing and drawing"),
+    "design": ("setting up the problem", "looking for the best motion", "writing and drawing"),
     "simulate": ("simulating the motion", "writing"),
-    "identify": ("drawing",),
+    "identify": ("reading the logs", "drawing"),
     "verify": ("judging any on run.csv", "drawing"),
     "friction plan": ("looking for poses and bounding torques", "drawing"),
-    "friction fit": ("drawing",),
+    "friction fit": ("reading the logs", "drawing"),
+    "payload design": ("looking for the best motion",),
+    "payload gains": ("reading the logs and calibrating",),
+    "payload identify": ("reading the logs and identifying",),
+    "logs": ("reading run.csv",),
+    "report": ("writing the page",),
     "study": ("drawing",),
 }
 

@@ -49,7 +49,7 @@ def here(designs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: 
 
 
 def simulated(here: Here, *arguments: str) -> str:
-    ended = here.run("simulate", *arguments)
+    ended = here.run("simulate", "-v", *arguments)
     assert (ended.returncode, ended.stderr) == (0, "")
     return ended.stdout
 
@@ -247,7 +247,7 @@ def test_a_motion_that_is_too_fast_ends_with_status_one_and_identify_leaves_thos
     refused = here.run(*fast)
     assert (refused.returncode, refused.stdout, (here.cwd / "run.csv").exists()) == (1, "", False)
     assert re.search(r"a limit: drive z2 acceleration is .*% of what is allowed.*--beyond-limits", refused.stderr)
-    ended = here.run(*fast, "--beyond-limits")
+    ended = here.run(*fast, "--beyond-limits", "-v")
     assert (ended.returncode, ended.stderr) == (1, "")
     assert "does not hold: the torque of drive z" in ended.stdout
     assert "design the motion with --torque-margin" in ended.stdout
@@ -255,7 +255,7 @@ def test_a_motion_that_is_too_fast_ends_with_status_one_and_identify_leaves_thos
     content = json.loads((here.cwd / "run.json").read_text(encoding="utf-8"))
     assert (content["holds"], content["against"] != []) == (False, True)
     assert all(one["torque"].startswith("drive z") and one["spans"] for one in content["saturated"])
-    ended = here.run("identify", "irp6", "run.csv", "--out", "result")
+    ended = here.run("identify", "irp6", "run.csv", "-v", "--out", "result")
     assert (ended.returncode, (here.cwd / "result" / "result.json").exists()) == (1, True)
     assert "of the exciting rows of run.csv are left out, more than 5 %" in ended.stdout
     assert "left out: " in ended.stdout

@@ -25,7 +25,7 @@ def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: py
 
 def test_motions_side_by_side(here: Here) -> None:
     given = ("irp6", "run.csv", "--design", "design", "--rate", "100", "--repeats", "2", "--points", "20")
-    ended = here.run("study", *given, "--below", "10", "--out", "study")
+    ended = here.run("study", *given, "--below", "10", "-v", "--out", "study")
     assert ended.returncode == 0
     for text in ("when deviations stay below 10 %", "run.csv", "2 repetitions scatter by", "written:"):
         assert text in ended.stdout

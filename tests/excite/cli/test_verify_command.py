@@ -73,7 +73,7 @@ def scaled(factor: float) -> Callable[[dict[str, Any]], None]:
 
 def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plots, "write_verification_figures", DRAW)
-    ended = here.run("verify", "result", "again.csv")
+    ended = here.run("verify", "result", "again.csv", "-v")
     assert (ended.returncode, ended.stderr) == (0, "")
     written = files_below(here.cwd / "result") - {"result.json", "manifest.json"}
     assert written == {f"verification-again{x}" for x in (".json", "_torques.png", "_motion.png", "_parts.png")}

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from excite import DifferentialModel
 from excite.design.campaign import plan_campaign
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import candidates, shaped_motion
@@ -62,3 +65,27 @@ def test_shaped_motion_is_inside_the_limits_and_uses_them(kinds: tuple[str, ...]
 def test_number_of_shapes_must_fit() -> None:
     with pytest.raises(InputError, match="start: expected one initial guess, or 3 for q1, q2, q3"):
         formulate(IRP6, Task("irp6", start=("cosine", "sines")))
+
+
+@pytest.mark.parametrize("model", ["energy", "differential"])
+def test_the_model_of_a_robot_is_an_option(model: str) -> None:
+    campaign = plan_campaign("irp6", model=model)
+    assert (campaign.model, campaign.rank) == (model, 13)
+
+
+def test_the_first_argument_by_its_former_name_warns() -> None:
+    with pytest.warns(DeprecationWarning, match=r"plan_campaign\(model=\.\.\.\) is now plan_campaign") as said:
+        campaign = plan_campaign(model="irp6")
+    assert (campaign.model, said[0].filename) == ("energy", __file__)
+
+
+@pytest.mark.parametrize(
+    ("given", "options", "message"),
+    [
+        ((), {}, "`plan_campaign` needs a robot, a model or a task as its first argument"),
+        ((DifferentialModel(IRP6),), {"model": "energy"}, "a model is given already; give one of them"),
+    ],
+)
+def test_first_arguments_that_are_refused(given: tuple[Any, ...], options: dict[str, str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        plan_campaign(*given, **options)

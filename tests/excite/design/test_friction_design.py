@@ -367,7 +367,7 @@ def test_parameters_that_known_friction_leaves_out_are_told(here: Here) -> None:
         assert ended.returncode == 0, ended.stderr
         assert (note in ended.stderr) == told
     log = simulated(here)
-    ended = here.run("identify", "irp6", log, "--friction", "--offset", *known, *out)
+    ended = here.run("identify", "irp6", log, "--friction", "--offset", "-v", *known, *out)
     assert ended.returncode == 0, ended.stderr
     assert (ended.stdout + ended.stderr).count("offset columns are left out: friction is known") == 1
     assert "columns are left out" not in here.run("identify", "irp6", log, *known, *out).stderr
@@ -450,13 +450,13 @@ def test_designs_are_compared_under_the_friction_of_the_first(saved: Path) -> No
 
 def test_what_differs_is_said(here: Here) -> None:
     note = "note: only some of the designs identify friction; all are compared like the first one, {} friction"
-    ended = here.run("compare", "known", "identified", "left-out")
-    assert ended.stdout.rstrip().endswith(note.format("without") + " parameters")
+    ended = here.run("compare", "-v", "known", "identified", "left-out")
+    assert ended.stdout.splitlines()[-2] == note.format("without") + " parameters"
     row = next(line for line in ended.stdout.splitlines() if "friction, when designed" in line)
     assert [cell.strip() for cell in row.split("│")[2:5]] == ["known", "identified", "left out"]
-    assert note.format("with") in here.run("compare", "identified", "known").stdout
+    assert note.format("with") in here.run("compare", "-v", "identified", "known").stdout
     for others in (("known", "left-out"), ("identified", "known", "--model", "load")):
-        assert "note" not in here.run("compare", *others).stdout
+        assert "note" not in here.run("compare", "-v", *others).stdout
 
 
 def test_campaigns_for_known_friction(here: Here) -> None:

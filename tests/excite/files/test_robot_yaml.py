@@ -59,7 +59,7 @@ def test_written_file_and_what_is_in_the_way(tmp_path: Path) -> None:
 
 def test_command_writes_it(here: Here) -> None:
     ended = here.run("robots", "irp6", "--out", "own.yaml")
-    assert (ended.returncode, ended.stdout) == (0, "wrote own.yaml\n")
+    assert (ended.returncode, ended.stdout) == (0, "written: own.yaml\n")
     assert load_robot(str(here.cwd / "own.yaml")).sha256() == built_in("irp6").sha256()
     assert "--force replaces it" in here.run("robots", "irp6", "--out", "own.yaml").stderr
     assert here.run("robots", "irp6", "--out", "own.yaml", "--force").returncode == 0

@@ -231,7 +231,9 @@ def here(
 
 @pytest.mark.slow
 def test_the_commands_from_fit_to_verification(here: Here) -> None:
-    ended = here.run("friction", "fit", "irp6", "run0.csv", "run1.csv", "run2.csv", "--drives", "z2", "--out", "fit")
+    ended = here.run(
+        "friction", "fit", "irp6", "run0.csv", "run1.csv", "run2.csv", "--drives", "z2", "-v", "--out", "fit"
+    )
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "coulomb_temperature" in ended.stdout
     curve = read_friction(here.cwd / "fit" / "friction.yaml").curve("z2")
@@ -277,7 +279,7 @@ def test_temperatures_are_for_curves_that_depend_on_them(here: Here) -> None:
         "--temperature is for known friction, but no friction curves are given; give --friction-curves" in ended.stderr
     )
     write_friction(FrictionCurves({"z2": TRUTH.at(30.0)}), here.cwd / "f.yaml")
-    ended = here.run(*identify, "--friction-curves", "f.yaml")
+    ended = here.run(*identify, "--friction-curves", "f.yaml", "-v")
     assert ended.returncode == 0, ended.stderr
     assert "no friction curve depends on temperature" in ended.stdout
 

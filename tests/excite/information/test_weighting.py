@@ -364,7 +364,7 @@ def test_command(here: Here) -> None:
     )
     options = {"plain": (), "weighted": ("--weighted",), "known": ("--prior", "known.yaml")}
     for name, typed in options.items():
-        ended = here.run(*quick, "--out", name, *typed)
+        ended = here.run(*quick, "-v", "--out", name, *typed)
         assert ended.returncode == 0, ended.stderr
         assert ("known beforehand" in ended.stdout) == (name == "known")
     weighted, known = content_of(here.cwd / "weighted"), content_of(here.cwd / "known")
@@ -388,7 +388,7 @@ def test_command(here: Here) -> None:
     assert [one.minimised for one in found][1:] == ["trace, base gautier", weighted["minimised"]]
     assert found[0].goal == pytest.approx(min(start["value"] for start in known["solver"]["starts"]), rel=1e-9)
     assert found[0].goal == min(one.goal or np.inf for one in found)
-    shown = here.run("compare", "weighted", "plain").stdout
+    shown = here.run("compare", "-v", "weighted", "plain").stdout
     assert "criterion of the first" in shown
     assert "rows divided" in shown
 

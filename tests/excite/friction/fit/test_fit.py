@@ -348,7 +348,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureF
 
 
 def test_the_command_writes_curves_that_read_back(here: Here) -> None:
-    ended = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit")
+    ended = here.run("friction", "fit", "irp6", "run.csv", "-v", "--out", "fit")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "asymmetric stribeck (exponent 1)" in ended.stdout
     written = {"fit.json", "friction.yaml", "friction.png", "manifest.json"}

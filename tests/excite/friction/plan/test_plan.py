@@ -478,7 +478,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pyt
         "--rate",
         "100",
     )
-    ended = here.run("friction", "plan", "irp6", "--out", "runs", "--drives", "2,3", *short)
+    ended = here.run("friction", "plan", "irp6", "--out", "runs", "--drives", "2,3", "-v", *short)
     assert ended.returncode == 0, ended.stderr
     ramps = {"z2.stiction.csv", "z3.stiction.csv"}
     assert files_below(tmp_path / "runs") == {"plan.json", "manifest.json", "runs.png", "z2.csv", "z3.csv", *ramps}

@@ -1,0 +1,218 @@
+"""The summary at the end of a command: the verdict first, then what fits a screen; or all of it, or JSON.
+
+With ``--quiet`` only the verdict is printed, with ``--verbose`` all tables and notes.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from excite.cli.messages import in_options
+from excite.cli.sign_of_life import something_is_shown
+from excite.cli.verbosity import verbosity
+from regressors.quoting import one_line
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from excite.cli.literal_console import LiteralConsole
+
+_LINES, _COLUMNS = 24, 100
+_FIGURE, _ALIKE = "figure", 4
+_STYLES = {True: "bold green", False: "bold red", None: "bold"}
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a command has to say at its end.
+
+    Parameters
+    ----------
+    verdict : str
+        In words, with the number that matters most.
+    holds : bool, optional
+        Whether what was asked for holds; None where that is no question.
+    facts : sequence of str or Table
+        The few numbers that matter, with units.
+    notes : sequence of str
+        The first of them are shown, as many as fit.
+    files : sequence of Path
+        Those that were written.
+    next_steps : sequence of str
+        What to do next.
+    all_in : str, optional
+        The file that has all numbers and notes.
+    """
+
+    verdict: str
+    holds: bool | None = None
+    facts: Sequence[str | Table] = ()
+    notes: Sequence[str] = ()
+    files: Sequence[Path] = ()
+    next_steps: Sequence[str] = ()
+    all_in: str | None = None
+
+
+def show(summary: Summary, content: Callable[[], Any], details: Callable[[], None]) -> None:
+    """Print a summary in the form that was asked for.
+
+    Parameters
+    ----------
+    summary : Summary
+    content : callable
+        What the JSON document holds; the verdict is added to it.
+    details : callable
+        Prints all tables and notes.
+    """
+    something_is_shown()
+    chosen = verbosity()
+    if chosen.as_json:
+        click.echo(json.dumps(_with_verdict(content(), summary.verdict), indent=1))
+    elif chosen.quiet:
+        click.echo(one_line(in_options(summary.verdict)))
+    else:
+        _print_text(summary, details if chosen.verbose else None)
+
+
+def _with_verdict(content: Any, verdict: str) -> Any:
+    return {"verdict": verdict, **content} if isinstance(content, dict) else content
+
+
+def _print_text(summary: Summary, details: Callable[[], None] | None) -> None:
+    from rich.text import Text
+
+    from excite.cli.literal_console import console
+
+    out = console()
+    width = min(out.width, _COLUMNS) if sys.stdout.isatty() else _COLUMNS
+    for line in _wrapped(summary.verdict, width, ""):
+        out.print(Text(line, style=_STYLES[summary.holds]), soft_wrap=True)
+    if details is not None:
+        from excite.cli.run_facts import print_run_facts
+
+        details()
+        print_run_facts(out)
+        return
+    _print_rest(summary, out, width)
+
+
+def _print_rest(summary: Summary, out: LiteralConsole, width: int) -> None:
+    """Print facts, as many notes as fit, files and next steps."""
+    above = [_rendered(fact, out, width) for fact in summary.facts]
+    below = [_wrapped(text, width, "  ") for text in _written(summary.files)]
+    below += [_next(step, width) for step in summary.next_steps]
+    taken = len(_wrapped(summary.verdict, width, "")) + sum(map(len, [*above, *below]))
+    notes = _notes_that_fit(summary, _LINES - taken, width)
+    for lines in (*above, *notes, *below):
+        for line in lines:
+            out.print(line, soft_wrap=True)
+
+
+def _rendered(fact: str | Table, out: LiteralConsole, width: int) -> list[str]:
+    """Lines of a sentence or a table."""
+    if isinstance(fact, str):
+        return _wrapped(fact, width, "  ")
+    options = out.options.update(width=width)
+    segments = out.render_lines(fact, options, pad=False)
+    return ["".join(segment.text for segment in line).rstrip() for line in segments]
+
+
+def _wrapped(text: str, width: int, indent: str) -> list[str]:
+    return wrap(in_options(text), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False) or [
+        ""
+    ]
+
+
+def _notes_that_fit(summary: Summary, lines: int, width: int) -> list[list[str]]:
+    """The first notes, and how many there are beside them."""
+    notes = [_wrapped(f"note: {note}", width, "  ") for note in summary.notes]
+    shown: list[list[str]] = []
+    for note in notes:
+        last = len(shown) + 1 == len(notes)
+        if shown and sum(map(len, [*shown, note])) > lines - (not last):
+            break
+        shown.append(note)
+    if len(shown) < len(notes):
+        more = len(notes) - len(shown)
+        where = f"in {summary.all_in}, or with --verbose" if summary.all_in else "with --verbose"
+        shown.append([f"{more} more note{'s' * (more > 1)}: {where}"])
+    return shown
+
+
+def _written(files: Sequence[Path]) -> list[str]:
+    """One sentence on what was written; figures are counted."""
+    if not files:
+        return []
+    named, counted = _counted(files)
+    folders = {path.parent for path in files}
+    if len(folders) == 1 and len(files) > 1:
+        return [f"written to {files[0].parent}: {', '.join([*(path.name for path in named), *counted])}"]
+    return [f"written: {', '.join([*map(str, named), *counted])}"]
+
+
+def _counted(files: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Files that are named, and how many others of a kind there are: figures, and many of one ending."""
+    kinds = Counter(_kind(path) for path in files)
+    many = {kind for kind, count in kinds.items() if count > _ALIKE or (kind == _FIGURE and len(files) > 2)}
+    counted = [f"{kinds[kind]} {kind}{'s' * (kinds[kind] > 1)}" for kind in kinds if kind in many]
+    return [path for path in files if _kind(path) not in many], counted
+
+
+def _kind(path: Path) -> str:
+    return _FIGURE if path.suffix in (".png", ".pdf", ".svg") else f"{path.suffix.removeprefix('.')} file"
+
+
+def _next(step: str, width: int) -> list[str]:
+    """A next step; a command on several lines can be pasted into a shell."""
+    if not step.startswith("excite "):
+        return _wrapped(f"next: {step}", width, "  ")
+    *lines, last = _wrapped(f"next: {step}", width - 2, "    ")
+    return [*(f"{line} \\" for line in lines), last]
+
+
+def some_of(names: Sequence[str], most: int = 3) -> str:
+    """The first of some names, and how many there are beside them.
+
+    Parameters
+    ----------
+    names : sequence of str
+    most : int
+        Number of names.
+    """
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def compact_table(*headings: str, rows: Sequence[Sequence[str]], left: int = 1, most: int = 8) -> list[str | Table]:
+    """A table without rules, and how many rows it leaves out; nothing where there are no rows.
+
+    Parameters
+    ----------
+    *headings : str
+    rows : sequence of (sequence of str)
+        The first ones are shown.
+    left : int
+        Number of columns that are aligned to the left; the others are numbers.
+    most : int
+        Number of rows that are shown.
+    """
+    from rich.table import Table
+
+    if not rows:
+        return []
+    table = Table(box=None, pad_edge=False)
+    for number, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if number < left else "right", overflow="fold")
+    for row in rows[:most]:
+        table.add_row(*row)
+    more = len(rows) - most
+    return [table, *([f"... and {more} more"] if more > 0 else [])]

@@ -1,0 +1,111 @@
+"""The summary of every command on simulated data: the verdict first, on one screen; quiet; as one JSON document."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from all_commands import COMMANDS
+from commands import Here
+
+LINES, COLUMNS = 30, 100
+QUICK = "--starts 1 --harmonics 3 --period 4 --executor serial"
+LOGS = "--rate 200 --torque-noise 0.3"
+HELD = "--payload 2,0,0,0.1,0.01,0,0,0.01,0,0.01"
+# what each command is run with, in an order in which the one before writes what the next one reads
+SESSION = {
+    "design": f"design ROBOT {QUICK} --out d",
+    "with a load": f"design ROBOT {QUICK} {HELD} --out dh",
+    "simulate": f"simulate d {LOGS} --out run.csv",
+    "another log": f"simulate d {LOGS} --seed 1 --out other.csv",
+    "a third log": f"simulate d {LOGS} --seed 2 --out third.csv",
+    "with the load": f"simulate dh --trajectory d/trajectory.csv {LOGS} --out held.csv",
+    "identify": "identify ROBOT run.csv --design d --out r",
+    "verify": "verify r other.csv",
+    "verify several": "verify r other.csv third.csv --out v",
+    "compare": "compare d dh",
+    "plan": "plan ROBOT",
+    "export": "export d --format npz --out play.npz",
+    "export of a model": "export r --format urdf --out model.urdf",
+    "logs": "logs run.csv --robot ROBOT",
+    "study": "study ROBOT run.csv --design d --repeats 2 --points 5 --rate 200 --out s",
+    "friction plan": "friction plan ROBOT --drives 2 --speeds 20,40,60,80 --warm-up 0 --breakaways 0 --out p",
+    "the runs": "simulate p/DRIVE.csv --controller pd --bandwidth 10 --rate 500 FRICTION --out f.csv",
+    "friction fit": "friction fit ROBOT f.csv --plan p --out f",
+    "payload design": "payload design ROBOT --starts 1 --out m",
+    "payload gains": "payload gains ROBOT --without run.csv --with held.csv --mass 2 --out gains.yaml",
+    "payload identify": "payload identify ROBOT --without run.csv --with held.csv --out held",
+    "report": "report d r --out page.html",
+    "robots": "robots ROBOT",
+}
+FORCED = ("design", "simulate", "identify", "export", "study", "friction", "payload", "report")
+REPLACED = {
+    "irp6": {"DRIVE": "z2", "FRICTION": ""},
+    "panda": {"DRIVE": "panda_joint2", "FRICTION": "--friction f.yaml"},
+}
+FRICTION = """schema: excite.friction/1
+drives:
+  panda_joint2: {model: coulomb-viscous, coulomb: 2.0, viscous: 1.5, offset: 0.0}
+"""
+
+
+def words_of(line: str, robot: str, *, again: bool) -> list[str]:
+    """The words of a command of the session."""
+    for name, value in {"ROBOT": robot, **REPLACED[robot]}.items():
+        line = line.replace(name, value)
+    words = line.split()
+    return [*words, "--force"] if again and words[0] in FORCED else words
+
+
+def test_the_session_has_every_command() -> None:
+    run = {" ".join(line.split()[: 1 + line.startswith(("friction", "payload"))]) for line in SESSION.values()}
+    assert run == set(COMMANDS)
+
+
+def faults(ended, name: str) -> list[str]:  # type: ignore[no-untyped-def]
+    """What is wrong with a summary in text."""
+    lines = ended.stdout.splitlines()
+    found = [] if ended.returncode in (0, 1) else [f"{name}: status {ended.returncode}: {ended.stderr}"]
+    if name == "robots" or found:  # a description, of any length
+        return found
+    if not 1 <= len(lines) <= LINES:
+        found.append(f"{name}: {len(lines)} lines")
+    found += [f"{name}: {len(line)} columns: {line}" for line in lines if len(line) > COLUMNS]
+    if lines[:1] and lines[0].startswith(("note", "written", "next", " ")):
+        found.append(f"{name}: no verdict first: {lines[0]}")
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["irp6", "panda"])
+def test_summaries_fit_a_screen(
+    robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    here, found = Here(tmp_path, monkeypatch, capfd), list[str]()
+    (tmp_path / "f.yaml").write_text(FRICTION)
+    for name, line in SESSION.items():
+        ended = here.run(*words_of(line, robot, again=False))
+        found += faults(ended, name)
+        (tmp_path / "held.json").unlink(missing_ok=True)  # says that the load is a part of the robot
+
+    assert found == []
+
+
+@pytest.mark.slow
+def test_every_command_is_quiet_or_json(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    here = Here(tmp_path, monkeypatch, capfd)
+    for name, line in SESSION.items():
+        quiet = here.run(*words_of(line, "irp6", again=False), "-q")
+        assert quiet.returncode in (0, 1), f"{name}: {quiet.stderr}"
+        assert (quiet.stdout.count("\n"), quiet.stderr) == (1, ""), name
+        shown = here.run(*words_of(line, "irp6", again=True), "--json")
+        (tmp_path / "held.json").unlink(missing_ok=True)
+        assert shown.returncode == quiet.returncode, f"{name}: {shown.stderr}"
+        content = json.loads(shown.stdout)
+        verdicts = [one["verdict"] for one in content] if isinstance(content, list) else [content["verdict"]]
+        assert all(isinstance(text, str) and text for text in verdicts), name
+        if len(verdicts) == 1:
+            assert verdicts[0].split()[:2] == quiet.stdout.split()[:2], name
