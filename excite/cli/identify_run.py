@@ -16,6 +16,7 @@ from excite.cli.estimate_text import print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
 from excite.cli.sign_of_life import tell
+from excite.files.result_curves import CURVES
 from excite.files.result_json import FIGURES, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
@@ -54,7 +55,7 @@ def identify_and_write(
     from excite.cli.main import NOT_HELD
 
     with result_folder(out):
-        check_free(out, FIGURES, replace=given["force"])
+        check_free(out, (*FIGURES, CURVES), replace=given["force"])
         with one_interrupt() as interruption:
             result = _identified(name, paths, typed, of_recipe, given)
             interruption.ignore()

@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
+from constraints.collision.geometry import World
 from excite.design.campaign import Campaign
+from excite.design.design import Design
 from excite.design.designed_motion import DesignedMotion
 from excite.design.stored_design import StoredDesign
 from excite.errors import TakenError
 from excite.files.stored import complete
+from excite.files.world_file import world_of
 from excite.identification.result import IdentificationResult, StoredResult
 from excite.report.campaign_section import campaign_section
 from excite.report.comparison_section import comparison_section, parameters_section
 from excite.report.design_section import design_section
 from excite.report.page_text import page_text
+from excite.report.player_log import Appearance
 from excite.report.player_shapes import matches
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
@@ -95,14 +99,32 @@ def report_text(
     file = None if robot_file is None else str(robot_file)
     if file is not None:
         _check_robot(subjects, file)
-    return page_text([*_comparisons(subjects), *(_section(each, f"s{k}", file) for k, each in enumerate(subjects))])
+    looks = Appearance(file, _shapes(subjects))
+    return page_text([*_comparisons(subjects), *(_section(each, f"s{k}", looks) for k, each in enumerate(subjects))])
+
+
+def _shapes(subjects: Iterable[Subject]) -> dict[str, World]:
+    """Shapes of robots that designs hold, by the hashes of their descriptions."""
+    designs = [each for each in subjects if isinstance(each, DesignedMotion)]
+    known = {each.robot.sha256(): _shape(each) for each in designs}
+    return {name: shape for name, shape in known.items() if shape is not None}
+
+
+def _shape(design: DesignedMotion) -> World | None:
+    world = design.task.limits.world
+    if isinstance(world, World):
+        return world
+    if isinstance(design, Design):
+        return design.shape
+    shape = design.content.get("shape") if isinstance(design, StoredDesign) else None
+    return None if shape is None else world_of(shape, "the shape of the design")
 
 
 def _check_robot(subjects: Iterable[Subject], file: str) -> None:
-    designs = [each for each in subjects if isinstance(each, DesignedMotion)]
-    if not any(matches(each, file) for each in designs):
-        robots = ", ".join(dict.fromkeys(each.robot.name for each in designs)) or "no design is given"
-        raise InputError(f"`robot_file`: {file} does not describe the robot of a design here: {robots}")
+    known = [each for each in subjects if isinstance(each, DesignedMotion | IdentificationResult)]
+    if not any(matches(each.robot, each.task, file) for each in known):
+        robots = ", ".join(dict.fromkeys(each.robot.name for each in known)) or "none is given"
+        raise InputError(f"`robot_file`: {file} does not describe the robot of a design or a result here: {robots}")
 
 
 def _comparisons(subjects: Iterable[Subject]) -> list[ReportSection]:
@@ -112,14 +134,14 @@ def _comparisons(subjects: Iterable[Subject]) -> list[ReportSection]:
     return [*sections, *([parameters_section(results)] if len(results) > 1 else [])]
 
 
-def _section(subject: Subject, prefix: str, robot_file: str | None) -> ReportSection:
+def _section(subject: Subject, prefix: str, looks: Appearance) -> ReportSection:
     """Section of a subject; of one that was read from a file, entries that are missing are named."""
     source = _source(subject)
     if source is None:
-        return _built(subject, prefix, robot_file)
+        return _built(subject, prefix, looks)
     path, kind = source
     try:
-        return _built(subject, prefix, robot_file)
+        return _built(subject, prefix, looks)
     except (AttributeError, KeyError, TypeError) as error:
         with complete(path, kind):
             raise error
@@ -133,11 +155,11 @@ def _source(subject: Subject) -> tuple[Path, str] | None:
     return (subject.path, "verification") if isinstance(subject, StoredVerification) else None
 
 
-def _built(subject: Subject, prefix: str, robot_file: str | None) -> ReportSection:
+def _built(subject: Subject, prefix: str, looks: Appearance) -> ReportSection:
     if isinstance(subject, DesignedMotion):
-        return design_section(subject, prefix, robot_file)
+        return design_section(subject, prefix, looks.robot_file)
     if isinstance(subject, IdentificationResult):
-        return result_section(subject, prefix)
+        return result_section(subject, prefix, looks)
     if isinstance(subject, Campaign):
         return campaign_section(subject)
-    return verification_section(subject, prefix)
+    return verification_section(subject, prefix, looks)

@@ -25,11 +25,17 @@ class Player {
     this.whenSeen(() => {
       this.view = this.viewed();
       this.seek(this.time);
+      this.view?.draw(); // now: what takes a picture of the page may not wait for the next frame
     });
   }
 
-  // The page opens first; what is further down costs nothing until it comes into view.
+  // What is on the screen at first is drawn before the page counts as loaded; the rest when it comes into view.
   whenSeen(begin) {
+    const { top, bottom } = this.stage.getBoundingClientRect();
+    if (top < window.innerHeight && bottom > 0) {
+      begin();
+      return;
+    }
     const observer = new IntersectionObserver((entries) => {
       if (!entries.some((entry) => entry.isIntersecting)) return;
       observer.disconnect();
@@ -42,10 +48,13 @@ class Player {
   viewed() {
     try {
       const view = new View(this.stage, this.data);
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      const again = () => {
         view.colours();
         this.seek(this.time);
-      });
+        view.draw();
+      };
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+      for (const name of ["beforeprint", "afterprint"]) window.addEventListener(name, again);
       return view;
     } catch (error) {
       this.stage.textContent = `The 3D view needs WebGL, which this browser does not offer (${error.message}).`;

@@ -149,9 +149,11 @@ export class View {
   ask() {
     if (this.asked || this.renderer === undefined) return;
     this.asked = true;
-    requestAnimationFrame(() => {
-      this.asked = false;
-      this.renderer.render(this.scene, this.orbit.camera);
-    });
+    requestAnimationFrame(() => this.draw());
+  }
+
+  draw() {
+    this.asked = false;
+    this.renderer.render(this.scene, this.orbit.camera);
   }
 }
