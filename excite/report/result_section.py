@@ -72,7 +72,7 @@ def result_section(result: IdentificationResult, prefix: str, looks: Appearance)
         asked=(*asked(content["task"], ("robot", "model")), *_recipe(content["recipe"])),
         assumed=(*scope, *content["notes"], *logs),
         notes=(*doubts, *unknown, *unseen, *missing),
-        tables=(_parameters(content), *_standard(content), _residuals(content), _conditions(content)),
+        tables=(_parameters(content), *_standard(content), *_repetitions(content), _residuals(content), _conditions(content)),
         figures=figures,
         motion=motion,
         facts=facts(content["provenance"], robot=content["robot"]["name"], **_hashes(content)),
@@ -152,7 +152,16 @@ def _verdict(content: Mapping[str, Any]) -> str:
         begin = "This result cannot be right; the reasons are below."
     else:
         begin = "Nothing in this result is implausible; whether it predicts other logs, a verification says."
-    return f"{begin} The intervals of {sure} of {len(parameters)} parameters do not contain zero.{fits}"
+    return f"{begin} The intervals of {sure} of {len(parameters)} parameters do not contain zero.{fits}{_repeated(content)}"
+
+
+def _repeated(content: Mapping[str, Any]) -> str:
+    repeated = content.get("repetitions")
+    known = [each["coverage"] for each in (repeated or {}).get("parameters", ()) if each["coverage"] is not None]
+    if not repeated or not known:
+        return ""
+    share = sum(known) / len(known)
+    return f" In {repeated['count']} repetitions in simulation, {100 * share:.3g} % of the 99 % intervals contain the truth."
 
 
 def _is_clear(parameter: Mapping[str, Any]) -> bool:
@@ -189,6 +198,24 @@ def _standard(content: Mapping[str, Any]) -> tuple[ReportTable, ...]:
     known = dict(content["standard"])
     rows = tuple((ReportCell(name), number(value)) for name, value in known.items())
     return (ReportTable("Standard parameters, SI", ("parameter", "value"), rows, name="standard"),) if rows else ()
+
+
+def _repetitions(content: Mapping[str, Any]) -> tuple[ReportTable, ...]:
+    """Repetitions of the experiment in simulation, where they were asked for."""
+    repeated = content.get("repetitions")
+    if not repeated:
+        return ()
+    rows = tuple(
+        (
+            ReportCell(each["name"]), number(each["deviation"]), number(each["predicted_deviation"]), number(each["bias"]),
+            number(each["bias_error"]), unit(each["unit"]), percent(each["coverage"]),
+        )
+        for each in repeated["parameters"]
+    )  # fmt: skip
+    columns = ("parameter", "scatter", "predicted", "bias", "its deviation", "unit", "truth in its 99 % interval")
+    note = f"Seed {repeated['seed']}; the scatter is what the predicted standard deviation claims to be."
+    title = f"{repeated['count']} repetitions of the experiment in simulation"
+    return (ReportTable(title, columns, rows, note, "repetitions"),)
 
 
 def _residuals(content: Mapping[str, Any]) -> ReportTable:

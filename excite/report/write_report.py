@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from constraints.collision.geometry import World
@@ -13,19 +13,25 @@ from excite.design.stored_design import StoredDesign
 from excite.errors import TakenError
 from excite.files.stored import complete
 from excite.files.world_file import world_of
+from excite.friction.fit.friction_fit import FrictionFit
 from excite.identification.result import IdentificationResult, StoredResult
 from excite.report.campaign_section import campaign_section
 from excite.report.comparison_section import comparison_section, parameters_section
 from excite.report.design_section import design_section
+from excite.report.friction_fit_section import StoredFrictionFit, friction_fit_section
+from excite.report.friction_plan_section import friction_plan_section
 from excite.report.page_text import page_text
 from excite.report.player_log import Appearance
 from excite.report.player_shapes import matches
+from excite.report.restored_friction_plan import StoredFrictionPlan
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
 from excite.report.subjects import Subject, subjects_of
+from excite.report.time_study_section import StoredTimeStudy, time_study_section
 from excite.report.verification_section import StoredVerification, verification_section
 from excite.storage.atomic import replacing
 from excite.storage.result_file import replace_files, result_file
+from excite.timecourse.time_study import TimeStudy
 from regressors.errors import InputError
 
 _ENDINGS = (".html", ".htm")
@@ -100,7 +106,8 @@ def report_text(
     if file is not None:
         _check_robot(subjects, file)
     looks = Appearance(file, _shapes(subjects))
-    return page_text([*_comparisons(subjects), *(_section(each, f"s{k}", looks) for k, each in enumerate(subjects))])
+    sections = [_section(each, f"s{k}", looks, subjects) for k, each in enumerate(subjects)]
+    return page_text([*_comparisons(subjects), *sections])
 
 
 def _shapes(subjects: Iterable[Subject]) -> dict[str, World]:
@@ -134,14 +141,14 @@ def _comparisons(subjects: Iterable[Subject]) -> list[ReportSection]:
     return [*sections, *([parameters_section(results)] if len(results) > 1 else [])]
 
 
-def _section(subject: Subject, prefix: str, looks: Appearance) -> ReportSection:
+def _section(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> ReportSection:
     """Section of a subject; of one that was read from a file, entries that are missing are named."""
     source = _source(subject)
     if source is None:
-        return _built(subject, prefix, looks)
+        return _built(subject, prefix, looks, of_page)
     path, kind = source
     try:
-        return _built(subject, prefix, looks)
+        return _built(subject, prefix, looks, of_page)
     except (AttributeError, KeyError, TypeError) as error:
         with complete(path, kind):
             raise error
@@ -152,14 +159,22 @@ def _source(subject: Subject) -> tuple[Path, str] | None:
         return subject.folder, "design"
     if isinstance(subject, StoredResult):
         return subject.folder, "result"
+    if isinstance(subject, StoredFrictionPlan | StoredFrictionFit):
+        return subject.folder, "friction plan" if isinstance(subject, StoredFrictionPlan) else "fit of friction curves"
     return (subject.path, "verification") if isinstance(subject, StoredVerification) else None
 
 
-def _built(subject: Subject, prefix: str, looks: Appearance) -> ReportSection:
+def _built(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> ReportSection:
     if isinstance(subject, DesignedMotion):
         return design_section(subject, prefix, looks.robot_file)
     if isinstance(subject, IdentificationResult):
         return result_section(subject, prefix, looks)
     if isinstance(subject, Campaign):
-        return campaign_section(subject)
+        return campaign_section(subject, [each for each in of_page if isinstance(each, DesignedMotion)])
+    if isinstance(subject, StoredFrictionPlan):
+        return friction_plan_section(subject, prefix, looks)
+    if isinstance(subject, StoredFrictionFit | FrictionFit):
+        return friction_fit_section(subject, prefix)
+    if isinstance(subject, StoredTimeStudy | TimeStudy):
+        return time_study_section(subject, prefix)
     return verification_section(subject, prefix, looks)
