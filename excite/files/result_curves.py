@@ -92,7 +92,7 @@ def read_result_curves(path: Path, logs: int, equations: int) -> Arrays:
         It is not complete, or not that of such a result.
     """
     arrays = read_curves(path)
-    check_shapes(path, arrays, {name: (None,) for name in _ROWS}, "rows")
+    check_shapes(path, arrays, dict.fromkeys(_ROWS, (None,)), "rows")
     check_motion(path, arrays)
     if not _within(arrays["log"], logs) or not _within(arrays["equation"], equations):
         raise InputError(f"{path}: expected rows of {logs} log(s) and {equations} equation(s)")
@@ -102,7 +102,7 @@ def read_result_curves(path: Path, logs: int, equations: int) -> Arrays:
 
 
 def _within(numbers: Index, count: int) -> bool:
-    return numbers.dtype.kind == "i" and numbers.size > 0 and 0 <= numbers.min() and numbers.max() < count
+    return numbers.dtype.kind == "i" and numbers.size > 0 and numbers.min() >= 0 and numbers.max() < count
 
 
 def check_motion(path: Path, arrays: Arrays) -> None:

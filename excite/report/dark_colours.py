@@ -45,7 +45,9 @@ def dark_rules(figures: Iterable[str]) -> str:
         SVG elements.
     """
     found = sorted({(name, colour) for figure in figures for name, colour in _COLOUR.findall(figure)})
-    rules = "\n".join(f'  :root:not(.printed) .paper [{name}="{value}"] {{ {name}: {dark(value)}; }}' for name, value in found)
+    rules = "\n".join(
+        f'  :root:not(.printed) .paper [{name}="{value}"] {{ {name}: {dark(value)}; }}' for name, value in found
+    )
     return f"\n@media screen and (prefers-color-scheme: dark) {{\n{rules}\n}}\n" if found else ""
 
 

@@ -98,7 +98,9 @@ def _characteristic(content: Mapping[str, Any], curve: FrictionCurve) -> Charact
 def _fit(content: Mapping[str, Any]) -> CurveFit:
     parameters, name = content["parameters"], str(content["model"])
     covariance = np.array(content["covariance"], dtype=float)
-    halves = np.array([np.nan if p["interval99"] is None else p["interval99"] for p in parameters.values()], dtype=float)
+    halves = np.array(
+        [np.nan if p["interval99"] is None else p["interval99"] for p in parameters.values()], dtype=float
+    )
     deviations = np.sqrt(np.diag(covariance))
     ratio = halves[deviations > 0] / deviations[deviations > 0]
     exponent = _EXPONENT.search(name)
@@ -168,7 +170,12 @@ def _verdict(drives: Sequence[Mapping[str, Any]]) -> str:
     tables = [each["name"] for each in drives if each["fit"] is None]
     words = [f"{each['name']} by {each['fit']['model']}" for each in fitted]
     words += [f"{name} by a table of its points" for name in tables]
-    held = [f"{each['name']} {name}" for each in fitted for name, p in each["fit"]["parameters"].items() if p["interval99"] is None]
+    held = [
+        f"{each['name']} {name}"
+        for each in fitted
+        for name, p in each["fit"]["parameters"].items()
+        if p["interval99"] is None
+    ]
     not_known = f" The points bound, but do not determine: {', '.join(held)}." if held else ""
     wide = [each["name"] for each in fitted if each["fit"]["scatter"] > 2.0]
     scatter = f" Points of {', '.join(wide)} scatter more than their noise explains." if wide else ""
@@ -176,14 +183,18 @@ def _verdict(drives: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _failed(drives: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    return tuple(f"{each['name']}: {form} is not fitted: {why}" for each in drives for form, why in each["not_fitted"].items())
+    return tuple(
+        f"{each['name']}: {form} is not fitted: {why}" for each in drives for form, why in each["not_fitted"].items()
+    )
 
 
 def _settings(settings: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     default = FitSettings()
     known = {field.name: getattr(default, field.name) for field in fields(default)}
     return tuple(
-        (name.replace("_", " "), text_of(value)) for name, value in settings.items() if value is not None and value != known.get(name)
+        (name.replace("_", " "), text_of(value))
+        for name, value in settings.items()
+        if value is not None and value != known.get(name)
     )
 
 
@@ -249,5 +260,16 @@ def _commands(content: Mapping[str, Any], folder: str) -> tuple[str, ...]:
     robot, logs = str(content["robot"]["name"]), [str(log["file"]) for log in content["logs"]]
     return (
         shlex.join(["excite", "friction", "fit", robot, *logs, "--out", f"{folder}-again"]),
-        shlex.join(["excite", "identify", robot, "LOG.csv", "--friction-curves", f"{folder}/friction.yaml", "--out", "results/this"]),
+        shlex.join(
+            [
+                "excite",
+                "identify",
+                robot,
+                "LOG.csv",
+                "--friction-curves",
+                f"{folder}/friction.yaml",
+                "--out",
+                "results/this",
+            ]
+        ),
     )

@@ -47,7 +47,7 @@ _GRAVITY = {
 _SCHEDULE = {
     "percent": "speeds [% of the largest]", "rate": "samples per second [Hz]", "shortest": "windows last at least [s]",
     "longest": "windows last at most [s]", "stroke": "stroke to each side [rad or m]", "warm_up": "warm-up [s]",
-    "repeats": "repeats of each speed", "creep": "creep speed", "creeping": "creeping lasts [s]",
+    "repeats": "repeats of each speed", "creep": "creep speed [% of the largest]", "creeping": "creeping lasts [s]",
     "breakaways": "break-away tests in each direction", "pause": "pause at rest [s]", "ramping": "ramp of torque lasts [s]",
 }  # fmt: skip
 _MOVES = 1e-9  # of a limit, that is used
@@ -116,7 +116,9 @@ def _verdict(content: Mapping[str, Any], broken: Sequence[str]) -> str:
 def _assumed(content: Mapping[str, Any]) -> tuple[str, ...]:
     said = list(content["not_looked_at"])
     if content["world"] is None:
-        said.append("collisions with obstacles, the floor and the robot's own links are not checked: no world file is given")
+        said.append(
+            "collisions with obstacles, the floor and the robot's own links are not checked: no world file is given"
+        )
     for each in content["trajectories"]:
         name = each["coordinate"]
         said += [f"{name}: torques are not checked: {each['torques_unchecked']}"] * bool(each["torques_unchecked"])
@@ -146,7 +148,10 @@ def _coordinates(trajectories: Sequence[Mapping[str, Any]]) -> ReportTable:
 def _limits(trajectories: Sequence[Mapping[str, Any]]) -> ReportTable:
     columns = ("coordinate", "limit", "used", "margin", "extreme", "bound", "unit", "at [s]", "holds")
     rows = tuple(
-        (ReportCell(each["coordinate"]), *_use(use)) for each in trajectories for use in each["limits"] if abs(use["use"]) > _MOVES
+        (ReportCell(each["coordinate"]), *_use(use))
+        for each in trajectories
+        for use in each["limits"]
+        if abs(use["use"]) > _MOVES
     )
     note = "Limits of what does not move are left out."
     return ReportTable("Margins of the limits over continuous time", columns, rows, note, "limits")
@@ -181,7 +186,15 @@ def _ramps(trajectories: Sequence[Mapping[str, Any]]) -> tuple[ReportTable, ...]
 
 
 def _windows(trajectories: Sequence[Mapping[str, Any]]) -> ReportTable:
-    columns = ("coordinate", "part of the largest speed [%]", "speed", "from [s]", "to [s]", "from position", "to position")
+    columns = (
+        "coordinate",
+        "part of the largest speed [%]",
+        "speed",
+        "from [s]",
+        "to [s]",
+        "from position",
+        "to position",
+    )
     rows = tuple(
         (ReportCell(each["coordinate"]), *(number(w[n]) for n in ("percent", "speed", "start", "end", "first", "last")))
         for each in trajectories for w in each["windows"]

@@ -104,7 +104,9 @@ def player_data(
         "dq": _short(motion.dq, 7),
         "segments": [{"name": name, "end": end} for name, end in motion.segments],
         "limits": [_limit(course, number) for course in courses],
-        "values": _short(np.column_stack([course.values for course in courses]), 5) if courses else [[]] * len(motion.q),
+        "values": _short(np.column_stack([course.values for course in courses]), 5)
+        if courses
+        else [[]] * len(motion.q),
         "tip": robot.n - 1,
         "tool": list(task.limits.tool_point),
         "joint_size": _JOINT_SIZE * max(0.1, sum(float(np.linalg.norm(j.translation)) for j in robot.joints)),

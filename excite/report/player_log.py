@@ -120,7 +120,9 @@ def _kept(logged: LoggedMotion) -> Index:
     numbers = np.unique(logged.log)
     most = max(2, min(_FRAMES, _MOST // numbers.size))
     parts = [np.flatnonzero(logged.log == k) for k in numbers]
-    return np.concatenate([p[np.unique(np.linspace(0, p.size - 1, min(p.size, most)).round().astype(int))] for p in parts])
+    return np.concatenate(
+        [p[np.unique(np.linspace(0, p.size - 1, min(p.size, most)).round().astype(int))] for p in parts]
+    )
 
 
 def _in_sequence(own: Array, log: Index, names: Sequence[str]) -> tuple[Array, tuple[tuple[str, float], ...]]:
@@ -142,7 +144,9 @@ def _courses(
     moving = np.isin(np.arange(robot.n), index)
     linear = [limit for limit in linear_limits(robot) if limit.derivative < 2]
     bodies = bodies_of(robot, robot.joint_names, linear)
-    touched = {label for limit in linear for label, row in zip(limit.labels, limit.matrix, strict=True) if row[moving].any()}
+    touched = {
+        label for limit in linear for label, row in zip(limit.labels, limit.matrix, strict=True) if row[moving].any()
+    }
     courses = [course for limit in linear for course in linear_courses(limit, samples, bodies)]
     yield from tightest([course for course in courses if f"{course.owner} {course.quantity}" in touched])
     world = task.limits.known_world if task.limits.known_world is not None else shape

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from regressors.robot.robot import Robot
 def player_shapes(
     robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None = None
 ) -> dict[str, Any]:
-    """Entries ``meshes``, ``capsules``, ``objects`` and ``drawn_as`` of the player's data.
+    """Entries ``meshes``, ``capsules``, ``objects``, ``drawn_as`` and ``left_out`` of the player's data.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def player_shapes(
     """
     world = task.limits.known_world
     known = world if world is not None else shape
-    meshes = [] if robot_file is None else _meshes(robot, task, robot_file, number)
+    meshes, reasons = ([], ()) if robot_file is None else _meshes(robot, task, robot_file, number)
     parts = () if known is None or meshes else known.parts
     drawn = "meshes of its URDF" if meshes else "capsules" if parts else "lines through the frames of its joints"
     return {
@@ -49,6 +49,7 @@ def player_shapes(
         "capsules": [_part(part, number) for part in parts if part.link in number],
         "objects": [_object(each) for each in (() if world is None else world.obstacles)],
         "drawn_as": drawn,
+        "left_out": _left_out(reasons),
     }
 
 
@@ -73,14 +74,26 @@ def matches(robot: Robot, task: Task, robot_file: str) -> bool:
     )
 
 
-def _meshes(robot: Robot, task: Task, robot_file: str, number: Mapping[str, int]) -> list[dict[str, Any]]:
+def _meshes(
+    robot: Robot, task: Task, robot_file: str, number: Mapping[str, int]
+) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
+    """Meshes of few triangles, and what is said of files that are left out."""
     read = urdf_meshes(Path(robot_file), robot, task.base_link, snap_angles=task.snap_angles)
-    together = {name: [each.triangles for each in read if each.link == name] for name in number}
-    return [
+    together = {name: [each.triangles for each in read.meshes if each.link == name] for name in number}
+    meshes = [
         {"body": number[name], **decimated(np.concatenate(triangles)).to_dict()}
         for name, triangles in together.items()
         if triangles
     ]
+    return meshes, read.left_out
+
+
+def _left_out(reasons: Sequence[str]) -> str:
+    """A sentence on files that are not shown."""
+    if not reasons:
+        return ""
+    more = f"; and {len(reasons) - 1} more" if len(reasons) > 1 else ""
+    return f"Some meshes of its URDF are not shown: {reasons[0]}{more}."
 
 
 def _part(part: Part, number: Mapping[str, int]) -> dict[str, Any]:

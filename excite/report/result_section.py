@@ -14,8 +14,8 @@ from excite.identification.recipe import Recipe
 from excite.identification.result import IdentificationResult, StoredResult
 from excite.report.drawings import drawn, pictures
 from excite.report.identify_commands import commands_of
-from excite.report.provenance_facts import facts
 from excite.report.player_log import Appearance, logged_rows, played
+from excite.report.provenance_facts import facts
 from excite.report.restored_result import stored_estimate, stored_fit, with_history
 from excite.report.sections import (
     ReportCell,
@@ -72,7 +72,13 @@ def result_section(result: IdentificationResult, prefix: str, looks: Appearance)
         asked=(*asked(content["task"], ("robot", "model")), *_recipe(content["recipe"])),
         assumed=(*scope, *content["notes"], *logs),
         notes=(*doubts, *unknown, *unseen, *missing),
-        tables=(_parameters(content), *_standard(content), *_repetitions(content), _residuals(content), _conditions(content)),
+        tables=(
+            _parameters(content),
+            *_standard(content),
+            *_repetitions(content),
+            _residuals(content),
+            _conditions(content),
+        ),
         figures=figures,
         motion=motion,
         facts=facts(content["provenance"], robot=content["robot"]["name"], **_hashes(content)),

@@ -73,7 +73,12 @@ def _loaded(path: Path) -> StoredTimeStudy:
 def _course(content: Mapping[str, Any]) -> TimeCourse:
     values, deviation, half = (_array(content[name]) for name in ("values", "deviation", "half_width_99"))
     time, count = _array(content["time"]), len(content["names"])
-    if values.shape != (time.size, count) or deviation.shape != values.shape or half.shape != values.shape or not time.size:
+    if (
+        values.shape != (time.size, count)
+        or deviation.shape != values.shape
+        or half.shape != values.shape
+        or not time.size
+    ):
         raise ValueError(f"expected {time.size} instants of {count} parameters")
     ratio = half[deviation > 0] / deviation[deviation > 0]
     return TimeCourse(
@@ -170,7 +175,14 @@ def _table(course: TimeCourse, below: float, scatter: Array | None) -> ReportTab
         )
         for k, name in enumerate(course.names)
     )  # fmt: skip
-    columns = ("parameter", "final value", "half of its interval", "unit", "relative deviation", f"within {100 * below:g} % from [s]")
+    columns = (
+        "parameter",
+        "final value",
+        "half of its interval",
+        "unit",
+        "relative deviation",
+        f"within {100 * below:g} % from [s]",
+    )
     known = "true value" if true else "description"
     repeated = () if scatter is None else ("scatter of repetitions", "deviation as stated")
     note = "A dash: never, or not known."

@@ -106,9 +106,7 @@ def _stored(verification: StoredVerification, prefix: str, looks: Appearance) ->
     content, path = verification.content, verification.path
     name = f"{path.stem}{CURVES}"
     count = len(content["torques"])
-    arrays, note = stored_curves(
-        path.parent, path.stem, name, lambda file: read_verification_curves(file, count)
-    )
+    arrays, note = stored_curves(path.parent, path.stem, name, lambda file: read_verification_curves(file, count))
     notes = (note,) if note else ()
     command = shlex.join(["excite", "verify", str(path.parent), str(content["log"]["file"])])
     result = None if arrays is None else _result(path.parent, content)
