@@ -58,6 +58,6 @@ def _primitives(scene: Any) -> Iterator[Array]:
     for geometry in scene.objects("geometry"):
         for each in geometry.primitives():
             triangles = each.triangleset() if hasattr(each, "triangleset") else each
-            if triangles.vertex is not None and np.ndim(triangles.vertex_index) == 2 and len(triangles.vertex_index):
-                if np.shape(triangles.vertex_index)[1] == 3:
-                    yield np.asarray(triangles.vertex[triangles.vertex_index], dtype=float)
+            shape = np.shape(triangles.vertex_index)
+            if len(shape) == 2 and shape[0] > 0 and shape[1] == 3:
+                yield np.asarray(triangles.vertex[triangles.vertex_index], dtype=float)

@@ -115,7 +115,7 @@ def check_motion(path: Path, arrays: Arrays) -> None:
 
 
 def check_shapes(path: Path, arrays: Arrays, shapes: dict[str, tuple[int | None, ...]], what: str) -> None:
-    """Raise `InputError` unless all arrays hold finite numbers, as many of them, in their shapes.
+    """Raise `InputError` unless all arrays hold numbers, as many of them, in their shapes.
 
     Parameters
     ----------
@@ -129,8 +129,9 @@ def check_shapes(path: Path, arrays: Arrays, shapes: dict[str, tuple[int | None,
     counts = set()
     for name, shape in shapes.items():
         array = arrays.get(name)
-        plain = array is not None and array.dtype.kind in "fiu" and array.ndim == len(shape)
-        if not plain or array.shape[1:] != shape[1:] or array.size > 20 * NUMBERS:
+        if array is None or array.dtype.kind not in "fiu" or array.ndim != len(shape):
+            raise InputError(f"{path}: expected numbers under {name!r}")
+        if array.shape[1:] != shape[1:] or array.size > 20 * NUMBERS:
             raise InputError(f"{path}: expected numbers under {name!r}")
         counts.add(array.shape[0])
     if len(counts) != 1 or 0 in counts:

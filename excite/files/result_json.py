@@ -1,4 +1,4 @@
-"""``result.json``: an identification with its inputs and settings, written and read; what its figures draw beside it."""
+"""``result.json``: an identification with its inputs and settings, written and read; beside it what figures draw."""
 
 from __future__ import annotations
 

@@ -58,16 +58,28 @@ def campaign_section(campaign: Campaign, designs: Sequence[DesignedMotion] = ())
     count = len(campaign.steps)
     motions = f"{count} motion{'s' * (count != 1)} identif{'y' if count != 1 else 'ies'}"
     joints = ", ".join(campaign.joints)
+    what = f"all {campaign.rank} parameters of the {campaign.model} model of joints {joints}"
     return ReportSection(
         kind="campaign",
         title=f"campaign for {campaign.robot}",
-        verdict=f"{motions} all {campaign.rank} parameters of the {campaign.model} model of joints {joints}.{_designed(made) if designs else ''}",
+        verdict=f"{motions} {what}.{_designed(made) if designs else ''}",
         holds=all(_holds(each) for each in made if each) if any(made) else True,
         asked=(("robot", campaign.robot), ("model", campaign.model), ("joints", joints)),
         assumed=("drives that do not move hold their own coordinate, as brakes and position control do",),
         tables=(_steps(campaign), *_designs(campaign, made), _selections(campaign)),
         commands=tuple(_design(campaign, number, step) for number, step in enumerate(campaign.steps, 1)),
     )
+
+
+def designs_of(campaign: Campaign, designs: Sequence[DesignedMotion]) -> list[DesignedMotion]:
+    """Designs of the motions of a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    designs : sequence of DesignedMotion
+    """
+    return [each for each in designs if any(_is_of(each, campaign, step) for step in campaign.steps)]
 
 
 def _is_of(design: DesignedMotion, campaign: Campaign, step: Step) -> bool:

@@ -1,4 +1,4 @@
-"""Colours of figures on a dark page, from those on white paper, as style rules: the figures themselves stay as they are.
+"""Colours of figures on a dark page, from those on white paper, as style rules; the figures stay as they are.
 
 Greys and faint tints turn their lightness round; colours that carry a meaning keep their hue, and are lightened where
 they would be too dark to read. Lightness is that of Oklab (B. Ottosson, "A perceptual color space for image
@@ -60,7 +60,7 @@ def dark(colour: str) -> str:
         Such as ``#0072b2``.
     """
     lightness, *hue = _oklab(colour)
-    chroma = float(np.hypot(*hue))
+    chroma = float(np.hypot(hue[0], hue[1]))
     if colour.lower() == "#ffffff":
         return CARD
     if chroma < _GREY or lightness > _TINT:
@@ -88,14 +88,14 @@ def _linear(colour: str) -> Array:
 
 
 def _oklab(colour: str) -> tuple[float, float, float]:
-    lightness, a, b = _TO_LAB @ np.cbrt(_TO_CONES @ _linear(colour))
+    lightness, a, b = _TO_LAB @ np.cbrt(np.asarray(_TO_CONES @ _linear(colour)))
     return float(lightness), float(a), float(b)
 
 
 def _in_gamut(lightness: float, hue: Array) -> str:
     """The colour of a lightness with as much of its chroma as a screen shows."""
     for part in np.linspace(1.0, 0.0, 41):
-        cones = np.linalg.solve(_TO_LAB, [lightness, *(part * hue)]) ** 3
+        cones = np.linalg.solve(_TO_LAB, np.array([lightness, *(part * hue)])) ** 3
         light = np.linalg.solve(_TO_CONES, cones)
         if light.min() >= -1e-4 and light.max() <= 1 + 1e-4:
             break

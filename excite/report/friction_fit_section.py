@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -68,11 +68,11 @@ def load_friction_fit(folder: Path) -> StoredFrictionFit:
 def _loaded(folder: Path) -> StoredFrictionFit:
     content = stored_content(folder / FIT, SCHEMA)
     check_files(folder, KIND, (FIT, FRICTION))
-    curves = read_friction(folder / FRICTION).curves
+    known = read_friction(folder / FRICTION).curves
     with complete(folder / FIT, "fit of friction curves"):
         for name in ("logs", "settings", "subtracted", "provenance"):
             content[name]
-        drives = tuple(_characteristic(each, curves[each["name"]]) for each in content["drives"])
+        drives = tuple(_characteristic(each, cast(FrictionCurve, known[each["name"]])) for each in content["drives"])
         if not drives:
             raise ValueError("no drive")
     return StoredFrictionFit(folder, content, drives)
@@ -136,7 +136,7 @@ def friction_fit_section(given: StoredFrictionFit | FrictionFit, prefix: str) ->
     prefix : str
         Begins the identifiers of its figures.
     """
-    stored = isinstance(given, StoredFrictionFit)
+    folder = str(given.folder) if isinstance(given, StoredFrictionFit) else "friction/this"
     content = given.content if isinstance(given, StoredFrictionFit) else fit_content(given)
     robot, drives = content["robot"], content["drives"]
 
@@ -160,8 +160,8 @@ def friction_fit_section(given: StoredFrictionFit | FrictionFit, prefix: str) ->
         notes=(*_failed(drives), *missing),
         tables=(_parameters(drives), _compared(drives), *_break_aways(drives), _points(drives)),
         figures=figures,
-        facts=facts(content["provenance"], robot=robot["name"], robot_sha256=robot["sha256"], **_hashes(content["logs"])),
-        commands=_commands(content, str(given.folder) if stored else "friction/this"),
+        facts=facts(content["provenance"], robot=robot["name"], robot_sha256=robot["sha256"], **_hashes(content)),
+        commands=_commands(content, folder),
     )  # fmt: skip
 
 
@@ -179,7 +179,8 @@ def _verdict(drives: Sequence[Mapping[str, Any]]) -> str:
     not_known = f" The points bound, but do not determine: {', '.join(held)}." if held else ""
     wide = [each["name"] for each in fitted if each["fit"]["scatter"] > 2.0]
     scatter = f" Points of {', '.join(wide)} scatter more than their noise explains." if wide else ""
-    return f"Friction of {len(drives)} drive{'s' * (len(drives) != 1)} is described: {'; '.join(words)}.{not_known}{scatter}"
+    count = f"{len(drives)} drive{'s' * (len(drives) != 1)}"
+    return f"Friction of {count} is described: {'; '.join(words)}.{not_known}{scatter}"
 
 
 def _failed(drives: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -231,8 +232,8 @@ def _compared(drives: Sequence[Mapping[str, Any]]) -> ReportTable:
 def _break_aways(drives: Sequence[Mapping[str, Any]]) -> tuple[ReportTable, ...]:
     rows = tuple(
         (
-            ReportCell(each["name"]), ReportCell("forward" if mean["direction"] > 0 else "backward"), number(mean["torque"]),
-            number(mean["interval99"]), unit(each["unit"]), number(mean["count"]),
+            ReportCell(each["name"]), ReportCell("forward" if mean["direction"] > 0 else "backward"),
+            number(mean["torque"]), number(mean["interval99"]), unit(each["unit"]), number(mean["count"]),
         )
         for each in drives for mean in each["break_away"]
     )  # fmt: skip
@@ -243,8 +244,8 @@ def _break_aways(drives: Sequence[Mapping[str, Any]]) -> tuple[ReportTable, ...]
 def _points(drives: Sequence[Mapping[str, Any]]) -> ReportTable:
     rows = tuple(
         (
-            ReportCell(each["name"]), *(number(p[name]) for name in ("speed", "torque", "deviation", "time", "duration")),
-            number(p["temperature"]),
+            ReportCell(each["name"]),
+            *(number(p[name]) for name in ("speed", "torque", "deviation", "time", "duration", "temperature")),
         )
         for each in drives for p in each["points"]
     )  # fmt: skip
@@ -252,8 +253,8 @@ def _points(drives: Sequence[Mapping[str, Any]]) -> ReportTable:
     return ReportTable("Windows of constant speed", columns, rows, name="points", folded=True)
 
 
-def _hashes(logs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    return {f"log {log['file']} sha256": log["sha256"] for log in logs}
+def _hashes(content: Mapping[str, Any]) -> dict[str, Any]:
+    return {f"log {log['file']} sha256": log["sha256"] for log in content["logs"]}
 
 
 def _commands(content: Mapping[str, Any], folder: str) -> tuple[str, ...]:

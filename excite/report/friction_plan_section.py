@@ -48,12 +48,14 @@ _SCHEDULE = {
     "percent": "speeds [% of the largest]", "rate": "samples per second [Hz]", "shortest": "windows last at least [s]",
     "longest": "windows last at most [s]", "stroke": "stroke to each side [rad or m]", "warm_up": "warm-up [s]",
     "repeats": "repeats of each speed", "creep": "creep speed [% of the largest]", "creeping": "creeping lasts [s]",
-    "breakaways": "break-away tests in each direction", "pause": "pause at rest [s]", "ramping": "ramp of torque lasts [s]",
+    "breakaways": "break-away tests in each direction", "pause": "pause at rest [s]",
+    "ramping": "ramp of torque lasts [s]",
 }  # fmt: skip
 _MOVES = 1e-9  # of a limit, that is used
 _ABOUT = (
-    "The runs of the coordinates follow each other; you move the robot from one pose to the next. Torques are not shown: "
-    "they are what is to be measured. Values between samples are interpolated; the certified extremes are in the table."
+    "The runs of the coordinates follow each other; you move the robot from one pose to the next. Torques are not "
+    "shown: they are what is to be measured. Values between samples are interpolated; the certified extremes are in "
+    "the table."
 )
 
 
@@ -79,10 +81,10 @@ def friction_plan_section(plan: StoredFrictionPlan, prefix: str, looks: Appearan
         asked=(("robot", robot.name), *_asked(content["schedule"])),
         assumed=_assumed(content),
         notes=missing,
-        tables=(_coordinates(trajectories), _limits(trajectories), *_distances(trajectories), *_ramps(trajectories), _windows(trajectories)),
+        tables=_tables(trajectories),
         figures=figures,
         motion=_motion(plan, looks),
-        facts=facts({}, robot=robot.name, robot_sha256=content["robot"]["sha256"], order=content["order"], units=content["units"]),
+        facts=facts({}, robot=robot.name, robot_sha256=robot.sha256(), order=content["order"], units=content["units"]),
         commands=_commands(plan),
     )  # fmt: skip
 
@@ -128,11 +130,16 @@ def _assumed(content: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(map(str, said))
 
 
+def _tables(trajectories: Sequence[Mapping[str, Any]]) -> tuple[ReportTable, ...]:
+    whole = _coordinates(trajectories), _limits(trajectories)
+    return (*whole, *_distances(trajectories), *_ramps(trajectories), _windows(trajectories))
+
+
 def _coordinates(trajectories: Sequence[Mapping[str, Any]]) -> ReportTable:
     rows = tuple(
         (
-            ReportCell(each["coordinate"]), ReportCell(", ".join(each["turns"])), number(each["stroke"]), unit(each["unit"]),
-            number(each["velocity"]), ReportCell(_GRAVITY.get(each["gravity"], str(each["gravity"]))),
+            ReportCell(each["coordinate"]), ReportCell(", ".join(each["turns"])), number(each["stroke"]),
+            unit(each["unit"]), number(each["velocity"]), ReportCell(_GRAVITY.get(each["gravity"], str(each["gravity"]))),
             number(each["largest_gravity"]), number(len(each["windows"])), number(each["duration"]),
             ReportCell(each["file"]),
         )
@@ -165,8 +172,10 @@ def _use(use: Mapping[str, Any]) -> tuple[ReportCell, ...]:
 
 def _distances(trajectories: Sequence[Mapping[str, Any]]) -> tuple[ReportTable, ...]:
     rows = tuple(
-        (ReportCell(each["coordinate"]), ReportCell(d["label"]), *(number(d[name]) for name in ("extreme", "bound", "margin")),
-         number(d["at"]), kept(d["holds"]))
+        (
+            ReportCell(each["coordinate"]), ReportCell(d["label"]),
+            *(number(d[name]) for name in ("extreme", "bound", "margin", "at")), kept(d["holds"]),
+        )
         for each in trajectories for d in each["distances"] or ()
     )  # fmt: skip
     columns = ("coordinate", "bodies", "least distance [m]", "clearance [m]", "margin [m]", "at position", "holds")

@@ -209,5 +209,5 @@ def logged_instants(arrays: Arrays, log: str, equations: Sequence[tuple[str, str
 
 
 def _logged(arrays: Arrays, logs: Sequence[str], equations: Sequence[tuple[str, str]], rows: Any) -> LoggedMotion:
-    motion = (arrays[name] for name in ("motion_time", "motion_log", "motion_q"))
-    return LoggedMotion(tuple(map(str, arrays["joints"])), tuple(logs), *motion, tuple(equations), rows)
+    time, log, q = (arrays[name] for name in ("motion_time", "motion_log", "motion_q"))
+    return LoggedMotion(tuple(map(str, arrays["joints"])), tuple(logs), time, log, q, tuple(equations), rows)

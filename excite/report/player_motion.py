@@ -96,7 +96,15 @@ def _nonlinear(design: Design, joints: tuple[str, ...]) -> tuple[NonlinearConstr
 
 
 def bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstraint]) -> dict[str, tuple[str, ...]]:
-    """Links whose joints a joint or a drive moves, by its name in labels."""
+    """Links whose joints a joint or a drive moves, by its name in labels.
+
+    Parameters
+    ----------
+    robot : Robot
+    joints : sequence of str
+        Columns of the limits.
+    linear : sequence of LinearConstraint
+    """
     link = {joint.name: body.name for joint, body in zip(robot.joints, robot.links, strict=True)}
     owners: dict[str, tuple[str, ...]] = {f"joint {name}": (link[name],) for name in joints}
     for limit in linear:
@@ -109,6 +117,16 @@ def bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstr
 def linear_courses(
     limit: LinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
 ) -> Iterator[LimitCourse]:
+    """Functions that are limited linearly, along a motion.
+
+    Parameters
+    ----------
+    limit : LinearConstraint
+    samples : Samples
+        Of the limit's columns.
+    bodies : mapping of str to tuple of str
+        See `bodies_of`.
+    """
     motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[limit.derivative]
     values = motion @ limit.matrix.T + limit.offset
     for k, label in enumerate(limit.labels):
@@ -120,6 +138,16 @@ def linear_courses(
 def nonlinear_courses(
     limit: NonlinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
 ) -> Iterator[LimitCourse]:
+    """Functions that are limited otherwise, along a motion.
+
+    Parameters
+    ----------
+    limit : NonlinearConstraint
+    samples : Samples
+        Of its joints.
+    bodies : mapping of str to tuple of str
+        See `bodies_of`.
+    """
     values = limit.shown(limit.values(samples))
     pairs = {pair.label: pair for pair in limit.pairs} if isinstance(limit, Clearance) else {}
     for k, label in enumerate(limit.labels):

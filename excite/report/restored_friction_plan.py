@@ -107,10 +107,13 @@ def _runs(plan: StoredFrictionPlan, content: Mapping[str, Any]) -> StoredRuns:
     q, dq = (np.column_stack([table[f"{j}.{what}"] for j in robot.joint_names]) for what in ("position", "velocity"))
     pose, line = (np.array([float(content[what][j]) for j in robot.joint_names]) for what in ("pose", "direction"))
     along = line / float(line @ line)
-    windows = tuple(
-        Window(**{key: np.nan if each[key] is None else each[key] for key in _WINDOW}) for each in content["windows"]
-    )
+    windows = tuple(_window(each) for each in content["windows"])
     return StoredRuns(content, table["time"], q, dq, (q - pose) @ along + float(content["centre"]), dq @ along, windows)
+
+
+def _window(content: Mapping[str, Any]) -> Window:
+    known: dict[str, Any] = {key: np.nan if content[key] is None else content[key] for key in _WINDOW}
+    return Window(**known)
 
 
 def _table(path: Path) -> dict[str, Array]:

@@ -158,7 +158,8 @@ def _verdict(content: Mapping[str, Any]) -> str:
         begin = "This result cannot be right; the reasons are below."
     else:
         begin = "Nothing in this result is implausible; whether it predicts other logs, a verification says."
-    return f"{begin} The intervals of {sure} of {len(parameters)} parameters do not contain zero.{fits}{_repeated(content)}"
+    count = f"{sure} of {len(parameters)}"
+    return f"{begin} The intervals of {count} parameters do not contain zero.{fits}{_repeated(content)}"
 
 
 def _repeated(content: Mapping[str, Any]) -> str:
@@ -166,8 +167,8 @@ def _repeated(content: Mapping[str, Any]) -> str:
     known = [each["coverage"] for each in (repeated or {}).get("parameters", ()) if each["coverage"] is not None]
     if not repeated or not known:
         return ""
-    share = sum(known) / len(known)
-    return f" In {repeated['count']} repetitions in simulation, {100 * share:.3g} % of the 99 % intervals contain the truth."
+    share = f"{100 * sum(known) / len(known):.3g} %"
+    return f" In {repeated['count']} repetitions in simulation, {share} of the 99 % intervals contain the truth."
 
 
 def _is_clear(parameter: Mapping[str, Any]) -> bool:
@@ -213,8 +214,8 @@ def _repetitions(content: Mapping[str, Any]) -> tuple[ReportTable, ...]:
         return ()
     rows = tuple(
         (
-            ReportCell(each["name"]), number(each["deviation"]), number(each["predicted_deviation"]), number(each["bias"]),
-            number(each["bias_error"]), unit(each["unit"]), percent(each["coverage"]),
+            ReportCell(each["name"]), number(each["deviation"]), number(each["predicted_deviation"]),
+            number(each["bias"]), number(each["bias_error"]), unit(each["unit"]), percent(each["coverage"]),
         )
         for each in repeated["parameters"]
     )  # fmt: skip

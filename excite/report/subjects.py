@@ -75,8 +75,8 @@ def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Sub
             subjects += [_of_file(path, part)] if path.suffix == ".json" else _of_folder(path, part)
         else:
             raise InputError(
-                "a report is of designs, identifications, verifications, campaigns, fits of friction curves, studies, or "
-                f"their folders; given an object of type {type(each).__name__}"
+                "a report is of designs, identifications, verifications, campaigns, fits of friction curves, studies, "
+                f"or their folders; given an object of type {type(each).__name__}"
             )
     if not subjects:
         raise InputError("a report needs the folder of a design, an identification or a verification; none is given")

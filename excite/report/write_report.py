@@ -15,7 +15,7 @@ from excite.files.stored import complete
 from excite.files.world_file import world_of
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.identification.result import IdentificationResult, StoredResult
-from excite.report.campaign_section import campaign_section
+from excite.report.campaign_section import campaign_section, designs_of
 from excite.report.comparison_section import comparison_section, parameters_section
 from excite.report.design_section import design_section
 from excite.report.friction_fit_section import StoredFrictionFit, friction_fit_section
@@ -134,8 +134,12 @@ def _check_robot(subjects: Iterable[Subject], file: str) -> None:
         raise InputError(f"`robot_file`: {file} does not describe the robot of a design or a result here: {robots}")
 
 
-def _comparisons(subjects: Iterable[Subject]) -> list[ReportSection]:
+def _comparisons(subjects: Sequence[Subject]) -> list[ReportSection]:
+    """Of several designs, without those of a campaign, which are for different parameters; of several results."""
     designs = [each for each in subjects if isinstance(each, DesignedMotion)]
+    for campaign in (each for each in subjects if isinstance(each, Campaign)):
+        own = designs_of(campaign, designs)
+        designs = [each for each in designs if each not in own]
     results = [each for each in subjects if isinstance(each, IdentificationResult)]
     sections = [comparison_section(designs)] if len(designs) > 1 else []
     return [*sections, *([parameters_section(results)] if len(results) > 1 else [])]

@@ -1,7 +1,7 @@
 // The scene of one player: it is drawn when something changed, and not otherwise.
 import {
   Box3, BufferGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, Line, LineBasicMaterial, Matrix4, Mesh,
-  CylinderGeometry, Scene, Sphere, Vector3, WebGLRenderer,
+  CylinderGeometry, Scene, Vector3, WebGLRenderer,
 } from "three";
 import { Orbit } from "./camera.js";
 import { capsule, joint, material, object, reachOf, triangles } from "./bodies.js";
@@ -71,8 +71,9 @@ export class View {
     this.grid.material.opacity = 0.35;
     this.grid.material.vertexColors = false;
     this.scene.add(this.grid);
-    const ball = space.getBoundingSphere(new Sphere());
-    this.orbit.frame(ball.center, FILL * ball.radius);
+    const centre = space.getCenter(new Vector3());
+    const far = Math.max(...all.map((point) => point.distanceTo(centre))) + Math.min(width, 4 * size);
+    this.orbit.frame(centre, FILL * far);
     return extent;
   }
 
