@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -43,8 +44,10 @@ def collada_triangles(path: Path) -> Array:
     if any(word in content for word in _DECLARATIONS) or not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         raise MeshError(f"{path}: expected COLLADA without a document type")
     try:
-        document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeError])
-        parts = [] if document.scene is None else list(_primitives(document.scene))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PendingDeprecationWarning)  # it uses numpy.matrix
+            document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeError])
+            parts = [] if document.scene is None else list(_primitives(document.scene))
     except Exception as error:  # whatever the library makes of a damaged file
         raise MeshError(f"{path}: not a mesh: {error}") from error
     corners = np.concatenate(parts) if parts else np.zeros((0, 3, 3))

@@ -83,7 +83,10 @@ def read_curves(path: Path) -> Arrays:
         if size > _LARGEST:
             raise InputError(f"{path}: expected at most {_LARGEST} bytes of arrays, given {size}")
         with np.load(content, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+            read = {name: arrays[name] for name in arrays.files}
+        if not all(isinstance(array, np.ndarray) for array in read.values()):
+            raise ValueError("a member is no array")
+        return read
     except _FAULTS as error:
         if isinstance(error, InputError):
             raise

@@ -12,6 +12,9 @@ from reported import ParsedPage
 from written_results import design, plan, result
 
 import excite
+from excite.files.friction_file import write_friction
+from excite.files.result_json import result_content
+from excite.identification.result import StoredResult
 from excite.report.campaign_section import campaign_section
 from excite.report.friction_fit_section import StoredFrictionFit, load_friction_fit
 from excite.report.page_text import page_text
@@ -21,6 +24,7 @@ from excite.report.result_section import result_section
 from excite.report.time_study_section import load_time_study
 from excite.report.write_report import report_text
 from regressors.errors import InputError
+from regressors.friction.curves import CoulombViscous, FrictionCurves
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +67,7 @@ def test_the_motion_of_a_stored_plan_is_the_planned_one(planned: Path) -> None:
     np.testing.assert_allclose(shown, known, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_fit_of_friction_curves(fit: excite.FrictionFit, tmp_path: Path) -> None:
     fit.save(tmp_path / "fit")
     stored = load_friction_fit(tmp_path / "fit")
@@ -85,6 +90,7 @@ def test_a_fit_of_friction_curves(fit: excite.FrictionFit, tmp_path: Path) -> No
     assert ["".join(e.text) for e in parsed.of("text")] == ["".join(e.text) for e in new.of("text")]
 
 
+@pytest.mark.slow
 def test_a_study(tmp_path: Path) -> None:
     study = excite.study_over_time("irp6", designs=[design("old")], points=10, repeats=2, rate=100.0)
     study.save(tmp_path / "s")
@@ -113,9 +119,6 @@ def test_repetitions() -> None:
     made = result("old")
     section = result_section(made, "s", Appearance())
     assert "repetitions" not in [table.name for table in section.tables]
-    from excite.files.result_json import result_content
-    from excite.identification.result import StoredResult
-
     content = {**result_content(made), "repetitions": {"count": 5, "seed": 3, "parameters": rows}}
     stored = StoredResult(Path("nowhere"), made.robot, made.task, made.recipe, content)
     section = result_section(stored, "s", Appearance())
@@ -126,10 +129,9 @@ def test_repetitions() -> None:
 
 def test_a_campaign_lists_its_designs(tmp_path: Path) -> None:
     campaign = excite.plan_campaign("irp6")
-    made = excite.design_trajectory(
-        "irp6", model=excite.ModelChoice(campaign.model, drives=campaign.steps[0].drives),
-        trajectory=excite.TrajectoryChoice(harmonics=2, period=2.0), search=excite.Search(starts=1, executor="serial"),
-    )  # fmt: skip
+    model = excite.ModelChoice(model=campaign.model, drives=campaign.steps[0].drives)
+    search, motion = excite.Search(starts=1, executor="serial"), excite.TrajectoryChoice(harmonics=2, period=2.0)
+    made = excite.design_trajectory(excite.Task("irp6", model=model, trajectory=motion, search=search))
     other = design("old")
     section = campaign_section(campaign, [made, other])
     assert section.verdict.endswith(" 1 of them is designed here.")
@@ -164,7 +166,7 @@ def test_entries_that_are_missing_are_named(
         },
         "study.json": {"schema": "excite.study/1", "robot": {"name": "a", "sha256": ""}, "below": 0.05},
     }
-    (tmp_path / "friction.yaml").write_text("z1: {model: coulomb-viscous, coulomb: 1.0, viscous: 1.0, offset: 0.0}\n")
+    write_friction(FrictionCurves({"z1": CoulombViscous(1.0, 1.0, 0.0)}), tmp_path / "friction.yaml")
     (tmp_path / name).write_text(json.dumps({**contents[name], **change}))
     with pytest.raises(InputError, match=message):
         report_text(tmp_path)

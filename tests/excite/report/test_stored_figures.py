@@ -1,4 +1,4 @@
-"""Figures of results in folders: drawn from their curves, as those of new results are; pictures where there are none."""
+"""Figures of results in folders: drawn from their curves, as those of new results; pictures where there are none."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ def texts(section: ReportSection) -> list[list[str]]:
     return [TEXT.findall(figure.svg) for figure in section.figures]
 
 
+@pytest.mark.slow
 def test_figures_of_a_stored_identification_are_those_of_the_new_one(folder: Path) -> None:
     stored, new = (result_section(each, "s", LOOKS) for each in (excite.load_result(folder), result("old")))
     assert texts(stored) == texts(new)
@@ -45,6 +46,7 @@ def test_figures_of_a_stored_identification_are_those_of_the_new_one(folder: Pat
     assert stored.motion == new.motion
 
 
+@pytest.mark.slow
 def test_figures_of_a_stored_verification_are_those_of_the_new_one(folder: Path) -> None:
     stored = verification_section(load_verification(folder / "verification-run.json"), "s", LOOKS)
     new = verification_section(verification("old"), "s", LOOKS)
@@ -53,6 +55,7 @@ def test_figures_of_a_stored_verification_are_those_of_the_new_one(folder: Path)
     assert stored.motion is not None
 
 
+@pytest.mark.slow
 def test_estimates_over_time_are_drawn_from_the_file(tmp_path: Path) -> None:
     made = excite.identify(
         "irp6", [excite.simulate(design("old"), rate=50.0, seed=0)], choose=False, estimator="recursive"

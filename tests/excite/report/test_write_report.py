@@ -193,7 +193,7 @@ def test_page_is_replaced_when_asked_and_only_by_a_whole_one(tmp_path: Path, fol
 )
 def test_bad_input(given: list[object], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "other.json").write_text('{"schema": "excite.study/1"}')
+    (tmp_path / "other.json").write_text('{"schema": "excite.other/1"}')
     (tmp_path / "plan.json").write_text('{"steps": [{"drives": "z1"}], "subsets": []}')
     with pytest.raises(InputError, match=re.escape(message)):
         excite.write_report(given, "page.html")
