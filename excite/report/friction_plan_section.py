@@ -139,7 +139,7 @@ def _coordinates(trajectories: Sequence[Mapping[str, Any]]) -> ReportTable:
     rows = tuple(
         (
             ReportCell(each["coordinate"]), ReportCell(", ".join(each["turns"])), number(each["stroke"]),
-            unit(each["unit"]), number(each["velocity"]), ReportCell(_GRAVITY.get(each["gravity"], str(each["gravity"]))),
+            unit(each["unit"]), number(each["velocity"]), ReportCell(_GRAVITY.get(each["gravity"], each["gravity"])),
             number(each["largest_gravity"]), number(len(each["windows"])), number(each["duration"]),
             ReportCell(each["file"]),
         )

@@ -117,10 +117,8 @@ def test_the_view_is_drawn_before_the_page_counts_as_loaded(page: Page, path: Pa
 
 def test_measured_motion_plays_with_its_torques(page: Page) -> None:
     page.value("exciteReport.players[1].seek(0.5)")
-    heads = page.value(
-        "[...document.querySelectorAll('.meters')[1].querySelectorAll('thead th')].map((e) => e.textContent)"
-    )
-    assert heads[1:] == ["position", "velocity", "measured", "predicted"]
+    heads = page.value("[...document.querySelectorAll('.meters')[1].tHead.rows[0].cells].map((e) => e.textContent)")
+    assert heads[1:] == ["position", "velocity", "measured", "predicted", "distance"]
     before = page.value("exciteReport.players[1].pose()")
     page.value("exciteReport.players[1].seek(1.1)")
     assert page.value("exciteReport.players[1].pose()") != before
@@ -151,7 +149,9 @@ def test_figures_are_dark_on_dark_screens_and_white_on_paper(page: Page) -> None
 def test_tables_sort_by_keys(page: Page) -> None:
     values = "[...document.querySelectorAll('[data-table=parameters] tbody tr')].map((r) => +r.cells[1].dataset.value)"
     page.value("document.querySelectorAll('[data-table=parameters] thead th button')[1].focus()")
-    page.press("Enter")
+    enter = {"key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13}
+    page.call("Input.dispatchKeyEvent", type="keyDown", text="\r", **enter)
+    page.call("Input.dispatchKeyEvent", type="keyUp", **enter)
     assert page.value(values) == sorted(result("old").estimate.values.tolist())
 
 

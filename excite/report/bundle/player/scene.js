@@ -153,6 +153,18 @@ export class View {
     requestAnimationFrame(() => this.draw());
   }
 
+  // A copy in place of the canvas, whose last frame on the screen would be printed otherwise.
+  copy() {
+    const { width, height } = this.canvas;
+    this.printed = Object.assign(document.createElement("canvas"), { width, height });
+    this.printed.getContext("2d").drawImage(this.canvas, 0, 0);
+    this.canvas.replaceWith(this.printed);
+  }
+
+  uncopy() {
+    this.printed?.replaceWith(this.canvas);
+  }
+
   draw() {
     this.asked = false;
     this.renderer.render(this.scene, this.orbit.camera);
