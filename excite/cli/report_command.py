@@ -25,8 +25,8 @@ Examples:
 \b
 The page has, for each result: the verdict in words; what was asked; what was assumed and not checked; parameters with
 their intervals, conditions under each convention and margins of the limits, in tables that sort when a heading is
-pressed; figures; provenance, and the commands that repeat it. Planned and measured motions play in 3D: space plays and pauses,
-comma and full stop step, arrow keys turn the view, plus and minus zoom. The robot is drawn by the meshes of
+pressed; figures; provenance, and the commands that repeat it. Planned and measured motions play in 3D: space plays and
+pauses, comma and full stop step, arrow keys turn the view, plus and minus zoom. The robot is drawn by the meshes of
 --robot-file, else by the capsules of its world file or URDF, else by lines through the frames of its joints.
 Several designs, or several identifications, are compared.
 
