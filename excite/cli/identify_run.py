@@ -17,6 +17,7 @@ from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark
 from excite.cli.summary import show
 from excite.files.figure_names import figure_names
+from excite.files.result_curves import CURVES
 from excite.files.result_json import FIGURES, REPETITIONS, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.registry import CHOSEN, is_own
@@ -56,7 +57,7 @@ def identify_and_write(
     tell("reading the logs")
     with result_folder(out):
         figures: FigureChoice = given["figures"]
-        check_free(out, figure_names(FIGURES, figures.formats), replace=given["force"])
+        check_free(out, (*figure_names(FIGURES, figures.formats), CURVES), replace=given["force"])
         with one_interrupt() as interruption:
             result = _identified(name, paths, typed, of_recipe, given)
             interruption.ignore()

@@ -1,4 +1,4 @@
-"""``excite report``: one HTML page on designs, campaigns, identifications and verifications."""
+"""``excite report``: one HTML page on designs, campaigns, identifications, verifications, friction and studies."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ Examples:
   excite report designs/short designs/long --out which.html                  compared by the same metrics
   excite report designs/irp6 results/irp6 --out experiment.html              with the verifications in results/irp6
   excite plan irp6 --json > plan.json; excite report plan.json --out plan.html
+  excite report plans/friction friction/irp6 --out friction.html             runs to measure friction, fitted curves
 
 \b
 The page has, for each result: the verdict in words; what was asked; what was assumed and not checked; parameters with
 their intervals, conditions under each convention and margins of the limits, in tables that sort when a heading is
-pressed; figures; provenance, and the commands that repeat it. A design's motion plays in 3D: space plays and pauses,
-comma and full stop step, arrow keys turn the view, plus and minus zoom. The robot is drawn by the meshes of
+pressed; figures; provenance, and the commands that repeat it. Planned and measured motions play in 3D: space plays and
+pauses, comma and full stop step, arrow keys turn the view, plus and minus zoom. The robot is drawn by the meshes of
 --robot-file, else by the capsules of its world file or URDF, else by lines through the frames of its joints.
 Several designs, or several identifications, are compared.
 
 \b
-The page is one file that needs no network: mail it, or open it from a disk in any browser of today. Figures of an
-identification that need its logs are those that 'excite identify' has drawn.
+The page is one file that needs no network: mail it, or open it from a disk in any browser of today.
 Exit status 0: written; 2: bad input, and an older page stays.""",
 )
 @click.argument("paths", nargs=-1, required=True, type=Folder(), metavar="DIR...")
@@ -44,7 +44,7 @@ Exit status 0: written; 2: bad input, and an older page stays.""",
     "--robot-file",
     type=click.Path(path_type=Path),
     metavar="FILE.urdf",
-    help="URDF of the robot, whose meshes (STL or OBJ) the player shows.",
+    help="URDF of the robot, whose meshes (STL, OBJ, DAE) the player shows.",
 )
 @own_parts
 @click.option("--force", is_flag=True, help="Replace a page that is already there.")
@@ -55,7 +55,7 @@ def command(
     parts: tuple[str, ...],
     force: bool,
 ) -> None:
-    """Write one HTML page on what is in each DIR: designs, identifications, verifications; or in their JSON files."""
+    """Write one HTML page on what is in each DIR: designs, results, friction, studies; or in JSON files."""
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import Summary, show

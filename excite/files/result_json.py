@@ -1,4 +1,4 @@
-"""``result.json``: an identification with its inputs and settings, written and read."""
+"""``result.json``: an identification with its inputs and settings, written and read; beside it what figures draw."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from excite.files.between_logs_json import between_logs_content
+from excite.files.curves_file import write_curves
 from excite.files.figure_names import figure_names
 from excite.files.friction_file import friction_of, friction_text, read_friction
+from excite.files.result_curves import CURVES, result_curves
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.stored_task import stored_task
 from excite.files.task_file import stored_part, task_content
@@ -40,7 +42,7 @@ FIGURES = ("torques", "residuals", "parameters", "estimates", REPETITIONS)
 
 
 def save_result(result: Identification, folder: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write ``result.json`` into a folder, which is created if it does not exist.
+    """Write ``result.json``, and what its figures draw, into a folder, which is created if it does not exist.
 
     Parameters
     ----------
@@ -61,11 +63,12 @@ def save_result(result: Identification, folder: str | Path, *, replace: bool = F
     """
     folder = Path(folder)
     with result_folder(folder) as run:
-        check_free(folder, replace=replace)
+        check_free(folder, (CURVES,), replace=replace)
         older = figure_names(FIGURES) if (folder / RESULT).exists() else ()
         with replace_result(folder, KIND, run=run, older=older) as staged:
+            write_curves(staged / CURVES, result_curves(result))
             write_json(staged / RESULT, result_content(result))
-    return [folder / RESULT]
+    return [folder / RESULT, folder / CURVES]
 
 
 def amend_content(folder: Path, content: dict[str, Any]) -> None:

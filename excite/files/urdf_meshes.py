@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from excite.files.collada_mesh import collada_triangles
 from excite.files.mesh import MeshError, mesh_triangles
 from excite.files.urdf_shapes import carried_links, mesh_file, numbers_of, placed_shape
 from regressors.errors import InputError
@@ -33,10 +33,23 @@ class LinkMesh:
     triangles: Array
 
 
-def urdf_meshes(path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True) -> tuple[LinkMesh, ...]:
-    """Meshes of the links and of what is fixed to them: of ``<visual>`` where these can be read, else ``<collision>``.
+@dataclass(frozen=True, eq=False)
+class UrdfMeshes:
+    """Meshes of a robot.
 
-    Files that are missing, or in a format without a reader, are left out.
+    Parameters
+    ----------
+    meshes : tuple of LinkMesh
+    left_out : tuple of str
+        Files that are missing, damaged, or in a format without a reader, and why.
+    """
+
+    meshes: tuple[LinkMesh, ...]
+    left_out: tuple[str, ...]
+
+
+def urdf_meshes(path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True) -> UrdfMeshes:
+    """Meshes of the links and of what is fixed to them: of ``<visual>`` where these can be read, else ``<collision>``.
 
     Parameters
     ----------
@@ -58,22 +71,27 @@ def urdf_meshes(path: Path, robot: Robot, base: str | None = None, *, snap_angle
         content = read_bytes(path)
     except OSError as error:
         raise InputError(f"cannot read the URDF file {str(path)!r}: {error.strerror}") from error
-    meshes: list[LinkMesh] = []
+    meshes, left_out = list[LinkMesh](), dict[str, None]()
     for carrier, link, pose in carried_links(content, path, robot, base, snap_angles=snap_angles):
-        seen = [_triangles(each, path) for each in link.below("visual")]
-        found = [each for each in seen if each is not None]
-        if not found:
-            found = [each for each in (_triangles(each, path) for each in link.below("collision")) if each is not None]
-        meshes += [LinkMesh(carrier, triangles @ pose[:3, :3].T + pose[:3, 3]) for triangles in found]
-    return tuple(meshes)
+        for tag in ("visual", "collision"):
+            found = [
+                each for each in (_triangles(each, path, left_out) for each in link.below(tag)) if each is not None
+            ]
+            meshes += [LinkMesh(carrier, triangles @ pose[:3, :3].T + pose[:3, 3]) for triangles in found]
+            if found:
+                break
+    return UrdfMeshes(tuple(meshes), tuple(left_out))
 
 
-def _triangles(element: XmlElement, path: Path) -> Array | None:
-    """Triangles in the link's frame; None of a shape that is no mesh, or one that cannot be read."""
-    with suppress(MeshError, InputError, KeyError, ValueError):
+def _triangles(element: XmlElement, path: Path, left_out: dict[str, None]) -> Array | None:
+    """Triangles in the link's frame; None of a shape that is no mesh, or one that cannot be read, which is noted."""
+    try:
         shape, place = placed_shape(element)
         if shape.tag == "mesh":
-            corners = mesh_triangles(mesh_file(shape.attributes["filename"], path))
-            scaled = corners * numbers_of(shape, "scale", "1 1 1")
+            file = mesh_file(shape.attributes["filename"], path)
+            read = collada_triangles if file.suffix.lower() == ".dae" else mesh_triangles
+            scaled = read(file) * numbers_of(shape, "scale", "1 1 1")
             return np.asarray(scaled @ place[:3, :3].T + place[:3, 3])
+    except (MeshError, InputError, KeyError, ValueError) as error:
+        left_out[str(error)] = None
     return None

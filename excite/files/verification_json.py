@@ -7,7 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from excite.files.curves_file import write_curves
 from excite.files.figure_names import figure_names
+from excite.files.verification_curves import CURVES, verification_curves
 from excite.simulation.replay import Replay
 from excite.storage.atomic import read_json, write_json
 from excite.storage.manifest import read_manifest
@@ -46,8 +48,9 @@ def save_verification(verification: Verification, folder: str | Path, *, name: s
         check_replaceable(folder, stem)
         older = figure_names(f"{stem}_{part}" for part in _FIGURES) if (folder / file).exists() else []
         with replace_result(folder, stem, run=run, older=older) as staged:
+            write_curves(staged / f"{stem}{CURVES}", verification_curves(verification))
             write_json(staged / file, verification_content(verification))
-    return [folder / file]
+    return [folder / file, folder / f"{stem}{CURVES}"]
 
 
 def check_replaceable(folder: Path, stem: str) -> None:

@@ -9,12 +9,12 @@ from xml.etree import ElementTree
 
 import matplotlib
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from excite.plots.style import DPI, literal
 from regressors.quoting import printable
 
 LARGE = 300_000  # characters; longer ones have their curves as a picture
+_PIXELS = 1.35  # of a page, per point of a figure
 FONTS = "DejaVu Sans, Verdana, Arial, sans-serif"
 _FONT = re.compile(r"(?P<style>italic |oblique )?(?P<weight>bold |\d{3} )?(?P<size>[\d.]+)px (?P<family>.+)", re.DOTALL)
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
@@ -39,8 +39,9 @@ def svg_text(figure: Figure, prefix: str, label: str) -> str:
     literal(figure)
     text = _drawn(figure)
     if len(text) > LARGE:
-        for line in figure.findobj(Line2D):
-            line.set_rasterized(True)
+        for ax in figure.axes:  # not those of legends, which matplotlib would misplace
+            for line in ax.lines:
+                line.set_rasterized(True)
         text = _drawn(figure)
     return _element(text, prefix, label)
 
@@ -67,6 +68,7 @@ def _element(text: str, prefix: str, label: str) -> str:
         element.tail = None
     for name in ("width", "height", "version"):
         root.attrib.pop(name, None)
+    root.set("width", f"{_PIXELS * float(root.attrib['viewBox'].split()[2]):.0f}")
     root.attrib |= {"role": "img", "aria-label": printable(label), "font-family": FONTS}
     root.attrib |= {"stroke-linejoin": "round", "stroke-linecap": "butt"}  # of all elements, as in the style left out
     return ElementTree.tostring(root, encoding="unicode", short_empty_elements=False)

@@ -64,7 +64,9 @@ def design_section(design: DesignedMotion, prefix: str, robot_file: str | None =
     motion = None
     if whole is not None:
         figures, missing = drawn(_figures(whole), prefix)
-        motion = player_motion(whole, robot_file if robot_file is not None and matches(whole, robot_file) else None)
+        motion = player_motion(
+            whole, robot_file if robot_file is not None and matches(whole.robot, whole.task, robot_file) else None
+        )
     unchecked = tuple(f"not checked: {each}" for each in design.unchecked)
     return ReportSection(
         kind="design",

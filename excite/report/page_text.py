@@ -12,6 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from excite.report.dark_colours import dark_rules
 from excite.report.sections import ReportSection
 from regressors.quoting import printable
 
@@ -32,7 +33,7 @@ def page_text(sections: Sequence[ReportSection]) -> str:
     """
     moves = any(section.motion is not None for section in sections)
     scripts = [_asset("tables.js"), *([_asset("player.min.js")] if moves else [])]
-    style = _asset("style.css")
+    style = _asset("style.css") + dark_rules(figure.svg for section in sections for figure in section.figures)
     page: str = _template().render(
         sections=sections,
         motions=[None if each.motion is None else _data(each.motion) for each in sections],

@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part
-from excite.design.design import Design
-from excite.design.designed_motion import DesignedMotion
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
 from excite.files.urdf_meshes import urdf_meshes
 from excite.report.decimation import decimated
+from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.readers.urdf import read_urdf
 from regressors.robot.robot import Robot
 
 
 def player_shapes(
-    design: Design, robot: Robot, number: Mapping[str, int], robot_file: str | None = None
+    robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None = None
 ) -> dict[str, Any]:
-    """Entries ``meshes``, ``capsules``, ``objects`` and ``drawn_as`` of the player's data.
+    """Entries ``meshes``, ``capsules``, ``objects``, ``drawn_as`` and ``left_out`` of the player's data.
 
     Parameters
     ----------
-    design : Design
     robot : Robot
+    task : Task
+        Names objects.
+    shape : World, optional
+        Shape of the robot, where the task has no world.
     number : mapping of str to int
         Number of each body in the player.
     robot_file : str, optional
@@ -37,50 +39,61 @@ def player_shapes(
     InputError
         The URDF cannot be read.
     """
-    world = design.task.limits.known_world
-    shape = world if world is not None else design.shape
-    meshes = [] if robot_file is None else _meshes(design, robot_file, number)
-    parts = () if shape is None or meshes else shape.parts
+    world = task.limits.known_world
+    known = world if world is not None else shape
+    meshes, reasons = ([], ()) if robot_file is None else _meshes(robot, task, robot_file, number)
+    parts = () if known is None or meshes else known.parts
     drawn = "meshes of its URDF" if meshes else "capsules" if parts else "lines through the frames of its joints"
     return {
         "meshes": meshes,
         "capsules": [_part(part, number) for part in parts if part.link in number],
         "objects": [_object(each) for each in (() if world is None else world.obstacles)],
         "drawn_as": drawn,
+        "left_out": _left_out(reasons),
     }
 
 
-def matches(design: DesignedMotion, robot_file: str) -> bool:
-    """True if a URDF describes the robot of a design.
+def matches(robot: Robot, task: Task, robot_file: str) -> bool:
+    """True if a URDF describes the robot of a task.
 
     Raises
     ------
     InputError
         It cannot be read.
     """
-    task = design.task
     try:
         read = read_urdf(robot_file, base=task.base_link, tip=task.tip, snap_angles=task.snap_angles)
     except InputError:
         if Path(robot_file).is_file():
             return False  # a URDF without this chain
         raise
-    places = [[(joint.name, joint.kind) for joint in each.joints] for each in (read, design.robot)]
+    places = [[(joint.name, joint.kind) for joint in each.joints] for each in (read, robot)]
     return places[0] == places[1] and all(
         np.allclose(a.rotation, b.rotation) and np.allclose(a.translation, b.translation)
-        for a, b in zip(read.joints, design.robot.joints, strict=True)
+        for a, b in zip(read.joints, robot.joints, strict=True)
     )
 
 
-def _meshes(design: Design, robot_file: str, number: Mapping[str, int]) -> list[dict[str, Any]]:
-    task = design.task
-    read = urdf_meshes(Path(robot_file), design.robot, task.base_link, snap_angles=task.snap_angles)
-    together = {name: [each.triangles for each in read if each.link == name] for name in number}
-    return [
+def _meshes(
+    robot: Robot, task: Task, robot_file: str, number: Mapping[str, int]
+) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
+    """Meshes of few triangles, and what is said of files that are left out."""
+    read = urdf_meshes(Path(robot_file), robot, task.base_link, snap_angles=task.snap_angles)
+    together = {name: [each.triangles for each in read.meshes if each.link == name] for name in number}
+    meshes = [
         {"body": number[name], **decimated(np.concatenate(triangles)).to_dict()}
         for name, triangles in together.items()
         if triangles
     ]
+    return meshes, read.left_out
+
+
+def _left_out(reasons: Sequence[str]) -> str:
+    """A sentence on files that are not shown."""
+    if not reasons:
+        return ""
+    more = f"; and {len(reasons) - 1} more" if len(reasons) > 1 else ""
+    return f"Some meshes of its URDF are not shown: {reasons[0]}{more}."
 
 
 def _part(part: Part, number: Mapping[str, int]) -> dict[str, Any]:

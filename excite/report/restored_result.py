@@ -1,13 +1,15 @@
-"""The parameters of an identification read from its folder, for their figure."""
+"""An identification read from its folder, with what its figures draw."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from excite.files.curves_file import Arrays
 from excite.identification.estimate import Estimate
+from excite.identification.observations import Observations
 from excite.identification.prediction import instantaneous_target
 from excite.identification.reference_values import ReferenceValues
 from excite.identification.result import StoredResult
@@ -64,6 +66,71 @@ def stored_estimate(result: StoredResult) -> StoredEstimate:
     return StoredEstimate(
         result.robot, instantaneous_target(result.robot, result.task, result.recipe), estimate, reference
     )
+
+
+@dataclass(frozen=True, eq=False)
+class StoredFit:
+    """What the figures of torques and residuals show of an identification.
+
+    Parameters
+    ----------
+    robot : Robot
+    observations : Observations
+        Equations in one parameter, of value 1, whose column is the prediction.
+    estimate : Estimate
+        Of that parameter.
+    """
+
+    robot: Robot
+    observations: Observations
+    estimate: Estimate
+
+
+def stored_fit(result: StoredResult, arrays: Arrays) -> StoredFit:
+    """Measured and predicted values of a result.
+
+    Parameters
+    ----------
+    result : StoredResult
+    arrays : dict
+        See `excite.files.result_curves`.
+    """
+    content = result.content
+    observations = Observations(
+        W=arrays["predicted"].astype(float)[:, None],
+        y=arrays["measured"].astype(float),
+        names=("prediction",),
+        units=("",),
+        equation=arrays["equation"].astype(np.intp),
+        equations=tuple((str(name), str(unit)) for name, unit in content["equations"]),
+        log=arrays["log"].astype(np.intp),
+        logs=tuple(str(log["file"]) for log in content["logs"]),
+        time=arrays["time"],
+    )
+    shape = len(observations.logs), len(observations.equations)
+    estimate = Estimate(
+        method=str(content["estimator"]),
+        names=observations.names,
+        units=observations.units,
+        values=np.ones(1),
+        covariance=np.zeros((1, 1)),
+        noise=np.zeros(shape),
+        degrees_of_freedom=content["degrees_of_freedom"],
+    )
+    return StoredFit(result.robot, observations, estimate)
+
+
+def with_history(stored: StoredEstimate, arrays: Arrays) -> StoredEstimate:
+    """The estimate with its values over time, of the recursive method.
+
+    Parameters
+    ----------
+    stored : StoredEstimate
+    arrays : dict
+        See `excite.files.result_curves`.
+    """
+    history = arrays["history_time"], arrays["history"].astype(float)
+    return replace(stored, estimate=replace(stored.estimate, history=history))
 
 
 def _known(value: Any, unknown: float = np.nan) -> float:

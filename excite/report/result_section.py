@@ -6,14 +6,17 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
+from excite.files.curves_file import Arrays
+from excite.files.result_curves import CURVES, read_result_curves, result_curves
 from excite.files.result_json import KIND, result_content
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result import IdentificationResult, StoredResult
 from excite.report.drawings import drawn, no_pictures, pictures
 from excite.report.identify_commands import commands_of
+from excite.report.player_log import Appearance, logged_rows, played
 from excite.report.provenance_facts import facts
-from excite.report.restored_result import stored_estimate
+from excite.report.restored_result import stored_estimate, stored_fit, with_history
 from excite.report.sections import (
     ReportCell,
     ReportFigure,
@@ -25,6 +28,7 @@ from excite.report.sections import (
     text_of,
     unit,
 )
+from excite.report.stored_curves import stored_curves
 from excite.report.task_text import asked
 
 if TYPE_CHECKING:
@@ -39,7 +43,7 @@ _TITLES = {
 }
 
 
-def result_section(result: IdentificationResult, prefix: str) -> ReportSection:
+def result_section(result: IdentificationResult, prefix: str, looks: Appearance) -> ReportSection:
     """Everything that a page says of an identification.
 
     Parameters
@@ -47,9 +51,17 @@ def result_section(result: IdentificationResult, prefix: str) -> ReportSection:
     result : Identification or StoredResult
     prefix : str
         Begins the identifiers of its figures.
+    looks : Appearance
+        Of the robot, in the player.
     """
     content = result.content if isinstance(result, StoredResult) else result_content(cast(Identification, result))
-    figures, missing = _figures(result, prefix)
+    arrays, unknown = _curves(result, content)
+    figures, missing = _figures(result, arrays, prefix)
+    motion: Mapping[str, Any] | None = None
+    unseen: tuple[str, ...] = ()
+    if arrays is not None:
+        files, equations = [log["file"] for log in content["logs"]], [tuple(each) for each in content["equations"]]
+        motion, unseen = played(logged_rows(arrays, files, equations), result.robot, result.task, looks)
     doubts = tuple(_sentence(each) for each in (*content["doubts"], *content.get("warnings", ())))
     scope = (content["interval_scope"],) if content.get("interval_scope") else ()
     logs = tuple(f"{log['file']}: {note}" for log in content["logs"] for note in log["notes"])
@@ -60,9 +72,16 @@ def result_section(result: IdentificationResult, prefix: str) -> ReportSection:
         holds=False if content["doubts"] else None,
         asked=(*asked(content["task"], ("robot", "model")), *_recipe(content["recipe"])),
         assumed=(*scope, *content["notes"], *logs),
-        notes=(*doubts, *missing),
-        tables=(_parameters(content), *_standard(content), _residuals(content), _conditions(content)),
+        notes=(*doubts, *unknown, *unseen, *missing),
+        tables=(
+            _parameters(content),
+            *_standard(content),
+            *_repetitions(content),
+            _residuals(content),
+            _conditions(content),
+        ),
         figures=figures,
+        motion=motion,
         facts=facts(content["provenance"], robot=content["robot"]["name"], **_hashes(content)),
         commands=commands_of(content, str(result.folder or "results/this")),
     )
@@ -73,11 +92,25 @@ def _sentence(doubt: Mapping[str, Any]) -> str:
     return " ".join(text_of(value) for value in doubt.values() if isinstance(value, str) and " " in value)
 
 
-def _figures(result: IdentificationResult, prefix: str) -> tuple[tuple[ReportFigure, ...], tuple[str, ...]]:
-    """New results are drawn; of one in a folder the parameters are, the rest is as it was written."""
+def _curves(result: IdentificationResult, content: Mapping[str, Any]) -> tuple[Arrays | None, tuple[str, ...]]:
+    """What its figures draw; None and a sentence where its folder has no such file."""
+    if isinstance(result, Identification):
+        return result_curves(result), ()
+    assert isinstance(result, StoredResult)
+    counts = len(content["logs"]), len(content["equations"])
+    arrays, note = stored_curves(result.folder, KIND, CURVES, lambda path: read_result_curves(path, *counts))
+    return arrays, (note,) if note else ()
+
+
+def _figures(
+    result: IdentificationResult, arrays: Arrays | None, prefix: str
+) -> tuple[tuple[ReportFigure, ...], tuple[str, ...]]:
+    """All of them drawn; of an older result in a folder the parameters are, the rest is as it was written."""
     if isinstance(result, Identification):
         return drawn(_new(result), prefix)
     assert isinstance(result, StoredResult)
+    if arrays is not None:
+        return drawn(_restored(result, arrays), prefix)
     figures, missing = drawn({_PARAMETERS: lambda: _stored_parameters(result)}, prefix)
     left_out = no_pictures(result.folder, KIND, _TITLES)
     return (*figures, *pictures(result.folder, KIND, _TITLES)), (*missing, *left_out)
@@ -88,6 +121,21 @@ def _stored_parameters(result: StoredResult) -> Figure:
 
     known = stored_estimate(result)
     return parameters_figure(cast(Identification, known), known.reference)
+
+
+def _restored(result: StoredResult, arrays: Arrays) -> dict[str, Callable[[], Figure]]:
+    from excite.plots import estimates_figure, residuals_figure, torques_figure
+
+    fit = cast(Identification, stored_fit(result, arrays))
+    figures: dict[str, Callable[[], Figure]] = {
+        _PARAMETERS: lambda: _stored_parameters(result),
+        _TITLES["torques.png"]: partial(torques_figure, fit),
+        _TITLES["residuals.png"]: partial(residuals_figure, fit),
+    }
+    if "history" in arrays:
+        known = with_history(stored_estimate(result), arrays)
+        figures[_TITLES["estimates.png"]] = partial(estimates_figure, cast(Identification, known), known.reference)
+    return figures
 
 
 def _new(result: Identification) -> dict[str, Callable[[], Figure]]:
@@ -112,7 +160,17 @@ def _verdict(content: Mapping[str, Any]) -> str:
         begin = "This result cannot be right; the reasons are below."
     else:
         begin = "Nothing in this result is implausible; whether it predicts other logs, a verification says."
-    return f"{begin} The intervals of {sure} of {len(parameters)} parameters do not contain zero.{fits}"
+    count = f"{sure} of {len(parameters)}"
+    return f"{begin} The intervals of {count} parameters do not contain zero.{fits}{_repeated(content)}"
+
+
+def _repeated(content: Mapping[str, Any]) -> str:
+    repeated = content.get("repetitions")
+    known = [each["coverage"] for each in (repeated or {}).get("parameters", ()) if each["coverage"] is not None]
+    if not repeated or not known:
+        return ""
+    share = f"{100 * sum(known) / len(known):.3g} %"
+    return f" In {repeated['count']} repetitions in simulation, {share} of the 99 % intervals contain the truth."
 
 
 def _is_clear(parameter: Mapping[str, Any]) -> bool:
@@ -149,6 +207,24 @@ def _standard(content: Mapping[str, Any]) -> tuple[ReportTable, ...]:
     known = dict(content["standard"])
     rows = tuple((ReportCell(name), number(value)) for name, value in known.items())
     return (ReportTable("Standard parameters, SI", ("parameter", "value"), rows, name="standard"),) if rows else ()
+
+
+def _repetitions(content: Mapping[str, Any]) -> tuple[ReportTable, ...]:
+    """Repetitions of the experiment in simulation, where they were asked for."""
+    repeated = content.get("repetitions")
+    if not repeated:
+        return ()
+    rows = tuple(
+        (
+            ReportCell(each["name"]), number(each["deviation"]), number(each["predicted_deviation"]),
+            number(each["bias"]), number(each["bias_error"]), unit(each["unit"]), percent(each["coverage"]),
+        )
+        for each in repeated["parameters"]
+    )  # fmt: skip
+    columns = ("parameter", "scatter", "predicted", "bias", "its deviation", "unit", "truth in its 99 % interval")
+    note = f"Seed {repeated['seed']}; the scatter is what the predicted standard deviation claims to be."
+    title = f"{repeated['count']} repetitions of the experiment in simulation"
+    return (ReportTable(title, columns, rows, note, "repetitions"),)
 
 
 def _residuals(content: Mapping[str, Any]) -> ReportTable:

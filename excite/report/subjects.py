@@ -5,24 +5,47 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from excite.design.campaign import Campaign
 from excite.design.designed_motion import DesignedMotion
-from excite.files import design_folder, result_json, verification_json
+from excite.files import (
+    design_folder,
+    friction_fit_file,
+    friction_plan_folder,
+    result_json,
+    time_study_json,
+    verification_json,
+)
 from excite.files.design_json import load_design
 from excite.files.result_json import load_result
+from excite.friction.fit.friction_fit import FrictionFit
 from excite.identification.result import IdentificationResult
 from excite.report.campaign_section import campaign_of
+from excite.report.friction_fit_section import StoredFrictionFit, load_friction_fit
+from excite.report.restored_friction_plan import StoredFrictionPlan, load_friction_plan
+from excite.report.time_study_section import StoredTimeStudy, load_time_study
 from excite.report.verification_section import StoredVerification, load_verification
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
+from excite.timecourse.time_study import TimeStudy
 from excite.verification.verification import Verification
 from regressors.errors import InputError
 
-Subject = DesignedMotion | IdentificationResult | StoredVerification | Verification | Campaign
-_KINDS = (DesignedMotion, IdentificationResult, StoredVerification, Verification, Campaign)
+Subject = (
+    DesignedMotion
+    | IdentificationResult
+    | StoredVerification
+    | Verification
+    | Campaign
+    | StoredFrictionPlan
+    | StoredFrictionFit
+    | FrictionFit
+    | StoredTimeStudy
+    | TimeStudy
+)
+_KINDS = get_args(Subject)
 _VERIFICATIONS = "verification*.json"
 
 
@@ -32,8 +55,9 @@ def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Sub
     Parameters
     ----------
     given : iterable
-        Designs, identifications, verifications, campaigns, folders, or files: ``design.json``, ``result.json``,
-        ``verification-LOG.json``, and what ``excite plan --json`` prints.
+        Designs, identifications, verifications, campaigns, fits of friction curves, studies, folders, or files:
+        ``design.json``, ``result.json``, ``verification-LOG.json``, ``plan.json`` and ``fit.json`` of friction,
+        ``study.json``, and what ``excite plan --json`` prints.
     part : collection of str
         User-defined parts, as ``module:Name``, that may be imported where a file names them.
 
@@ -51,8 +75,8 @@ def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Sub
             subjects += [_of_file(path, part)] if path.suffix == ".json" else _of_folder(path, part)
         else:
             raise InputError(
-                "a report is of designs, identifications, verifications, campaigns, or their folders; given an object "
-                f"of type {type(each).__name__}"
+                "a report is of designs, identifications, verifications, campaigns, fits of friction curves, studies, "
+                f"or their folders; given an object of type {type(each).__name__}"
             )
     if not subjects:
         raise InputError("a report needs the folder of a design, an identification or a verification; none is given")
@@ -66,15 +90,29 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
     readers: dict[str, Callable[[Path], Subject]] = {
         design_folder.DESIGN: partial(load_design, part=part),
         result_json.RESULT: partial(load_result, part=part),
+        friction_plan_folder.PLAN: load_friction_plan,
+        friction_fit_file.FIT: load_friction_fit,
+        time_study_json.NAME: lambda place: load_time_study(place / time_study_json.NAME),
     }
-    found = [read(folder) for name, read in readers.items() if (folder / name).exists()]
+    found = [read(folder) for name, read in readers.items() if _is_own(folder / name)]
     found += [load_verification(path) for path in sorted(folder.glob(_VERIFICATIONS)) if _is_verification(path)]
     if not found:
         raise InputError(
             f"{folder} holds neither a design ({design_folder.DESIGN}), nor an identification ({result_json.RESULT}), "
-            "nor a verification (verification-LOG.json)"
+            "nor a verification (verification-LOG.json), nor a friction plan (plan.json), a fit of friction curves "
+            "(fit.json) or a study (study.json)"
         )
     return found
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a file is there; of a name that others have too, whether it is ours."""
+    schemas = {
+        friction_plan_folder.PLAN: friction_plan_folder.SCHEMA,
+        friction_fit_file.FIT: friction_fit_file.SCHEMA,
+        time_study_json.NAME: time_study_json.SCHEMA,
+    }
+    return path.exists() and (path.name not in schemas or read_json(path).get("schema") == schemas[path.name])
 
 
 def _is_verification(path: Path) -> bool:
@@ -91,9 +129,15 @@ def _of_file(path: Path, part: Collection[str]) -> Subject:
         return load_result(path, part)
     if schema == verification_json.SCHEMA:
         return load_verification(path)
+    if schema == friction_plan_folder.SCHEMA:
+        return load_friction_plan(path.parent)
+    if schema == friction_fit_file.SCHEMA:
+        return load_friction_fit(path.parent)
+    if schema == time_study_json.SCHEMA:
+        return load_time_study(path)
     if schema is None and {"steps", "subsets"} <= set(content):
         return campaign_of(content, path)
     raise InputError(
-        f"{path}: expected a design, an identification, a verification, or a campaign of `plan_campaign`, given "
-        f"schema {schema!r}"
+        f"{path}: expected a design, an identification, a verification, a friction plan, a fit of friction curves, a "
+        f"study, or a campaign of `plan_campaign`, given schema {schema!r}"
     )

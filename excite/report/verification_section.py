@@ -4,20 +4,29 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from excite.files.result_json import load_result
 from excite.files.stored import complete, stored_content
+from excite.files.verification_curves import CURVES, read_verification_curves, verification_curves
 from excite.files.verification_json import SCHEMA, verification_content
+from excite.identification.result import StoredResult
 from excite.report.drawings import drawn, no_pictures, pictures
+from excite.report.player_log import Appearance, logged_instants, played
 from excite.report.provenance_facts import facts
+from excite.report.restored_verification import restored_verification
 from excite.report.sections import ReportCell, ReportFigure, ReportSection, ReportTable, number, percent, unit
+from excite.report.stored_curves import stored_curves
 from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
 from excite.storage.manifest import check_files
+from excite.tasks.stored_files import StoredRobot
+from excite.tasks.task import Task
 from excite.verification.verification import Verification
+from regressors.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -68,7 +77,9 @@ def _loaded(path: Path) -> StoredVerification:
     return StoredVerification(path, content)
 
 
-def verification_section(verification: StoredVerification | Verification, prefix: str) -> ReportSection:
+def verification_section(
+    verification: StoredVerification | Verification, prefix: str, looks: Appearance
+) -> ReportSection:
     """Everything that a page says of a verification.
 
     Parameters
@@ -76,24 +87,53 @@ def verification_section(verification: StoredVerification | Verification, prefix
     verification : StoredVerification or Verification
     prefix : str
         Begins the identifiers of its figures.
+    looks : Appearance
+        Of the robot, in the player.
     """
     if isinstance(verification, StoredVerification):
-        content, path = verification.content, verification.path
-        titles = {f"{path.stem}_{part}.png": title for part, title in _TITLES.items()}
-        command = shlex.join(["excite", "verify", str(path.parent), str(content["log"]["file"])])
-        figures, left_out = pictures(path.parent, path.stem, titles), no_pictures(path.parent, path.stem, titles)
-        return _section(content, verification.name, figures, left_out, (command,))
+        return _stored(verification, prefix, looks)
     content = verification_content(verification)
     figures, missing = drawn(_figures(verification), prefix)
-    return _section(content, f"verification on {content['log']['file']}", figures, missing, ())
+    arrays, robot = verification_curves(verification), verification.robot
+    logged = logged_instants(arrays, content["log"]["file"], verification.equations)
+    motion, unseen = played(logged, robot, Task(StoredRobot(robot.name, robot)), looks)
+    section = _section(content, f"verification on {content['log']['file']}", figures, (*unseen, *missing))
+    return replace(section, motion=motion)
+
+
+def _stored(verification: StoredVerification, prefix: str, looks: Appearance) -> ReportSection:
+    """Drawn from the curves in the folder, else with the pictures there."""
+    content, path = verification.content, verification.path
+    name = f"{path.stem}{CURVES}"
+    count = len(content["torques"])
+    arrays, note = stored_curves(path.parent, path.stem, name, lambda file: read_verification_curves(file, count))
+    notes = (note,) if note else ()
+    command = shlex.join(["excite", "verify", str(path.parent), str(content["log"]["file"])])
+    result = None if arrays is None else _result(path.parent, content)
+    if arrays is None or result is None:
+        titles = {f"{path.stem}_{part}.png": title for part, title in _TITLES.items()}
+        left_out = (*notes, *no_pictures(path.parent, path.stem, titles))
+        section = _section(content, verification.name, pictures(path.parent, path.stem, titles), left_out)
+        return replace(section, commands=(command,))
+    restored = restored_verification(content, arrays, result.robot)
+    figures, missing = drawn(_figures(restored), prefix)
+    logged = logged_instants(arrays, str(content["log"]["file"]), restored.equations)
+    motion, unseen = played(logged, result.robot, result.task, looks)
+    section = _section(content, verification.name, figures, (*notes, *unseen, *missing))
+    return replace(section, commands=(command,), motion=motion)
+
+
+def _result(folder: Path, content: Mapping[str, Any]) -> StoredResult | None:
+    """The result that was verified, where the folder still has it."""
+    try:
+        result = load_result(folder)
+    except InputError:
+        return None
+    return result if result.robot.sha256() == content["robot"]["sha256"] else None
 
 
 def _section(
-    content: Mapping[str, Any],
-    title: str,
-    figures: tuple[ReportFigure, ...],
-    missing: tuple[str, ...],
-    commands: tuple[str, ...],
+    content: Mapping[str, Any], title: str, figures: tuple[ReportFigure, ...], missing: tuple[str, ...]
 ) -> ReportSection:
     log, robot = content["log"], content["robot"]
     return ReportSection(
@@ -107,7 +147,6 @@ def _section(
         tables=(_errors(content), _torques(content), *_motions(content)),
         figures=figures,
         facts=facts({}, robot=robot["name"], robot_sha256=robot["sha256"], log=log["file"], log_sha256=log["sha256"]),
-        commands=commands,
     )
 
 

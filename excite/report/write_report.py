@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
+from constraints.collision.geometry import World
 from excite.design.campaign import Campaign
+from excite.design.design import Design
 from excite.design.designed_motion import DesignedMotion
 from excite.design.stored_design import StoredDesign
 from excite.errors import TakenError
 from excite.files.stored import complete
+from excite.files.world_file import world_of
+from excite.friction.fit.friction_fit import FrictionFit
 from excite.identification.result import IdentificationResult, StoredResult
-from excite.report.campaign_section import campaign_section
+from excite.report.campaign_section import campaign_section, designs_of
 from excite.report.comparison_section import comparison_section, parameters_section
 from excite.report.design_section import design_section
+from excite.report.friction_fit_section import StoredFrictionFit, friction_fit_section
+from excite.report.friction_plan_section import friction_plan_section
 from excite.report.page_text import page_text
+from excite.report.player_log import Appearance
 from excite.report.player_shapes import matches
+from excite.report.restored_friction_plan import StoredFrictionPlan
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
 from excite.report.subjects import Subject, subjects_of
+from excite.report.time_study_section import StoredTimeStudy, time_study_section
 from excite.report.verification_section import StoredVerification, verification_section
 from excite.storage.atomic import replacing
 from excite.storage.result_file import replace_files, result_file
+from excite.timecourse.time_study import TimeStudy
 from regressors.errors import InputError
 
 _ENDINGS = (".html", ".htm")
@@ -95,31 +105,54 @@ def report_text(
     file = None if robot_file is None else str(robot_file)
     if file is not None:
         _check_robot(subjects, file)
-    return page_text([*_comparisons(subjects), *(_section(each, f"s{k}", file) for k, each in enumerate(subjects))])
+    looks = Appearance(file, _shapes(subjects))
+    sections = [_section(each, f"s{k}", looks, subjects) for k, each in enumerate(subjects)]
+    return page_text([*_comparisons(subjects), *sections])
+
+
+def _shapes(subjects: Iterable[Subject]) -> dict[str, World]:
+    """Shapes of robots that designs hold, by the hashes of their descriptions."""
+    designs = [each for each in subjects if isinstance(each, DesignedMotion)]
+    known = {each.robot.sha256(): _shape(each) for each in designs}
+    return {name: shape for name, shape in known.items() if shape is not None}
+
+
+def _shape(design: DesignedMotion) -> World | None:
+    world = design.task.limits.world
+    if isinstance(world, World):
+        return world
+    if isinstance(design, Design):
+        return design.shape
+    shape = design.content.get("shape") if isinstance(design, StoredDesign) else None
+    return None if shape is None else world_of(shape, "the shape of the design")
 
 
 def _check_robot(subjects: Iterable[Subject], file: str) -> None:
-    designs = [each for each in subjects if isinstance(each, DesignedMotion)]
-    if not any(matches(each, file) for each in designs):
-        robots = ", ".join(dict.fromkeys(each.robot.name for each in designs)) or "no design is given"
-        raise InputError(f"`robot_file`: {file} does not describe the robot of a design here: {robots}")
+    known = [each for each in subjects if isinstance(each, DesignedMotion | IdentificationResult)]
+    if not any(matches(each.robot, each.task, file) for each in known):
+        robots = ", ".join(dict.fromkeys(each.robot.name for each in known)) or "none is given"
+        raise InputError(f"`robot_file`: {file} does not describe the robot of a design or a result here: {robots}")
 
 
-def _comparisons(subjects: Iterable[Subject]) -> list[ReportSection]:
+def _comparisons(subjects: Sequence[Subject]) -> list[ReportSection]:
+    """Of several designs, without those of a campaign, which are for different parameters; of several results."""
     designs = [each for each in subjects if isinstance(each, DesignedMotion)]
+    for campaign in (each for each in subjects if isinstance(each, Campaign)):
+        own = designs_of(campaign, designs)
+        designs = [each for each in designs if each not in own]
     results = [each for each in subjects if isinstance(each, IdentificationResult)]
     sections = [comparison_section(designs)] if len(designs) > 1 else []
     return [*sections, *([parameters_section(results)] if len(results) > 1 else [])]
 
 
-def _section(subject: Subject, prefix: str, robot_file: str | None) -> ReportSection:
+def _section(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> ReportSection:
     """Section of a subject; of one that was read from a file, entries that are missing are named."""
     source = _source(subject)
     if source is None:
-        return _built(subject, prefix, robot_file)
+        return _built(subject, prefix, looks, of_page)
     path, kind = source
     try:
-        return _built(subject, prefix, robot_file)
+        return _built(subject, prefix, looks, of_page)
     except (AttributeError, KeyError, TypeError) as error:
         with complete(path, kind):
             raise error
@@ -130,14 +163,22 @@ def _source(subject: Subject) -> tuple[Path, str] | None:
         return subject.folder, "design"
     if isinstance(subject, StoredResult):
         return subject.folder, "result"
+    if isinstance(subject, StoredFrictionPlan | StoredFrictionFit):
+        return subject.folder, "friction plan" if isinstance(subject, StoredFrictionPlan) else "fit of friction curves"
     return (subject.path, "verification") if isinstance(subject, StoredVerification) else None
 
 
-def _built(subject: Subject, prefix: str, robot_file: str | None) -> ReportSection:
+def _built(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> ReportSection:
     if isinstance(subject, DesignedMotion):
-        return design_section(subject, prefix, robot_file)
+        return design_section(subject, prefix, looks.robot_file)
     if isinstance(subject, IdentificationResult):
-        return result_section(subject, prefix)
+        return result_section(subject, prefix, looks)
     if isinstance(subject, Campaign):
-        return campaign_section(subject)
-    return verification_section(subject, prefix)
+        return campaign_section(subject, [each for each in of_page if isinstance(each, DesignedMotion)])
+    if isinstance(subject, StoredFrictionPlan):
+        return friction_plan_section(subject, prefix, looks)
+    if isinstance(subject, StoredFrictionFit | FrictionFit):
+        return friction_fit_section(subject, prefix)
+    if isinstance(subject, StoredTimeStudy | TimeStudy):
+        return time_study_section(subject, prefix)
+    return verification_section(subject, prefix, looks)

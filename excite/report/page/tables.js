@@ -26,6 +26,9 @@ document.querySelectorAll("table.sortable").forEach((table) => {
   });
 });
 
+// Paper is white: what is printed has the light colours, and nothing is folded.
+window.addEventListener("afterprint", () => document.documentElement.classList.remove("printed"));
 window.addEventListener("beforeprint", () => {
+  document.documentElement.classList.add("printed");
   document.querySelectorAll("details").forEach((each) => each.setAttribute("open", ""));
 });

@@ -28,7 +28,7 @@ from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 
 DRAW = plots.write_identification_figures
-COMPLETE = {"result.json", "manifest.json", "torques.png", "residuals.png", "parameters.png"}
+COMPLETE = {"result.json", "curves.npz", "manifest.json", "torques.png", "residuals.png", "parameters.png"}
 
 
 @pytest.fixture(scope="module")

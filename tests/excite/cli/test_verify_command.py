@@ -75,8 +75,9 @@ def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(plots, "write_verification_figures", DRAW)
     ended = here.run("verify", "result", "again.csv", "-v")
     assert (ended.returncode, ended.stderr) == (0, "")
-    written = files_below(here.cwd / "result") - {"result.json", "manifest.json"}
-    assert written == {f"verification-again{x}" for x in (".json", "_torques.png", "_motion.png", "_parts.png")}
+    written = files_below(here.cwd / "result") - {"result.json", "curves.npz", "manifest.json"}
+    endings = (".json", "_curves.npz", "_torques.png", "_motion.png", "_parts.png")
+    assert written == {f"verification-again{x}" for x in endings}
     content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
     assert content["schema"] == "excite.verification/1"
     assert (content["holds"], content["against"]) == (True, [])
@@ -126,7 +127,7 @@ def test_every_log_counts(here: Here) -> None:
     ended = here.run("verify", "result", "again.csv", "sub/again.csv", "--format", "json", "--out", "judged/both")
     assert ended.returncode == 1
     assert [content["holds"] for content in json.loads(ended.stdout)] == [True, False]
-    names = {"verification-again.json", "verification-again-2.json", "manifest.json"}
+    names = {f"verification-again{x}" for x in (".json", "_curves.npz", "-2.json", "-2_curves.npz")} | {"manifest.json"}
     assert files_below(here.cwd / "judged" / "both") == names
     second = json.loads((here.cwd / "judged" / "both" / "verification-again-2.json").read_text())
     assert second["log"]["file"] == "sub/again.csv"

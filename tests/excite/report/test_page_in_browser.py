@@ -15,6 +15,7 @@ from written_results import result
 
 import excite
 from excite.plots.workspace_plot import link_poses
+from excite.report.dark_colours import dark
 
 pytestmark = [
     pytest.mark.slow,
@@ -47,16 +48,17 @@ def page(browser: Page, path: Path) -> Page:
 
 def test_nothing_fails_and_nothing_is_asked_of_the_network(page: Page, path: Path) -> None:
     page.value("exciteReport.players[0].seek(1)")
+    page.value("document.querySelectorAll('.player')[1].scrollIntoView()")
     page.call("Emulation.setEmulatedMedia", features=DARK)
     page.value("new Promise((done) => setTimeout(done, 300))")
-    assert page.value("document.querySelectorAll('.stage canvas').length") == 1  # WebGL is there
+    assert page.value("document.querySelectorAll('.stage canvas').length") == 2  # WebGL is there
     assert page.errors == []
     assert {url for url in page.requests if not url.startswith("data:")} == {path.resolve().as_uri()}
 
 
 def test_names_do_not_run(page: Page) -> None:
     assert page.value("document.title").startswith("design: ")
-    assert page.value("document.querySelectorAll('script').length") == 3
+    assert page.value("document.querySelectorAll('script').length") == 4  # two motions, tables, player
     assert page.value("[...document.querySelectorAll('.meters th')].some((e) => e.textContent.includes('<script>'))")
 
 
@@ -100,6 +102,56 @@ def test_limits_are_shown_as_it_moves(page: Page) -> None:
     assert "BROKEN" not in texts[0] + texts[1]
     widths = page.value("[...document.querySelectorAll('.fill')].map((e) => parseFloat(e.style.width))")
     assert 0 < max(widths) <= 100
+
+
+def test_the_view_is_drawn_before_the_page_counts_as_loaded(page: Page, path: Path) -> None:
+    page.open(path)
+    colours = """(() => {
+        const from = document.querySelector('.stage canvas');
+        const to = Object.assign(document.createElement('canvas'), { width: 64, height: 64 }).getContext('2d');
+        to.drawImage(from, 0, 0, 64, 64);
+        return new Set(new Uint32Array(to.getImageData(0, 0, 64, 64).data.buffer)).size;
+    })()"""
+    assert page.value(colours) > 20
+
+
+def test_measured_motion_plays_with_its_torques(page: Page) -> None:
+    page.value("exciteReport.players[1].seek(0.5)")
+    heads = page.value("[...document.querySelectorAll('.meters')[1].tHead.rows[0].cells].map((e) => e.textContent)")
+    assert heads[1:] == ["position", "velocity", "measured", "predicted", "distance"]
+    before = page.value("exciteReport.players[1].pose()")
+    page.value("exciteReport.players[1].seek(1.1)")
+    assert page.value("exciteReport.players[1].pose()") != before
+    measured = result("old").prepared[0].samples.q[0]
+    assert page.value("exciteReport.players[1].data.q[0]")[:3] == pytest.approx(measured.tolist(), abs=1e-6)
+
+
+FILLS = (
+    "[...document.querySelectorAll('.paper path[fill]')].map((e) => [e.getAttribute('fill'), getComputedStyle(e).fill])"
+)
+
+
+def _rgb(colour: str) -> str:
+    return "rgb({}, {}, {})".format(*(int(colour[k : k + 2], 16) for k in (1, 3, 5)))
+
+
+def test_figures_are_dark_on_dark_screens_and_white_on_paper(page: Page) -> None:
+    page.call("Emulation.setEmulatedMedia", features=DARK)
+    fills = [pair for pair in page.value(FILLS) if pair[0].startswith("#")]
+    assert len(fills) > 10
+    assert {(colour, shown) for colour, shown in fills} == {(colour, _rgb(dark(colour))) for colour, _ in fills}
+    page.call("Emulation.setEmulatedMedia", media="print", features=DARK)
+    assert all(shown == _rgb(colour) for colour, shown in page.value(FILLS) if colour.startswith("#"))
+    page.call("Emulation.setEmulatedMedia", media="", features=[])
+
+
+def test_tables_sort_by_keys(page: Page) -> None:
+    values = "[...document.querySelectorAll('[data-table=parameters] tbody tr')].map((r) => +r.cells[1].dataset.value)"
+    page.value("document.querySelectorAll('[data-table=parameters] thead th button')[1].focus()")
+    enter = {"key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13}
+    page.call("Input.dispatchKeyEvent", type="keyDown", text="\r", **enter)
+    page.call("Input.dispatchKeyEvent", type="keyUp", **enter)
+    assert page.value(values) == sorted(result("old").estimate.values.tolist())
 
 
 def test_keys_and_buttons_play_it(page: Page) -> None:

@@ -46,13 +46,13 @@ def poses_of(bodies: list[dict[str, Any]], q: Array) -> list[Array]:
 
 @pytest.mark.parametrize("name", ["irp6", "irp6-full", "panda"])
 def test_bodies_have_the_poses_of_the_robot(name: str) -> None:
-    from excite.report.player_motion import _bodies
+    from excite.report.player_data import body_data
 
     robot = excite.load_robot(name)
     number = {"base": 0, **{body.name: k for k, body in enumerate(robot.bodies, 1)}}
     q = np.random.default_rng(0).uniform(-1, 1, robot.n)
     expected = link_poses(robot, q[None])
-    bodies = _bodies(robot, number)
+    bodies = body_data(robot, number)
     for body, pose in zip(bodies, poses_of(bodies, q)[1:], strict=True):
         np.testing.assert_allclose(pose, expected[body["name"]][0], atol=1e-12)
 
@@ -138,7 +138,9 @@ def test_meshes_of_visuals_else_of_collisions(visual: str, first: list[float], t
     (tmp_path / "arm.urdf").write_text(URDF.format(visual=visual))
     (tmp_path / "c.obj").write_text(OBJ)
     robot = excite.load_robot(str(tmp_path / "arm.urdf"))
-    meshes = urdf_meshes(tmp_path / "arm.urdf", robot)
+    read = urdf_meshes(tmp_path / "arm.urdf", robot)
+    meshes = read.meshes
+    assert ["c.dae" in each for each in read.left_out] == [True] * (visual == "c.dae")
     assert [mesh.link for mesh in meshes] == ["l", "l"]
     np.testing.assert_allclose(meshes[0].triangles[0, 1], first)
     np.testing.assert_allclose(meshes[1].triangles[:, :, 0].min(), 1.0)  # fixed a metre away
@@ -153,5 +155,5 @@ def test_broken_meshes_are_named(text: str, tmp_path: Path) -> None:
 
 def test_a_file_of_another_robot_is_refused(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(URDF.format(visual="c.obj"))
-    with pytest.raises(InputError, match="does not describe the robot of a design here: irp6"):
+    with pytest.raises(InputError, match="does not describe the robot of a design or a result here: irp6"):
         excite.write_report(reported_design(), tmp_path / "page.html", robot_file=tmp_path / "arm.urdf")

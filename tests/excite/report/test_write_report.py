@@ -132,7 +132,10 @@ def test_identification_and_verification(tmp_path: Path) -> None:
     text = "".join(parsed.of("main")[0].text)
     assert verified["verdict"] in text
     assert all(note in text for note in content["notes"])
-    assert len(parsed.of("svg")) == 1  # parameters; the rest needs the logs
+    assert len(parsed.of("svg")) == 6  # three of each
+    assert not parsed.of("img")
+    assert len(parsed.of("canvas")) == 0
+    assert sum("data-motion" in each.attributes for each in parsed.elements) == 2
 
 
 def test_new_identification_is_drawn_whole() -> None:
@@ -184,13 +187,13 @@ def test_page_is_replaced_when_asked_and_only_by_a_whole_one(tmp_path: Path, fol
         ([3], "an object of type int"),
         (["missing"], "there is no folder missing"),
         (["missing.json"], "missing.json"),
-        (["other.json"], "expected a design, an identification, a verification, or a campaign"),
+        (["other.json"], "expected a design, an identification, a verification, a friction plan"),
         (["plan.json"], "plan.json: not a complete campaign"),
     ],
 )
 def test_bad_input(given: list[object], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "other.json").write_text('{"schema": "excite.study/1"}')
+    (tmp_path / "other.json").write_text('{"schema": "excite.other/1"}')
     (tmp_path / "plan.json").write_text('{"steps": [{"drives": "z1"}], "subsets": []}')
     with pytest.raises(InputError, match=re.escape(message)):
         excite.write_report(given, "page.html")

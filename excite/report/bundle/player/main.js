@@ -19,17 +19,36 @@ class Player {
     this.stage = find("stage");
     [this.button, this.scrub, this.clock] = ["play", "scrub", "clock"].map(find);
     this.meters = new Meters(find("meters"), find("nearest"), data);
-    this.view = null;
     this.listen(find("speed"), find("reset"));
     this.seek(0);
-    this.whenSeen(() => {
-      this.view = this.viewed();
-      this.seek(this.time);
+    this.whenSeen(() => this.show());
+    window.addEventListener("beforeprint", () => {
+      this.show();
+      this.view?.copy();
+    });
+    window.addEventListener("afterprint", () => {
+      this.view?.uncopy();
+      this.show();
     });
   }
 
-  // The page opens first; what is further down costs nothing until it comes into view.
+  // Draws the view, which is made when it is first needed, in the page's colours, now: what takes a picture of the page,
+  // or prints it, does not wait for the next frame.
+  show() {
+    if (this.view === undefined) this.view = this.viewed();
+    this.view?.resize();
+    this.view?.colours();
+    this.seek(this.time);
+    this.view?.draw();
+  }
+
+  // What is on the screen at first is drawn before the page counts as loaded; the rest when it comes into view.
   whenSeen(begin) {
+    const { top, bottom } = this.stage.getBoundingClientRect();
+    if (top < window.innerHeight && bottom > 0) {
+      begin();
+      return;
+    }
     const observer = new IntersectionObserver((entries) => {
       if (!entries.some((entry) => entry.isIntersecting)) return;
       observer.disconnect();
@@ -41,12 +60,8 @@ class Player {
   // The 3D view; without WebGL the numbers move, and a sentence says why there is no picture.
   viewed() {
     try {
-      const view = new View(this.stage, this.data);
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-        view.colours();
-        this.seek(this.time);
-      });
-      return view;
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.show());
+      return new View(this.stage, this.data);
     } catch (error) {
       this.stage.textContent = `The 3D view needs WebGL, which this browser does not offer (${error.message}).`;
       return null;

@@ -2,7 +2,9 @@
 import { between } from "./motion.js";
 
 const NEAR = 0.9; // of a limit, above which it is marked
-const ORDER = ["position", "velocity", "acceleration", "jerk", "torque", "tool", "distance"]; // of the columns
+const ORDER = [ // of the columns
+  "position", "velocity", "acceleration", "jerk", "torque", "measured", "predicted", "tool", "distance",
+];
 const MARKS = { ok: "", near: "near", over: "BROKEN" };
 const EXACT = 1e-4; // of the bound: values in the page are rounded
 
@@ -15,9 +17,13 @@ function used({ quantity, lower, upper, most }, value) {
   return 1 - margin / Math.max(Math.abs(bound), most);
 }
 
+// Of what has no limit only the size is shown, of the largest size there is.
 export function stateOf(limit, value) {
+  if (limit.lower === null && limit.upper === null) {
+    return { use: NaN, size: Math.abs(value) / limit.most, value, state: "ok" };
+  }
   const use = used(limit, value);
-  return { use, value, state: use > 1 + EXACT ? "over" : use > NEAR ? "near" : "ok" };
+  return { use, size: use, value, state: use > 1 + EXACT ? "over" : use > NEAR ? "near" : "ok" };
 }
 
 function element(name, text, className) {
@@ -72,25 +78,25 @@ export class Meters {
     const bodies = new Map();
     let worst = -1;
     const states = this.limits.map((limit, k) => stateOf(limit, now[k]));
-    states.forEach(({ use, value, state }, k) => {
+    states.forEach(({ use, size, value, state }, k) => {
       const limit = this.limits[k];
       if (!Number.isNaN(use) && (worst < 0 || use > states[worst].use)) worst = k;
-      this.fillIn(k, limit, use, value, state);
+      this.fillIn(k, limit, size, value, state);
       if (state === "ok") return;
       limit.bodies.forEach((body) => {
         if (bodies.get(body) !== "over") bodies.set(body, state);
       });
     });
-    this.sentence.textContent = worst < 0 ? "No limit was checked." : this.nearest(this.limits[worst], states[worst]);
+    this.sentence.textContent = worst < 0 ? "No limit is known here." : this.nearest(this.limits[worst], states[worst]);
     this.sentence.dataset.state = worst < 0 ? "ok" : states[worst].state;
     return { bodies };
   }
 
-  fillIn(number, limit, use, value, state) {
+  fillIn(number, limit, size, value, state) {
     const cell = this.cells.get(number);
     if (cell === undefined) return;
     cell.text.textContent = `${shown(value)} ${limit.unit} ${MARKS[state]}`.trim();
-    cell.fill.style.width = `${100 * Math.min(1, Math.max(0, use || 0))}%`;
+    cell.fill.style.width = `${100 * Math.min(1, Math.max(0, size || 0))}%`;
     cell.cell.dataset.state = state;
   }
 

@@ -1,7 +1,7 @@
 // The scene of one player: it is drawn when something changed, and not otherwise.
 import {
   Box3, BufferGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, Line, LineBasicMaterial, Matrix4, Mesh,
-  CylinderGeometry, Scene, Sphere, Vector3, WebGLRenderer,
+  CylinderGeometry, Scene, Vector3, WebGLRenderer,
 } from "three";
 import { Orbit } from "./camera.js";
 import { capsule, joint, material, object, reachOf, triangles } from "./bodies.js";
@@ -71,8 +71,9 @@ export class View {
     this.grid.material.opacity = 0.35;
     this.grid.material.vertexColors = false;
     this.scene.add(this.grid);
-    const ball = space.getBoundingSphere(new Sphere());
-    this.orbit.frame(ball.center, FILL * ball.radius);
+    const centre = space.getCenter(new Vector3());
+    const far = Math.max(...all.map((point) => point.distanceTo(centre))) + Math.min(width, 4 * size);
+    this.orbit.frame(centre, FILL * far);
     return extent;
   }
 
@@ -149,9 +150,23 @@ export class View {
   ask() {
     if (this.asked || this.renderer === undefined) return;
     this.asked = true;
-    requestAnimationFrame(() => {
-      this.asked = false;
-      this.renderer.render(this.scene, this.orbit.camera);
-    });
+    requestAnimationFrame(() => this.draw());
+  }
+
+  // A copy in place of the canvas, whose last frame on the screen would be printed otherwise.
+  copy() {
+    const { width, height } = this.canvas;
+    this.printed = Object.assign(document.createElement("canvas"), { width, height });
+    this.printed.getContext("2d").drawImage(this.canvas, 0, 0);
+    this.canvas.replaceWith(this.printed);
+  }
+
+  uncopy() {
+    this.printed?.replaceWith(this.canvas);
+  }
+
+  draw() {
+    this.asked = false;
+    this.renderer.render(this.scene, this.orbit.camera);
   }
 }

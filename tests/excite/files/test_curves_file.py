@@ -1,0 +1,111 @@
+"""Files of curves: read back as written, refused where they are damaged or far too large."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from excite.files.curves_file import chosen, every, read_curves, write_curves
+from excite.files.result_curves import read_result_curves
+from excite.files.verification_curves import read_verification_curves
+from regressors.errors import InputError
+
+ROWS: dict[str, Any] = {
+    "time": np.arange(4.0),
+    "log": np.zeros(4, dtype=np.int16),
+    "equation": np.array([0, 1, 0, 1], dtype=np.int16),
+    "measured": np.ones(4, dtype=np.float32),
+    "predicted": np.ones(4, dtype=np.float32),
+    "joints": np.array(["a", "b"]),
+    "motion_time": np.arange(3.0),
+    "motion_log": np.zeros(3, dtype=np.int16),
+    "motion_q": np.zeros((3, 2)),
+}
+COLUMNS: dict[str, Any] = {**ROWS, "measured": np.ones((4, 2)), "predicted": np.ones((4, 2))}
+
+
+def test_arrays_are_read_as_written(tmp_path: Path) -> None:
+    write_curves(tmp_path / "c.npz", ROWS)
+    read = read_result_curves(tmp_path / "c.npz", 1, 2)
+    assert set(read) == set(ROWS)
+    for name, array in ROWS.items():
+        np.testing.assert_array_equal(read[name], array)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"time": np.array(["x"] * 4)}, "expected numbers under 'time'"),
+        ({"measured": np.ones((4, 1))}, "expected numbers under 'measured'"),
+        ({"measured": np.ones(3)}, "expected as many rows"),
+        ({"log": np.full(4, 7, dtype=np.int16)}, r"1 log\(s\) and 2 equation"),
+        ({"equation": np.full(4, -1, dtype=np.int16)}, r"1 log\(s\) and 2 equation"),
+        ({"motion_log": np.full(3, 1, dtype=np.int16)}, r"the motion of 1 log"),
+        ({"motion_q": np.zeros((3, 5))}, "expected numbers under 'motion_q'"),
+        ({"joints": np.zeros(2)}, "expected names of joints"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_named(change: dict[str, Any], message: str, tmp_path: Path) -> None:
+    write_curves(tmp_path / "c.npz", {**ROWS, **change})
+    with pytest.raises(InputError, match=message):
+        read_result_curves(tmp_path / "c.npz", 1, 2)
+
+
+@pytest.mark.parametrize("name", ["starts", "stops", "end", "q"])
+def test_windows_that_do_not_fit_are_named(name: str, tmp_path: Path) -> None:
+    replay = {
+        "replay_time": np.arange(6.0), "replay_q": np.zeros((6, 2)), "replay_measured": np.zeros((6, 2)),
+        "replay_starts": np.array([0, 3]), "replay_stops": np.array([3, 6]), "replay_end": np.array([0.0, np.nan, 0.0]),
+    }  # fmt: skip
+    write_curves(tmp_path / "c.npz", {**COLUMNS, **replay})
+    assert read_verification_curves(tmp_path / "c.npz", 2)["replay_stops"].tolist() == [3, 6]
+    wrong = {
+        "starts": np.array([3, 3]),
+        "stops": np.array([3, 9]),
+        "end": np.array([9.0, 0.0, 0.0]),
+        "q": np.zeros((5, 2)),
+    }
+    write_curves(tmp_path / "c.npz", {**COLUMNS, **replay, f"replay_{name}": wrong[name]})
+    with pytest.raises(InputError, match="expected"):
+        read_verification_curves(tmp_path / "c.npz", 2)
+
+
+def _archive(member: bytes) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("time.npy", member)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"no archive", b"PK\x03\x04", _archive(b"no array"), _archive(b"\x93NUMPY\x01\x00")]
+)
+def test_damaged_files_are_named(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "c.npz").write_bytes(content)
+    with pytest.raises(InputError, match=r"c\.npz"):
+        read_curves(tmp_path / "c.npz")
+
+
+def test_objects_are_not_read(tmp_path: Path) -> None:
+    stream = io.BytesIO()
+    np.save(stream, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    (tmp_path / "c.npz").write_bytes(_archive(stream.getvalue()))
+    with pytest.raises(InputError, match=r"c\.npz"):
+        read_curves(tmp_path / "c.npz")
+
+
+def test_files_that_unpack_to_far_more_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "c.npz").write_bytes(_archive(bytes(70_000_000)))
+    with pytest.raises(InputError, match="expected at most"):
+        read_curves(tmp_path / "c.npz")
+
+
+def test_strides_and_choices() -> None:
+    assert [every(n, 10) for n in (1, 10, 11, 20, 21)] == [1, 1, 2, 2, 3]
+    assert chosen(3, 10).tolist() == [0, 1, 2]
+    assert chosen(100, 5)[[0, -1]].tolist() == [0, 99]

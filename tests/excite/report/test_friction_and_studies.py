@@ -1,0 +1,172 @@
+"""Sections of friction plans, fits of friction curves, studies, repetitions, and campaigns with their designs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reported import ParsedPage
+from written_results import design, plan, result
+
+import excite
+from excite.files.friction_file import write_friction
+from excite.files.result_json import result_content
+from excite.identification.result import StoredResult
+from excite.report.campaign_section import campaign_section
+from excite.report.friction_fit_section import StoredFrictionFit, load_friction_fit
+from excite.report.page_text import page_text
+from excite.report.player_log import Appearance
+from excite.report.restored_friction_plan import load_friction_plan
+from excite.report.result_section import result_section
+from excite.report.time_study_section import load_time_study
+from excite.report.write_report import report_text
+from regressors.errors import InputError
+from regressors.friction.curves import CoulombViscous, FrictionCurves
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plans") / "plan"
+    plan("old").save(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fit(planned: Path) -> excite.FrictionFit:
+    log = excite.simulate(str(planned / "z3.csv"), rate=100.0, seed=0)
+    return excite.fit_friction("irp6", [log], plan=planned)
+
+
+def test_a_friction_plan(planned: Path) -> None:
+    page = report_text(planned)
+    parsed, content = ParsedPage(page), json.loads((planned / "plan.json").read_text())
+    (z3,) = content["trajectories"]
+    numbers = [z3["stroke"], z3["velocity"], z3["largest_gravity"], len(z3["windows"]), z3["duration"]]
+    assert parsed.numbers("coordinates") == [numbers]
+    windows = [[w[n] for n in ("percent", "speed", "start", "end", "first", "last")] for w in z3["windows"]]
+    assert parsed.numbers("windows") == windows
+    verdict = next("".join(each.text) for each in parsed.elements if each.attributes.get("class") == "verdict good")
+    assert f"friction of z3 in {len(windows)} windows" in verdict
+    assert "not checked: collisions" in verdict
+    assert len(parsed.of("svg")) == 1
+
+
+def test_the_motion_of_a_stored_plan_is_the_planned_one(planned: Path) -> None:
+    (coordinate,), (runs,) = plan("old").coordinates, load_friction_plan(planned).runs
+    s, ds, *_ = coordinate.runs.values(runs.time)[0]
+    np.testing.assert_allclose(runs.s, s + coordinate.centre, atol=1e-9)
+    np.testing.assert_allclose(runs.ds, ds, atol=1e-9)
+    motion = json.loads(
+        next("".join(e.text) for e in ParsedPage(report_text(planned)).of("script") if "id" in e.attributes)
+    )
+    shown = np.array(motion["q"])
+    known = np.column_stack([np.interp(motion["time"], runs.time - runs.time[0], column) for column in runs.q.T])
+    np.testing.assert_allclose(shown, known, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_fit_of_friction_curves(fit: excite.FrictionFit, tmp_path: Path) -> None:
+    fit.save(tmp_path / "fit")
+    stored = load_friction_fit(tmp_path / "fit")
+    assert isinstance(stored, StoredFrictionFit)
+    (known,), (made,) = stored.characteristics, fit.characteristics
+    assert known.fit is not None
+    assert made.fit is not None
+    assert (known.fit.form, known.points, known.stiction) == (made.fit.form, made.points, made.stiction)
+    v = np.linspace(-1.0, 1.0, 7)
+    np.testing.assert_allclose(known.fit.band(v), made.fit.band(v), rtol=1e-9)
+    parsed, new = (ParsedPage(report_text(each)) for each in (tmp_path / "fit", fit))
+    rows = [
+        [value, *([] if name in made.fit.held else [value - half, value + half])]
+        for name, value, half in zip(
+            made.fit.form.parameters, made.fit.values.tolist(), made.fit.halfwidth.tolist(), strict=True
+        )
+    ]
+    for page in (parsed, new):
+        np.testing.assert_allclose(np.concatenate(page.numbers("friction")), np.concatenate(rows), rtol=1e-9)
+    assert ["".join(e.text) for e in parsed.of("text")] == ["".join(e.text) for e in new.of("text")]
+
+
+@pytest.mark.slow
+def test_a_study(tmp_path: Path) -> None:
+    study = excite.study_over_time("irp6", designs=[design("old")], points=10, repeats=2, rate=100.0)
+    study.save(tmp_path / "s")
+    stored = load_time_study(tmp_path / "s" / "study.json").study
+    (known,), (made,) = stored.courses, study.courses
+    np.testing.assert_array_equal(known.time_below(0.05), made.time_below(0.05))
+    seen = np.isfinite(made.half_width)
+    np.testing.assert_allclose(known.half_width[seen], made.half_width[seen], rtol=1e-9)
+    parsed = ParsedPage(report_text(tmp_path / "s"))
+    assert [row[0] for row in parsed.numbers("course")] == made.values[-1].tolist()
+    assert len(parsed.of("svg")) == 1
+
+
+def test_repetitions() -> None:
+    rows = [
+        {
+            "name": "a",
+            "unit": "Nm",
+            "deviation": 1.0,
+            "predicted_deviation": 1.1,
+            "bias": 0.1,
+            "bias_error": 0.2,
+            "coverage": 0.9,
+        }
+    ]
+    made = result("old")
+    section = result_section(made, "s", Appearance())
+    assert "repetitions" not in [table.name for table in section.tables]
+    content = {**result_content(made), "repetitions": {"count": 5, "seed": 3, "parameters": rows}}
+    stored = StoredResult(Path("nowhere"), made.robot, made.task, made.recipe, content)
+    section = result_section(stored, "s", Appearance())
+    parsed = ParsedPage(page_text([section]))
+    assert parsed.numbers("repetitions") == [[1.0, 1.1, 0.1, 0.2, 0.9]]
+    assert "In 5 repetitions in simulation, 90 % of the 99 % intervals contain the truth." in section.verdict
+
+
+def test_a_campaign_lists_its_designs(tmp_path: Path) -> None:
+    campaign = excite.plan_campaign("irp6")
+    model = excite.ModelChoice(model=campaign.model, drives=campaign.steps[0].drives)
+    search, motion = excite.Search(starts=1, executor="serial"), excite.TrajectoryChoice(harmonics=2, period=2.0)
+    made = excite.design_trajectory(excite.Task("irp6", model=model, trajectory=motion, search=search))
+    other = design("old")
+    section = campaign_section(campaign, [made, other])
+    assert section.verdict.endswith(" 1 of them is designed here.")
+    assert ParsedPage(page_text([section])).numbers("motions-designed")[0][:2] == [1.0, made.condition_number]
+    (tmp_path / "plan.json").write_text(json.dumps(asdict(campaign)))
+    kinds = [
+        e.attributes["data-kind"] for e in ParsedPage(report_text([tmp_path / "plan.json", made, other])).of("article")
+    ]
+    assert kinds == ["campaign", "design", "design"]  # one of another kind is nothing to compare
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("plan.json", {"trajectories": [{}]}, "not a complete friction plan"),
+        ("plan.json", {"trajectories": []}, "not a complete friction plan"),
+        ("fit.json", {"drives": [{"name": "z9"}]}, "not a complete fit"),
+        ("study.json", {"courses": [{}]}, "not a complete study"),
+    ],
+)
+def test_entries_that_are_missing_are_named(
+    name: str, change: dict[str, object], message: str, planned: Path, tmp_path: Path
+) -> None:
+    contents = {
+        "plan.json": json.loads((planned / "plan.json").read_text()),
+        "fit.json": {
+            "schema": "excite.friction-fit/1",
+            "logs": [],
+            "settings": {},
+            "subtracted": None,
+            "provenance": {},
+        },
+        "study.json": {"schema": "excite.study/1", "robot": {"name": "a", "sha256": ""}, "below": 0.05},
+    }
+    write_friction(FrictionCurves({"z1": CoulombViscous(1.0, 1.0, 0.0)}), tmp_path / "friction.yaml")
+    (tmp_path / name).write_text(json.dumps({**contents[name], **change}))
+    with pytest.raises(InputError, match=message):
+        report_text(tmp_path)
