@@ -110,7 +110,9 @@ def _figures(
         return drawn(_new(result), prefix)
     assert isinstance(result, StoredResult)
     if arrays is not None:
-        return drawn(_restored(result, arrays), prefix)
+        figures, missing = drawn(_restored(result, arrays), prefix)
+        repeated = {name: title for name, title in _TITLES.items() if name.startswith("repetitions.")}
+        return (*figures, *pictures(result.folder, KIND, repeated)), missing
     figures, missing = drawn({_PARAMETERS: lambda: _stored_parameters(result)}, prefix)
     left_out = no_pictures(result.folder, KIND, _TITLES)
     return (*figures, *pictures(result.folder, KIND, _TITLES)), (*missing, *left_out)
