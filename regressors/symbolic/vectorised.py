@@ -43,7 +43,7 @@ _FUNCTIONS = {**_BINARY, **_UNARY}
 
 
 def _check(function: ca.Function) -> None:
-    """Raise `ValueError` for an instruction that has no NumPy counterpart, `NumericalError` for an infinite constant."""
+    """Refuse an instruction that has no NumPy counterpart (`ValueError`) and infinite constants (`NumericalError`)."""
     known = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_TWICE, *_FUNCTIONS}
     kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
     for op in set(kinds) - known:

@@ -46,7 +46,7 @@ class LinearRows:
 
     def values(self, x: Array) -> Array:
         """``u`` at x, shape (functions, N)."""
-        return self.changes(x) - self._middle
+        return np.asarray(self.changes(x) - self._middle)
 
     def changes(self, step: Array) -> Array:
         """Change of u by a step of x, shape (functions, N)."""

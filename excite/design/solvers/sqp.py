@@ -207,9 +207,7 @@ class _Step:
             rows = np.union1d(rows, peaks(use, _INSIDE))
         return np.asarray(d)
 
-    def _programme(
-        self, at: Array, rows: Index, linearised: list[_Linearised]
-    ) -> tuple[Array, Array, Array]:
+    def _programme(self, at: Array, rows: Index, linearised: list[_Linearised]) -> tuple[Array, Array, Array]:
         parts = [limit.rows() for limit in linearised]
         if self.linear is not None:
             here = at.ravel()[rows]
