@@ -23,11 +23,14 @@ class ObjectivePoint:
     G : ndarray
         Gradient of the objective with respect to the information matrix.
     evaluation : Evaluation
+    criterion : float
+        The criterion itself.
     """
 
     value: float
     G: Array
     evaluation: Evaluation
+    criterion: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +70,8 @@ class SmoothObjective:
     def point(self, x: Array, sharpness: float) -> ObjectivePoint:
         """Smooth objective at x."""
         at = self.information.evaluate(x)
-        value, G = self.criterion.smooth(self.matrix(self.unit**2 * at.M), sharpness)
-        return ObjectivePoint(value, self.unit**2 * self.transform @ G @ self.transform.T, at)
+        value, G, criterion = self.criterion.smooth_and_value(self.matrix(self.unit**2 * at.M), sharpness)
+        return ObjectivePoint(value, self.unit**2 * self.transform @ G @ self.transform.T, at, criterion)
 
     def gradient(self, point: ObjectivePoint) -> Array:
         """Gradient of the smooth objective at a point, of the shape of x."""
@@ -76,7 +79,7 @@ class SmoothObjective:
 
     def criterion_value(self, point: ObjectivePoint) -> float:
         """The criterion itself at a point."""
-        return self.criterion.value(self.matrix(self.unit**2 * point.evaluation.M))
+        return point.criterion
 
     def exact_value(self, x: Array) -> float:
         """The criterion at x as results report it."""

@@ -34,10 +34,17 @@ class Criterion(ABC):
     def smooth(self, M: Array, sharpness: float) -> tuple[float, Array]:
         """Smooth approximation to minimise and its gradient ``G = df/dM``, shape (b, b)."""
 
+    def smooth_and_value(self, M: Array, sharpness: float) -> tuple[float, Array, float]:
+        """What `smooth` and `value` return, where one computation serves both."""
+        return *self.smooth(M, sharpness), self.value(M)
+
 
 def condition_number(M: Array) -> float:
     """2-norm condition number of W from ``M = W'W / N``: ``sqrt(max eig M / min eig M)``; infinite if singular."""
-    eigenvalues = scipy.linalg.eigvalsh(M, check_finite=False)
+    return _condition(scipy.linalg.eigvalsh(M, check_finite=False))
+
+
+def _condition(eigenvalues: Array) -> float:
     return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > 0 else np.inf
 
 
@@ -55,11 +62,25 @@ class SpectralCriterion(Criterion):
         sharpness : float
         """
 
+    def of_eigenvalues(self, eigenvalues: Array) -> float | None:
+        """The criterion from the ascending eigenvalues of M; None where it takes M itself."""
+        return None
+
     def smooth(self, M: Array, sharpness: float) -> tuple[float, Array]:
         """Spectral function ``f`` and ``G = V diag(df/dlambda) V'``."""
+        value, G, _ = self._decomposed(M, sharpness)
+        return value, G
+
+    def smooth_and_value(self, M: Array, sharpness: float) -> tuple[float, Array, float]:
+        """Both by one decomposition, where the criterion needs the eigenvalues only."""
+        smooth, G, eigenvalues = self._decomposed(M, sharpness)
+        value = self.of_eigenvalues(eigenvalues)
+        return smooth, G, self.value(M) if value is None else value
+
+    def _decomposed(self, M: Array, sharpness: float) -> tuple[float, Array, Array]:
         eigenvalues, V = scipy.linalg.eigh(M, check_finite=False, driver="evd")
         value, slope = self.spectral(np.maximum(eigenvalues, _FLOOR), sharpness)
-        return value, np.asarray((V * slope) @ V.T)
+        return value, np.asarray((V * slope) @ V.T), eigenvalues
 
 
 def _log_power_mean(ratios: Array, p: float) -> tuple[float, Array]:
@@ -83,6 +104,10 @@ class ConditionNumber(SpectralCriterion):
         """``cond(W)``."""
         return condition_number(M)
 
+    def of_eigenvalues(self, eigenvalues: Array) -> float | None:
+        """``cond(W)``."""
+        return _condition(eigenvalues)
+
     def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
         """The smooth approximation of the class."""
         high, high_share = _log_power_mean(eigenvalues / eigenvalues[-1], sharpness)
@@ -101,9 +126,17 @@ class FrobeniusCondition(ConditionNumber):
         """``|W|_F |W^+|_F``."""
         return float(np.exp(self.smooth(M, 1.0)[0]))
 
+    def of_eigenvalues(self, eigenvalues: Array) -> float | None:
+        """``|W|_F |W^+|_F``."""
+        return float(np.exp(self.spectral(np.maximum(eigenvalues, _FLOOR), 1.0)[0]))
+
     def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
         """The exact logarithm for any sharpness."""
         return super().spectral(eigenvalues, 1.0)
+
+
+def _largest_deviation(eigenvalues: Array) -> float:
+    return float(eigenvalues[0] ** -0.5) if eigenvalues[0] > 0 else np.inf
 
 
 class SmallestSingularValue(SpectralCriterion):
@@ -117,8 +150,11 @@ class SmallestSingularValue(SpectralCriterion):
 
     def value(self, M: Array) -> float:
         """``1 / sqrt(min eig M)``; infinite if singular."""
-        smallest = float(scipy.linalg.eigvalsh(M, check_finite=False)[0])
-        return smallest**-0.5 if smallest > 0 else np.inf
+        return _largest_deviation(scipy.linalg.eigvalsh(M, check_finite=False))
+
+    def of_eigenvalues(self, eigenvalues: Array) -> float | None:
+        """``1 / sqrt(min eig M)``."""
+        return _largest_deviation(eigenvalues)
 
     def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
         """The smooth approximation of the class."""

@@ -9,7 +9,7 @@ import numpy as np
 from excite.trajectories.family import Family, Trajectory
 from regressors.models.model import Combination
 from regressors.models.partial import PartialMotion
-from regressors.samples import Array, Index
+from regressors.samples import Array
 from regressors.symbolic.vectorised import VectorisedFunction
 
 
@@ -24,35 +24,14 @@ class Evaluation:
     M : ndarray, shape (b, b)
     motion : list of ndarray, shape (n, T)
         q, dq, ddq at the instants.
-    blocks : list of ndarray, shape (columns, N)
-        Rows of W before they are divided by their noise, one block per scalar equation, transposed.
+    W : ndarray, shape (b, r, N)
+        Rows of W divided by their noise: column, scalar equation, instant.
     """
 
     x: Array
     M: Array
     motion: list[Array]
-    blocks: list[Array]
-
-
-@dataclass(frozen=True, eq=False)
-class _Equation:
-    """Values of the expression that form one scalar equation's rows of W, and the columns they go into.
-
-    Parameters
-    ----------
-    state, density : ndarray of int
-        Indices of the values that enter through the combination's difference, and through its integral.
-    state_place, density_place : ndarray of int
-        Their places among `columns`.
-    columns : ndarray of int
-        Columns of W that are not zero.
-    """
-
-    state: Index
-    density: Index
-    state_place: Index
-    density_place: Index
-    columns: Index
+    W: Array
 
 
 class Information:
@@ -84,9 +63,12 @@ class Information:
         self._joints = family.joints(combination.time, motion)
         self._difference, self._integral = combination.difference, combination.integral
         self._count = combination.difference.shape[0]
-        self._plain = combination.integral is None
-        self._equations = _equations(function, densities=not self._plain)
-        self._weights = np.ones(len(self._equations)) if noise is None else 1.0 / noise
+        self._equations = function.shape[0] if self._integral is None else function.shape[0] // 2
+        is_state = function.row < self._equations
+        self._states, self._densities = np.flatnonzero(is_state), np.flatnonzero(~is_state)
+        self._place = function.column, function.row % self._equations
+        divided = noise is not None and bool(np.any(noise != 1.0))
+        self._weights = 1.0 / noise[:, None] if noise is not None and divided else None
 
     def trajectory(self, x: Array) -> Trajectory:
         """Motion of every joint, from that of the moving coordinates."""
@@ -99,22 +81,21 @@ class Information:
     def evaluate(self, x: Array) -> Evaluation:
         """M of the motion x of the moving coordinates."""
         motion = self._joints.values(x)
-        values = self._function(*motion)
-        b = self._function.shape[1]
-        M = np.zeros((b, b))
-        blocks = [self._block(values, equation) for equation in self._equations]
-        for A, equation, weight in zip(blocks, self._equations, self._weights, strict=True):
-            M[np.ix_(equation.columns, equation.columns)] += weight**2 * (A @ A.T)
-        return Evaluation(x, M / self._count, motion, blocks)
+        W = self._rows(self._function(*motion))
+        flat = W.reshape(len(W), -1)
+        return Evaluation(x, flat @ flat.T / self._count, motion, W)
 
-    def _block(self, values: Array, equation: _Equation) -> Array:
-        if self._plain:
-            return values[equation.state]
-        assert self._integral is not None
-        A = np.zeros((equation.columns.size, self._count))
-        A[equation.state_place] += (self._difference @ values[equation.state].T).T
-        A[equation.density_place] += (self._integral @ values[equation.density].T).T
-        return A
+    def _rows(self, values: Array) -> Array:
+        """W, transposed, shape (b, r, N)."""
+        W = np.zeros((self._function.shape[1], self._equations, self._count))
+        column, equation = self._place
+        if self._integral is None:
+            W[column, equation] = values
+        else:
+            s, d = self._states, self._densities
+            W[column[s], equation[s]] = (self._difference @ values[s].T).T
+            W[column[d], equation[d]] += (self._integral @ values[d].T).T
+        return W if self._weights is None else W * self._weights
 
     def gradient(self, at: Evaluation, G: Array) -> Array:
         """Gradient of a function of M with respect to x, from its gradient G = df/dM.
@@ -125,29 +106,15 @@ class Information:
         -------
         ndarray, of the shape of x
         """
-        seeds = np.zeros((self._function.row.size, at.motion[0].shape[1]))
-        for A, equation, weight in zip(at.blocks, self._equations, self._weights, strict=True):
-            slope = (2.0 / self._count * weight**2) * (G[np.ix_(equation.columns, equation.columns)] @ A)
-            if self._plain:
-                seeds[equation.state] = slope
-                continue
-            assert self._integral is not None
-            seeds[equation.state] = (self._difference.T @ slope[equation.state_place].T).T
-            seeds[equation.density] = (self._integral.T @ slope[equation.density_place].T).T
+        slope = (2.0 / self._count * G @ at.W.reshape(len(at.W), -1)).reshape(at.W.shape)
+        if self._weights is not None:
+            slope *= self._weights
+        column, equation = self._place
+        if self._integral is None:
+            seeds = slope[column, equation]
+        else:
+            s, d = self._states, self._densities
+            seeds = np.empty((column.size, at.motion[0].shape[1]))
+            seeds[s] = (self._difference.T @ slope[column[s], equation[s]].T).T
+            seeds[d] = (self._integral.T @ slope[column[d], equation[d]].T).T
         return self._joints.pullback(at.x, self._function.pullback(at.motion, seeds))
-
-
-def _equations(function: VectorisedFunction, *, densities: bool) -> list[_Equation]:
-    r = function.shape[0] // 2 if densities else function.shape[0]
-    blocks = []
-    for row in range(r):
-        state = np.flatnonzero(function.row == row)
-        density = np.flatnonzero(function.row == row + r)
-        both = np.concatenate([function.column[state], function.column[density]])
-        columns = function.column[state] if not densities else np.unique(both)
-        place = {int(column): k for k, column in enumerate(columns)}
-        state_place, density_place = (
-            np.array([place[int(c)] for c in function.column[part]], dtype=np.intp) for part in (state, density)
-        )
-        blocks.append(_Equation(state, density, state_place, density_place, columns))
-    return blocks

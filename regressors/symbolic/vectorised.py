@@ -1,7 +1,7 @@
 """CasADi expressions evaluated for many instants at once.
 
-The instructions of a CasADi function run here on NumPy arrays that hold one number per instant, instead
-of on scalars once per instant. That is as fast as compiled C from some fifty instants on, and needs no compiler.
+The instructions of a CasADi function run as machine code (`regressors.symbolic.machine_code`). Where LLVM is missing,
+they run on NumPy arrays that hold one number per instant, which is as fast as CasADi's own machine or faster.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regressors.errors import NumericalError
+from regressors.symbolic.machine_code import MachineCode, NotCompiledError
 
 Array = NDArray[np.float64]
 
@@ -42,10 +43,13 @@ _FUNCTIONS = {**_BINARY, **_UNARY}
 
 
 def _check(function: ca.Function) -> None:
-    """Raise `ValueError` for an instruction that has no NumPy counterpart."""
+    """Refuse an instruction that has no NumPy counterpart (`ValueError`) and infinite constants (`NumericalError`)."""
     known = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_TWICE, *_FUNCTIONS}
-    for op in {function.instruction_id(k) for k in range(function.n_instructions())} - known:
+    kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
+    for op in set(kinds) - known:
         raise ValueError(f"CasADi instruction {op} has no NumPy counterpart here")
+    for k in (k for k, op in enumerate(kinds) if op == ca.OP_CONST):
+        _finite(function.instruction_constant(k))
 
 
 def _source(function: ca.Function) -> str:
@@ -81,11 +85,19 @@ def _compiled(function: ca.Function) -> Callable[..., None]:
     return scope["run"]
 
 
-class _Program:
-    """Instructions with the buffers for one number of instants."""
+def _program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
+    """Values, shape (numbers of the result, instants), from the inputs at as many instants."""
+    _check(function)
+    try:
+        return MachineCode(function)
+    except NotCompiledError:
+        return _ArrayProgram(function)
+
+
+class _ArrayProgram:
+    """Instructions on NumPy arrays, with the buffers for one number of instants."""
 
     def __init__(self, function: ca.Function) -> None:
-        _check(function)
         self._run = _compiled(function)
         self._registers = function.sz_w()
         self._buffers: list[Array] = []
@@ -128,11 +140,11 @@ class VectorisedFunction:
         self._values = ca.vertcat(*expression.nonzeros())
         self._function = ca.Function("forward", self._inputs, [self._values])
         _check(self._function)
-        self._reverse: _Program | None = None
+        self._reverse: Callable[[Sequence[Array]], Array] | None = None
 
     @cached_property
-    def _forward(self) -> _Program:
-        return _Program(self._function)
+    def _forward(self) -> Callable[[Sequence[Array]], Array]:
+        return _program(self._function)
 
     def __call__(self, *inputs: Array) -> Array:
         """Nonzeros of the matrix at every instant.
@@ -175,6 +187,6 @@ class VectorisedFunction:
         if self._reverse is None:
             seed = ca.SX.sym("seed", len(self.row))
             gradient = ca.cse(ca.gradient(ca.dot(self._values, seed), ca.vertcat(*self._inputs)))
-            self._reverse = _Program(ca.Function("reverse", [*self._inputs, seed], [ca.densify(gradient)]))
+            self._reverse = _program(ca.Function("reverse", [*self._inputs, seed], [ca.densify(gradient)]))
         stacked = self._reverse((*inputs, seeds))
         return tuple(np.split(stacked, np.cumsum(self._sizes)[:-1]))

@@ -18,6 +18,7 @@ import numpy as np
 from excite.design.grid_constraint import GridConstraint
 from excite.design.problem import Problem
 from excite.design.smooth_objective import ObjectivePoint
+from excite.design.solvers.linear_rows import LinearRows, peaks
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array, Index
 
@@ -140,7 +141,7 @@ class _Run:
     ) -> tuple[Array, ObjectivePoint] | None:
         """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
         direction = d.reshape(self.x.shape)
-        length = self.problem.first_length(self.x, direction)
+        length = 1.0 if self.step.whole else self.problem.first_length(self.x, direction)
         for _ in range(12):
             straight = self.x + length * direction
             x = self.problem.inside(straight)
@@ -178,52 +179,43 @@ class _Step:
     """The quadratic programme ``min g'd + d'Hd/2`` within the limits, on a growing set of rows."""
 
     def __init__(self, problem: Problem) -> None:
-        self.limits = problem.limits.linear_in_x
+        linear = problem.limits.linear_in_x
+        self.linear = LinearRows(linear, problem.shape) if linear else None
         self.nonlinear = problem.limits.nonlinear_in_x
-        self.tangents = [limit.tangent(problem.rest) for limit in self.limits]
-        self.middle = [0.5 * (limit.upper + limit.lower)[:, None] for limit in self.limits]
-        self.half = [0.5 * (limit.upper - limit.lower)[:, None] for limit in self.limits]
-
-    def _uses(self, values: list[Array]) -> list[Array]:
-        return [np.abs(v - m) / h for v, m, h in zip(values, self.middle, self.half, strict=True)]
+        self.whole = False  # whether the whole last step is inside the limits that are linear in x
 
     def direction(self, x: Array, H: Array, g: Array) -> Array | None:
         """Solution of the programme; None if its solver fails."""
-        H = H + np.eye(g.size) * (_RIDGE * float(np.abs(np.diag(H)).max()))
-        values = [limit.values(x) for limit in self.limits]
-        rows = [_peaks(use, _NEAR) for use in self._uses(values)]
+        H = H.copy()
+        H.flat[:: g.size + 1] += _RIDGE * float(H.flat[:: g.size + 1].max())
+        linear = self.linear
+        at = linear.values(x) if linear is not None else np.zeros((1, 1))
+        rows = peaks(np.abs(at), _NEAR)
         linearised = [_Linearised(limit, x) for limit in self.nonlinear]
         d = np.zeros(g.size)
+        self.whole = False
         for _ in range(_ROUNDS):
-            A, lower, upper = self._programme(values, rows, linearised)
+            A, lower, upper = self._programme(at, rows, linearised)
             d, _, flag, _ = daqp.solve(H, g, A, upper, lower, np.zeros(len(upper), dtype=np.int32))
-            new = [v + limit.values(d.reshape(x.shape)) for v, limit in zip(values, self.limits, strict=True)]
-            uses = self._uses(new)
             if flag < 0:
                 return None
+            use = np.abs(at + linear.changes(d)) if linear is not None else at
             broken = [limit.broken(d) for limit in linearised]
-            if max((float(use.max()) for use in uses), default=0.0) <= 1.0 and not any(broken):
+            self.whole = float(use.max()) <= 1.0
+            if self.whole and not any(broken):
                 break
-            rows = [np.unique(np.concatenate([old, _peaks(use, _INSIDE)])) for old, use in zip(rows, uses, strict=True)]
+            rows = np.union1d(rows, peaks(use, _INSIDE))
         return np.asarray(d)
 
-    def _programme(
-        self, values: list[Array], rows: list[Index], linearised: list[_Linearised]
-    ) -> tuple[Array, Array, Array]:
-        A, lower, upper = [], [], []
-        for limit in linearised:
-            part, below, above = limit.rows()
-            A.append(part)
-            lower.append(below)
-            upper.append(above)
-        for tangent, value, flat, middle, half in zip(self.tangents, values, rows, self.middle, self.half, strict=True):
-            function, instant = np.divmod(flat, value.shape[1])
-            A.append(tangent.rows(function, instant))
-            at = value[function, instant] - middle[function, 0]
-            room = _INSIDE * half[function, 0]
-            upper.append(np.maximum(room - at, 0.0))
-            lower.append(np.minimum(-room - at, 0.0))
-        return np.ascontiguousarray(np.concatenate(A)), np.concatenate(lower), np.concatenate(upper)
+    def _programme(self, at: Array, rows: Index, linearised: list[_Linearised]) -> tuple[Array, Array, Array]:
+        parts = [limit.rows() for limit in linearised]
+        if self.linear is not None:
+            here = at.ravel()[rows]
+            parts.append((self.linear.rows(rows), np.minimum(-_INSIDE - here, 0.0), np.maximum(_INSIDE - here, 0.0)))
+        if len(parts) == 1:
+            return parts[0]
+        A, lower, upper = zip(*parts, strict=True)
+        return np.concatenate(A), np.concatenate(lower), np.concatenate(upper)
 
 
 class _Linearised:
@@ -235,13 +227,13 @@ class _Linearised:
         self.active = np.flatnonzero(np.any(use > _TANGENT_NEAR, axis=0))
         self.tangent = limit.tangent(x, self.active)
         self.chosen = np.zeros((self.values.shape[0], self.active.size), dtype=bool)
-        self.chosen.ravel()[_peaks(use[:, self.active], _NEAR)] = True
+        self.chosen.ravel()[peaks(use[:, self.active], _NEAR)] = True
 
     def broken(self, d: Array) -> bool:
         """Whether a step violates the limit at instants that are not rows yet; if so, add them."""
         new = self.values[:, self.active] + self.tangent.changes(d)
         more = np.zeros_like(self.chosen)
-        more.ravel()[_peaks(self.limit.uses(new), 1.0 + _TANGENT_SLACK)] = True
+        more.ravel()[peaks(self.limit.uses(new), 1.0 + _TANGENT_SLACK)] = True
         fresh = bool(np.any(more & ~self.chosen))
         self.chosen |= more
         return fresh
@@ -254,9 +246,3 @@ class _Linearised:
         upper = np.maximum(self.limit.upper[function] - reserve - value, 0.0)
         lower = np.minimum(self.limit.lower[function] + reserve - value, 0.0)
         return self.tangent.rows(function, instant), lower, upper
-
-
-def _peaks(use: Array, threshold: float) -> Index:
-    """Flat indices of local maxima over (periodic) time that exceed a threshold."""
-    peak = (use >= np.roll(use, 1, axis=1)) & (use >= np.roll(use, -1, axis=1)) & (use > threshold)
-    return np.flatnonzero(peak)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 
 import casadi as ca
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from regressors.symbolic import machine_code, vectorised
 from regressors.symbolic.vectorised import VectorisedFunction
 
 SEED = st.integers(0, 2**32 - 1)
@@ -31,8 +33,26 @@ SMOOTH: dict[str, Callable[[ca.SX, ca.SX], ca.SX]] = {
     "tanh": lambda a, b: ca.tanh(a),
     "constant": lambda a, b: 0.1234567890123456789 + 0 * a,
 }
-KINKED = {**SMOOTH, "sign": lambda a, b: ca.sign(a), "fabs": lambda a, b: ca.fabs(a)}
-POWER = {"power": lambda a, b: (1 + a * a) ** b}
+KINKED = {
+    **SMOOTH,
+    "sign": lambda a, b: ca.sign(a),
+    "fabs": lambda a, b: ca.fabs(a),
+}
+VALUES_ONLY = {"smaller": lambda a, b: ca.fmin(a, b), "larger": lambda a, b: ca.fmax(a, b)}
+POWER = {"power": lambda a, b: (1 + a * a) ** b, "exponential": lambda a, b: ca.exp(a)}
+
+
+@pytest.fixture(scope="module", autouse=True, params=["machine code", "arrays"])
+def machine(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Every test with LLVM, and with NumPy arrays in its place."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "arrays":
+            patch.setattr(vectorised, "MachineCode", refused)
+        yield request.param
+
+
+def refused(_: ca.Function) -> None:
+    raise machine_code.NotCompiledError("left out by a test")
 
 
 def symbols() -> list[ca.SX]:
@@ -118,11 +138,11 @@ def test_pullback_equals_finite_differences(seed: int) -> None:
     np.testing.assert_allclose(found, slope, rtol=1e-6, atol=1e-7)
 
 
-@pytest.mark.parametrize("name", [*KINKED, *POWER])
+@pytest.mark.parametrize("name", [*KINKED, *POWER, *VALUES_ONLY])
 def test_each_operation_alone(name: str) -> None:
     """So that no random expression has to happen upon it."""
     x = symbols()
-    expression = ca.SX(({**KINKED, **POWER})[name](x[0][0], x[1][0]))
+    expression = ca.SX(({**KINKED, **POWER, **VALUES_ONLY})[name](x[0][0], x[1][0]))
     function = VectorisedFunction(x, expression)
     inputs = random_inputs(np.random.default_rng(1), 6)
     np.testing.assert_allclose(dense(function, function(*inputs)), one_by_one(x, expression, inputs), rtol=1e-14)
@@ -203,3 +223,36 @@ def test_a_derivative_that_needs_such_an_instruction_is_refused_too() -> None:
     inputs = random_inputs(np.random.default_rng(5), 3)
     with pytest.raises(ValueError, match=r"CasADi instruction \d+ has no NumPy counterpart"):
         function.pullback(inputs, np.ones((1, 3)))
+
+
+def test_where_llvm_is_missing_arrays_are_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
+    machine_code._target.cache_clear()
+    x = symbols()
+    function = VectorisedFunction(x, ca.SX(x[0][0] * x[1][0]))
+    inputs = random_inputs(np.random.default_rng(1), 3)
+    np.testing.assert_array_equal(function(*inputs)[0], inputs[0][0] * inputs[1][0])
+    with pytest.raises(machine_code.NotCompiledError, match="llvmlite"):
+        machine_code._target()
+    machine_code._target.cache_clear()
+
+
+@pytest.mark.parametrize("name", ["add", "divide", "root", "sign", "fabs", "smaller", "larger", "exponential"])
+def test_not_a_number_and_infinity_are_numpys(name: str) -> None:
+    x = [ca.SX.sym("x"), ca.SX.sym("y")]
+    expression = ca.SX({**KINKED, **POWER, **VALUES_ONLY}[name](*x))
+    function = ca.Function("plain", x, [expression])
+    values = [np.nan, np.inf, -np.inf, 0.0, -2.0, 1e308]
+    inputs = [np.array(part)[None, :] for part in zip(*((a, b) for a in values for b in values), strict=True)]
+    found, expected = (make(function)(inputs) for make in (machine_code.MachineCode, vectorised._ArrayProgram))
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_a_program_is_used_again_for_other_numbers_of_instants() -> None:
+    x = symbols()
+    function = VectorisedFunction(x, ca.SX(x[0][0] * x[1][0]))
+    for instants in (5, 1, 8, 5, 0):
+        inputs = random_inputs(np.random.default_rng(instants), instants)
+        values = function(*inputs)
+        np.testing.assert_array_equal(values[0], inputs[0][0] * inputs[1][0])
+        assert values.shape == (1, instants)

@@ -59,7 +59,7 @@ def excess(problem: Problem, x: Array) -> float:
 
 
 def criterion(problem: Problem, x: Array) -> float:
-    return problem.criterion.value(problem.objective.matrix(problem.information.evaluate(x).M))
+    return problem.criterion_value(problem.point(x, problem.criterion.stages[-1]))
 
 
 # --- the problem's limits --------------------------------------------------------------------------------------------
