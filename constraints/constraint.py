@@ -9,6 +9,8 @@ from abc import ABC, abstractmethod
 
 from regressors.samples import Array, Samples
 
+OTHER = "other"  # what a constraint limits, in a word, where it does not say
+
 
 class Constraint(ABC):
     """A set of k bounds on functions of the motion.
@@ -20,12 +22,15 @@ class Constraint(ABC):
     units : tuple of str
     lower, upper : ndarray, shape (k,)
         Bounds; infinite where there is none.
+    quantity : str
+        What is limited, in a word, such as ``velocity``, ``torque`` or ``distance``.
     """
 
     labels: tuple[str, ...]
     units: tuple[str, ...]
     lower: Array
     upper: Array
+    quantity: str = OTHER
 
     @abstractmethod
     def values(self, samples: Samples) -> Array:

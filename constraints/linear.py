@@ -48,11 +48,7 @@ class LinearConstraint(Constraint):
         self.offset = offset if derivative == 0 else np.zeros_like(offset)
         self.lower, self.upper = lower, upper
         self.labels, self.units = labels, units
-
-    @property
-    def quantity(self) -> str:
-        """``position``, ``velocity``, ``acceleration`` or ``jerk``."""
-        return QUANTITIES[self.derivative]
+        self.quantity = QUANTITIES[derivative]
 
     def restricted(self, motion: PartialMotion) -> LinearConstraint:
         """The same bounds on the moving coordinates s of ``q = N s + q0``; constant functions are left out."""

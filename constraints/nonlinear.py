@@ -12,7 +12,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from constraints.constraint import Constraint
+from constraints.constraint import OTHER, Constraint
 from regressors.models.model import evaluate_samples
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Samples
@@ -39,6 +39,8 @@ class NonlinearConstraint(Constraint):
     labels, units : tuple of str
     shown : callable, optional
         Maps values of g to the reported quantity; the identity if not given.
+    quantity : str
+        What is limited, in a word.
 
     Attributes
     ----------
@@ -58,8 +60,9 @@ class NonlinearConstraint(Constraint):
         labels: tuple[str, ...],
         units: tuple[str, ...],
         shown: Callable[[Array], Array] = lambda values: values,
+        quantity: str = OTHER,
     ) -> None:
-        self.shown = shown
+        self.shown, self.quantity = shown, quantity
         self.joints, self.expression = joints, expression
         self.lower, self.upper, self.scale = lower, upper, scale
         self.labels, self.units = labels, units
@@ -97,7 +100,15 @@ class NonlinearConstraint(Constraint):
 
         moving = motion.matrix.shape[1]
         return NonlinearConstraint(
-            moving, expression, self.lower, self.upper, self.scale, self.labels, self.units, self.shown
+            moving,
+            expression,
+            self.lower,
+            self.upper,
+            self.scale,
+            self.labels,
+            self.units,
+            self.shown,
+            self.quantity,
         )
 
     def values(self, samples: Samples) -> Array:

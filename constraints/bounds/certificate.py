@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from constraints.bounds.extrema import Extrema
+from constraints.constraint import OTHER
 from regressors.samples import Array
 
 TOLERANCE = 1e-9
@@ -22,6 +23,10 @@ class Bounds(Protocol):
     units: tuple[str, ...]
     lower: Array
     upper: Array
+
+    @property
+    def quantity(self) -> str:
+        """What is limited, in a word."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,8 @@ class LimitUse:
         is bounded, or of the largest value where that bound is zero. Above 1 where the limit is violated.
     method : {"exact", "enclosed"}
         Whether the extreme is exact, or an outer bound that is proven for every instant.
+    quantity : str
+        What is limited, in a word.
     """
 
     label: str
@@ -54,6 +61,7 @@ class LimitUse:
     margin: float
     use: float
     method: str = EXACT
+    quantity: str = OTHER
 
     @property
     def holds(self) -> bool:
@@ -88,7 +96,9 @@ def limit_uses(constraint: Bounds, extrema: Extrema, method: str = EXACT) -> lis
         largest = max(abs(float(extrema.low[k])), abs(float(extrema.high[k])))
         half = 0.5 * (upper - lower) if np.isfinite(upper - lower) else abs(bound) or largest
         use = 1.0 - margin / half if half > 0 else 1.0
-        uses.append(LimitUse(label, constraint.units[k], extreme, time, bound, margin, use, method))
+        uses.append(
+            LimitUse(label, constraint.units[k], extreme, time, bound, margin, use, method, constraint.quantity)
+        )
     return uses
 
 

@@ -46,7 +46,9 @@ class Enclosure:
         shown = constraint.shown
         times = (self.extrema.low_time, self.extrema.high_time)
         seen = Extrema(shown(self.extrema.low), shown(self.extrema.high), *times)
-        bounds = _Shown(constraint.labels, constraint.units, shown(constraint.lower), shown(constraint.upper))
+        bounds = _Shown(
+            constraint.labels, constraint.units, shown(constraint.lower), shown(constraint.upper), constraint.quantity
+        )
         return worst_of_each(limit_uses(bounds, seen, ENCLOSED))
 
 
@@ -58,6 +60,7 @@ class _Shown:
     units: tuple[str, ...]
     lower: Array
     upper: Array
+    quantity: str
 
 
 def enclose(

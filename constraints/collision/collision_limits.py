@@ -101,6 +101,7 @@ class Clearance(NonlinearConstraint):
             tuple(label for label, _ in gaps),
             ("m",) * len(gaps),
             shown,
+            "distance",
         )
 
     def _gaps(self, s: ca.SX) -> Iterator[tuple[Pair, Gap]]:

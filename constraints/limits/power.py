@@ -77,7 +77,9 @@ class PowerLimit(Limit):
             return total * ca.mtimes(speeds, dq)
 
         labels = tuple(f"{axes.names[k]} power" for k in kept)
-        limit = NonlinearConstraint(robot.n, power, lower, upper, 0.5 * (upper - lower), labels, ("W",) * kept.size)
+        limit = NonlinearConstraint(
+            robot.n, power, lower, upper, 0.5 * (upper - lower), labels, ("W",) * kept.size, quantity="power"
+        )
         return (limit.restricted(motion),)
 
     def _bound(self, axes: _Axes) -> Array:

@@ -56,7 +56,9 @@ def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> Nonlinea
         return (link.origin + ca.mtimes(link.rotation, c))[rows.tolist()]
 
     labels = tuple(f"tool {AXES[k]}" for k in rows)
-    return NonlinearConstraint(robot.n, position, lower[rows], upper[rows], scale[rows], labels, ("m",) * rows.size)
+    return NonlinearConstraint(
+        robot.n, position, lower[rows], upper[rows], scale[rows], labels, ("m",) * rows.size, quantity="tool"
+    )
 
 
 def tool_speed(robot: Robot, point: Array, speed: float) -> NonlinearConstraint:
@@ -90,7 +92,7 @@ def tool_speed(robot: Robot, point: Array, speed: float) -> NonlinearConstraint:
 
     bound = np.array([speed])
     none = np.array([-np.inf])
-    return NonlinearConstraint(robot.n, squared, none, bound, bound.copy(), ("tool speed",), ("m/s",), shown)
+    return NonlinearConstraint(robot.n, squared, none, bound, bound.copy(), ("tool speed",), ("m/s",), shown, "tool")
 
 
 @dataclass(frozen=True)

@@ -180,7 +180,9 @@ def _limits(rows: _Rows, joints: int, torque: Expression, carried: Expression, m
         return total + ca.mtimes(loaded, carried(q, dq, ddq)) if loaded.nnz() else total
 
     labels, units = (tuple(texts[k] for k in kept) for texts in (rows.labels, rows.units))
-    return NonlinearConstraint(joints, expression, lower, upper, 0.5 * (upper - lower), labels, units)
+    return NonlinearConstraint(
+        joints, expression, lower, upper, 0.5 * (upper - lower), labels, units, quantity="torque"
+    )
 
 
 @dataclass(frozen=True)

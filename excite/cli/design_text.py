@@ -189,7 +189,7 @@ def _kept(design: Design) -> str:
     broken = [use.label for part in (design.limits, *design.transfer_limits.values()) for use in part if not use.holds]
     if broken:
         return f"the motion exceeds {len(broken)} limit{'s' * (len(broken) > 1)}: {', '.join(broken)}"
-    return kept_text(design.unchecked, (use.label for use in design.limits))
+    return kept_text(design.unchecked, (use.quantity for use in design.limits))
 
 
 def _transfer_lines(design: Design) -> list[str]:

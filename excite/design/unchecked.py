@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from constraints.linear import LinearConstraint, spanned
+from constraints.linear import QUANTITIES, LinearConstraint, spanned
 from regressors.models.partial import PartialMotion
 
-# Kinds of limits by their labels, such as ``joint q1 torque``, ``tool speed`` and ``link_5 to table``.
-_KINDS = (
-    *(
-        (kind, re.compile(rf"^(joint|drive) .* {kind}$"))
-        for kind in ("position", "velocity", "acceleration", "jerk", "torque", "power")
-    ),
-    ("tool", re.compile(r"^tool (x|y|z|speed)$")),
-    ("distance", re.compile(r".+ to .+")),
-)
+_ORDER = (*QUANTITIES, "torque", "power", "tool", "distance")
 
 
 @dataclass(frozen=True)
@@ -49,9 +40,8 @@ def unchecked_limits(motion: PartialMotion, limits: Sequence[LinearConstraint]) 
     limits : sequence of LinearConstraint
         On the moving coordinates.
     """
-    quantities = ("position", "velocity", "acceleration", "jerk")
     unchecked = []
-    for derivative, quantity in enumerate(quantities):
+    for derivative, quantity in enumerate(QUANTITIES):
         bounded = spanned(tuple(limits), len(motion.labels), (derivative,))
         free = [name for name, known in zip(motion.labels, bounded, strict=True) if not known]
         if free:
@@ -60,29 +50,29 @@ def unchecked_limits(motion: PartialMotion, limits: Sequence[LinearConstraint]) 
     return tuple(unchecked)
 
 
-def checked_text(labels: Iterable[str]) -> str:
+def checked_text(quantities: Iterable[str]) -> str:
     """Kinds of limits that were checked, each with the number of limits, such as ``position (7), distance (54)``.
 
     Parameters
     ----------
-    labels : iterable of str
-        Of the limits.
+    quantities : iterable of str
+        What each limit limits; see `constraints.constraint.Constraint`.
     """
-    counts = Counter(next((kind for kind, pattern in _KINDS if pattern.search(label)), "other") for label in labels)
-    order = [*(kind for kind, _ in _KINDS), "other"]
-    return ", ".join(f"{kind} ({counts[kind]})" for kind in order if kind in counts)
+    counts = Counter(quantities)
+    order = [*(kind for kind in _ORDER if kind in counts), *sorted(set(counts) - set(_ORDER))]
+    return ", ".join(f"{kind} ({counts[kind]})" for kind in order)
 
 
-def kept_text(unchecked: Sequence[Unchecked], labels: Iterable[str] = ()) -> str:
+def kept_text(unchecked: Sequence[Unchecked], quantities: Iterable[str] = ()) -> str:
     """Verdict on a motion that exceeds no limit, with what was not checked and what was.
 
     Parameters
     ----------
     unchecked : sequence of Unchecked
-    labels : iterable of str
-        Of the limits that were checked.
+    quantities : iterable of str
+        What each limit that was checked limits.
     """
-    checked = f"; checked: {text}" if (text := checked_text(labels)) else ""
+    checked = f"; checked: {text}" if (text := checked_text(quantities)) else ""
     if not unchecked:
         return f"every limit is kept{checked}"
     return f"every limit that was checked is kept; not checked: {', '.join(map(str, unchecked))}{checked}"

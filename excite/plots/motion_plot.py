@@ -270,7 +270,7 @@ def _title(design: Design) -> str:
 
 def _notes(design: Design, *, torques: bool) -> list[str]:
     """What was checked, what was not and why, which joints rest, and what the torques are."""
-    notes = [f"checked, with the number of limits: {checked_text(use.label for use in design.limits) or 'nothing'}"]
+    notes = [f"checked, with the number of limits: {checked_text(use.quantity for use in design.limits) or 'nothing'}"]
     if design.unchecked:
         notes.append(f"not checked: {', '.join(map(str, design.unchecked))}")
     resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]

@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from excite.design.design import Design
 from excite.information.metrics import CONVENTIONS, PredictedAccuracy, noise_text
 from excite.information.parameter_sizes import base_sizes
+from excite.plots.drawing_style import column_width
 from excite.plots.parameter_labels import parameter_label, row_places
 from excite.plots.style import (
     BLUE,
@@ -40,6 +41,7 @@ _EXPRESSION_LENGTH = 42
 _FEWEST_ROWS = 8  # keep bars slim
 _BAR_HEIGHT = 0.2  # [in]
 _ROOM, _LOG_ROOM = 1.6, 0.5  # for the numbers at its end: times the longest bar, and share of its length
+_LEAST = 5.0  # width of a figure with room for whole sentences and numbers [in]
 _UNCLEAR = 100.0  # [%]: from here on the deviation is larger than the parameter
 
 
@@ -62,9 +64,10 @@ class RelativeAccuracy:
 
     @property
     def text(self) -> str:
-        """Both deviations, with the parameter's unit."""
+        """Both deviations, with the parameter's unit; the relative one alone where a column has no room for both."""
         deviation = f"{significant(self.predicted.standard_deviation, 2)} {self.predicted.unit}"
-        known = f"{significant(self.percent, 2)} % ({deviation})"
+        relative = f"{significant(self.percent, 2)} %"
+        known = f"{relative} ({deviation})" if column_width() > _LEAST else relative
         return typeset(known if np.isfinite(self.percent) else f"{deviation}, size not known")
 
 
@@ -191,6 +194,8 @@ def _unit_legend(figure: Figure, accuracy: Sequence[RelativeAccuracy]) -> None:
 def _explanation(design: Design) -> str:
     """What is drawn, for which noise, and where the sizes come from."""
     noise = noise_text(design.task.objective.noise, design.target.model)
+    if column_width() <= _LEAST:
+        return f"deviation / size for {noise}"
     return (
         "Predicted standard deviation of each base parameter, over its size\n"
         f"for {noise}, independent in {design.rows} rows\n"

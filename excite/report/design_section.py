@@ -111,7 +111,7 @@ def _figures(design: Design) -> dict[str, Callable[[], Figure]]:
 
 def _verdict(content: Mapping[str, Any], unchecked: tuple[Unchecked, ...]) -> str:
     broken = [use["label"] for use in _all_limits(content) if not use["holds"]]
-    limits = kept_text(unchecked, (use["label"] for use in content["limits"]))
+    limits = kept_text(unchecked, (use["quantity"] for use in content["limits"] if "quantity" in use))
     if broken:
         limits = f"the motion breaks {len(broken)} limit{'s' * (len(broken) > 1)}: {', '.join(broken)}"
     rank, condition = content["base"]["rank"], content["criteria"]["condition_number"]

@@ -107,15 +107,11 @@ def test_nothing_to_say_is_said_plainly() -> None:
 
 
 def test_what_was_checked_is_counted_by_kind() -> None:
-    labels = (
-        *("joint q1 position", "drive z1 position", "joint a to b velocity", "drive z1 acceleration", "joint q1 jerk"),
-        *("joint q1 torque", "drive z1 power", "tool x", "tool speed", "link_5 to table", "tool to post", "own limit"),
-    )
-    kinds = "position (2), velocity (1), acceleration (1), jerk (1), torque (1), power (1), tool (2), distance (2)"
-    assert checked_text(labels) == f"{kinds}, other (1)"
+    quantities = ["wrench", "distance", "torque", "position", "distance", "tool", "jerk", "position"]
+    assert checked_text(quantities) == "position (2), jerk (1), torque (1), tool (1), distance (2), wrench (1)"
     assert checked_text(()) == ""
-    assert kept_text((), ("joint q1 torque",)) == "every limit is kept; checked: torque (1)"
-    text = kept_text((Unchecked("jerk", "no limit is stated"),), ("tool z",))
+    assert kept_text((), ("torque",)) == "every limit is kept; checked: torque (1)"
+    text = kept_text((Unchecked("jerk", "no limit is stated"),), ("tool",))
     end = "not checked: jerk (no limit is stated); checked: tool (1)"
     assert text == f"every limit that was checked is kept; {end}"
 
@@ -124,7 +120,7 @@ def test_the_verdict_says_what_the_designs_limits_are() -> None:
     made = excite.design_trajectory(excite.Task("irp6", starts=1, harmonics=2, executor="serial"))
     assert made.feasible
     assert {use.label.split()[-1] for use in made.limits} == {"position", "velocity", "acceleration", "torque"}
-    assert checked_text(use.label for use in made.limits) == (
+    assert checked_text(use.quantity for use in made.limits) == (
         "position (5), velocity (4), acceleration (4), torque (5)"
     )
 

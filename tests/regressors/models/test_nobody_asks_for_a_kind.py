@@ -42,7 +42,11 @@ READ_BY_PATTERNS = {
     "excite/logs/recordings/array_streams.py",
     "excite/logs/recordings/column_name.py",
     "excite/logs/recordings/text_makers.py",
+    "excite/plots/column_text.py",
+    "excite/plots/parameter_labels.py",
     "excite/plots/svg_text.py",
+    "excite/report/dark_colours.py",
+    "excite/report/friction_fit_section.py",
     "excite/report/page_text.py",
 }
 
