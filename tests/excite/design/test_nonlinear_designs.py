@@ -259,6 +259,7 @@ def test_gravity_that_no_pose_bears_is_named() -> None:
 # --- what the files and the command line say -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_design_is_told_and_can_be_run_again(here: Here) -> None:
     """Options of the command line, design.json, and the same motion from its task."""
     options = "--harmonics 3 --joints 1,2 --starts 1 --torque-margin 0.5 --tool-point 0.1,0,0 --tool-speed 0.5"

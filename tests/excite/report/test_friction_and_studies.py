@@ -127,6 +127,7 @@ def test_repetitions() -> None:
     assert "In 5 repetitions in simulation, 90 % of the 99 % intervals contain the truth." in section.verdict
 
 
+@pytest.mark.slow
 def test_a_campaign_lists_its_designs(tmp_path: Path) -> None:
     campaign = excite.plan_campaign("irp6")
     model = excite.ModelChoice(model=campaign.model, drives=campaign.steps[0].drives)

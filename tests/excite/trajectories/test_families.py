@@ -296,6 +296,7 @@ def series_design(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "d"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bspline", "fourier-quintic", "cosine"])
 def test_a_design_begins_with_the_motion_of_another_family(name: str, series_design: Path) -> None:
     """As near to it as the family comes, drawn inside the limits; what a spline is near to stays about as good."""

@@ -345,6 +345,7 @@ def test_designs_keep_all_limits(name: str, designs: dict[str, Path]) -> None:
     np.testing.assert_allclose(table[:, 1::3][:, : again.q.shape[1]], again.q, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_design_begins_with_the_motion_of_the_other_family(designs: dict[str, Path]) -> None:
     old = load_design(designs["waypoints"])
     task = Task("irp6", trajectory="sines", harmonics=5, begin=str(designs["waypoints"]))

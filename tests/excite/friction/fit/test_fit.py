@@ -393,6 +393,7 @@ def test_the_command_takes_the_windows_of_a_plan(here: Here) -> None:
     assert "available: z2" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_the_curves_are_accepted_by_identify(here: Here) -> None:
     assert here.run("friction", "fit", "irp6", "run.csv", "--out", "fit").returncode == 0
     arguments = ("identify", "irp6", "run.csv", "--drives", "2", "--rows", "all", "--out", "res")
