@@ -257,7 +257,28 @@ def interval_coverage() -> str:
     return table(head, rows, "benchmarks/coverage/results/coverage.json")
 
 
+def alternatives() -> str:
+    """P1 and P2 in Gautier's columns, beside the best of the other systems."""
+    cases = {each["problem"]: each for each in result("results/quality")["cases"] if each["convention"] == "gautier"}
+    ours, others = (
+        [f"{value:.2f}" for value in values]
+        for values in zip(
+            *((cases[name]["condition_number"], cases[name]["known"]["others"]) for name in ("P1", "P2")), strict=True
+        )
+    )
+    rows = (
+        ("excite", *(f"**{value}**" for value in ours), "kept over continuous time"),
+        (
+            "best of SLSQP, figaroh, FloBaRoID, robot_payload_id",
+            *others,
+            "some motions up to 1 % beyond, between grid points",
+        ),
+    )
+    return table(("", "Panda (P1)", "UR10 (P2)", "limits"), rows, "benchmarks/results/quality.json")
+
+
 TABLES: dict[str, Callable[[], str]] = {
+    "alternatives": alternatives,
     "paper-conditions": paper_conditions,
     "paper-estimates": paper_estimates,
     "paper-screws": paper_screws,
@@ -281,7 +302,8 @@ def filled(text: str) -> str:
 
 def pages() -> list[Path]:
     """Pages that have tables."""
-    return [page for page in sorted(DOCS.rglob("*.md")) if _PLACE.search(page.read_text(encoding="utf-8"))]
+    every = (DOCS.parent / "README.md", *sorted(DOCS.rglob("*.md")))
+    return [page for page in every if _PLACE.search(page.read_text(encoding="utf-8"))]
 
 
 def outdated() -> list[Path]:
