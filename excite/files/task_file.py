@@ -18,6 +18,7 @@ from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.objective import Belief
 from excite.tasks.option import Kind, options_of
+from excite.tasks.options_of_model import options_of_model
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.task import PARTS, Task
 from excite.tasks.values import EXPECTED, MARGINS, NONE
@@ -219,6 +220,12 @@ def _content(given: Any) -> Any:
     return given if given is None or isinstance(given, tuple) else str(given)
 
 
+def _part_name(kind: str, given: Any) -> str:
+    """Name of a part; the place of a model object where the options beside it do not say what it was made with."""
+    told = kind != "model" or isinstance(given, str | OwnPart | type) or options_of_model(given) is not None
+    return name_of(given) if told else place_of(given)
+
+
 def task_content(task: Task) -> dict[str, Any]:
     """Options of a task as plain values: the keys of a task file.
 
@@ -231,7 +238,7 @@ def task_content(task: Task) -> dict[str, Any]:
         for field, option in options_of(PARTS[part]):
             value = getattr(getattr(task, part), field.name)
             if not option.late or value != field.default:
-                options[field.name] = name_of(value) if option.part is not None else value
+                options[field.name] = _part_name(option.part, value) if option.part is not None else value
     options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
     options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own settings
     if task.limits.torque_margin is None:

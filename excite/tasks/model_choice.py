@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from excite.registry import WINDOWS, OwnPart, built_in, check_name, part
 from excite.tasks.drive_choice import DriveChoice, check_choice, numbers_of
 from excite.tasks.option import option
+from excite.tasks.options_of_model import options_of_model
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
@@ -178,6 +179,9 @@ class ModelChoice:
         strict(self)
         if isinstance(self.model, str):
             check_name("model", self.model)
+        elif not isinstance(self.model, OwnPart | type):
+            for name, value in (options_of_model(self.model) or {}).items():
+                object.__setattr__(self, name, value)
         if self.window not in WINDOWS:
             raise UnknownName("window", str(self.window), WINDOWS)
         if self.joints is not None and self.drives is not None:
