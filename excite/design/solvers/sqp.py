@@ -52,6 +52,13 @@ class SqpOptions:
     tolerance: float = 2e-4
     patience: int = 3
 
+    @property
+    def last(self) -> SqpOptions:
+        """Settings of the criterion's last stage, solved more exactly: some motions improve slowly for long."""
+        return replace(
+            self, iterations=2 * self.iterations, tolerance=0.25 * self.tolerance, patience=self.patience + 2
+        )
+
 
 class SequentialQuadratic(Solver):
     """Damped BFGS SQP with a working set of limit rows."""
@@ -71,9 +78,9 @@ class SequentialQuadratic(Solver):
                     run.stage(sharpness, replace(self.options, iterations=iterations))
             stages = stages[1:] or stages
         run = min(runs, key=lambda run: problem.point(run.x, stages[len(stages) // 2]).value)
-        status = Status.CONVERGED
-        for sharpness in stages:
-            status = run.stage(sharpness, self.options)
+        for sharpness in stages[:-1]:
+            run.stage(sharpness, self.options)
+        status = run.stage(stages[-1], self.options.last)
         return SolverResult(run.best, run.best_value, status, run.history, sum(r.evaluations for r in runs))
 
 

@@ -51,7 +51,7 @@ CASES = {
         ("drive z2 torque", "tool speed"),
     ),
     "tool on held joints": Case(
-        Task("irp6", harmonics=3, joints=("1", "2"), tool_box=((None,) * 2, (None,) * 2, (0.9, None)), tool_speed=0.5),
+        Task("irp6", harmonics=3, joints=("1", "2"), tool_box=((None,) * 2, (None,) * 2, (1.1, None)), tool_speed=0.5),
         ("tool z", "tool speed"),
     ),
     "one drive": Case(Task("irp6", harmonics=3, drives=("2",), torque_margin=0.6, tool_speed=0.3), ("tool speed",)),
