@@ -41,7 +41,7 @@ ROBOTS = re.compile(r"^<!-- folder: example-robot-data -->$", re.MULTILINE)
 COMMAND = re.compile(r"^(?P<printed>\$ (?:.*\\\n)*.*)\n(?P<below>(?:(?!\$ ).*\n)*)", re.MULTILINE)
 STATUS = re.compile(r"#.* exit status (\d)")
 WIDTH = 92  # of a terminal, as wide as a block on the site
-PIXELS, COLOURS = 1100, 96  # of a figure
+PIXELS, COLOURS = 900, 64  # of a figure
 PLACE = "cmeel.prefix/share/example-robot-data"
 
 
