@@ -84,7 +84,7 @@ def test_an_unknown_joint() -> None:
 def test_by_name_from_the_design_to_the_verdict(tmp_path: Path) -> None:
     """The simulated robot has no springs, and so do its parameters."""
     assert "springs" in MODELS
-    task = excite.Task("irp6", model="springs", harmonics=3, starts=1, executor="serial")
+    task = excite.Task("irp6", model="springs", harmonics=3, starts=2, executor="serial")
     design = excite.design_trajectory(task)
     assert design.feasible
     design.save(tmp_path / "design")
