@@ -440,7 +440,8 @@ def _ended(arguments: Sequence[str], folder: Path, *, clean: bool, patience: flo
     if growth > 1e3 * CAP:
         problems.append(f"takes {round(growth, -2):.0f} MB")
     if not (pressed and status == 128 + signal.SIGINT):
-        problems += _wrong_output(status, out.getvalue(), err.getvalue(), progress=bool(pressed))
+        told = bool(pressed) or any(option in arguments for option in ("-v", "--verbose"))
+        problems += _wrong_output(status, out.getvalue(), err.getvalue(), progress=told)
     if clean:
         problems += _not_finite(folder / "o")
         _clear(folder, before)
