@@ -107,7 +107,7 @@ def design() -> DesignedMotion:
 
 @pytest.mark.slow
 def test_parameters_of_a_robot_that_sticks_are_not_biased(design: DesignedMotion) -> None:
-    """Under a soft controller, whose joints stand for a while wherever they turn; without it X2 is wrong by a fifth or more."""
+    """Under a soft controller, whose joints stand wherever they turn; without it X2 is wrong by a fifth or more."""
     errors = {speed: [] for speed in (0.0, 0.01)}
     for seed in range(3):
         sensors = {"torque_noise": (0.5,), "encoder": (4000,), "rate": 1000.0, "seed": seed}
