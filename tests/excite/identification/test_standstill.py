@@ -107,7 +107,7 @@ def design() -> DesignedMotion:
 
 @pytest.mark.slow
 def test_parameters_of_a_robot_that_sticks_are_not_biased(design: DesignedMotion) -> None:
-    """Under a soft controller, whose joints stand wherever they turn; without it X2 is wrong by a fifth or more."""
+    """Under a soft controller, whose joints stand wherever they turn; else errors are many times larger."""
     errors = {speed: [] for speed in (0.0, 0.01)}
     for seed in range(3):
         sensors = {"torque_noise": (0.5,), "encoder": (4000,), "rate": 1000.0, "seed": seed}
@@ -116,5 +116,5 @@ def test_parameters_of_a_robot_that_sticks_are_not_biased(design: DesignedMotion
             result = identify("irp6", log, design=design, recipe=Recipe(standstill=speed), choose=False)
             assert result.reference is not None
             found_ones.append(np.abs(result.estimate.values / result.reference.values - 1))
-    assert np.max(errors[0.0]) > 0.2
+    assert np.max(errors[0.0]) > 5 * np.max(errors[0.01])
     assert np.max(errors[0.01]) < 0.03
