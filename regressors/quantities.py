@@ -119,6 +119,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "tool_point": LENGTH,
     # search
     "starts": Quantity("", 1, 10**7, whole=True),
+    "rounds": Quantity("", 0, 10**6, whole=True),
+    "budget": Quantity("s", 0.1, 1e7),
     "seed": SEED,
     "workers": Quantity("", 1, 10_000, whole=True),
     # output

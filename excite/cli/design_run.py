@@ -11,7 +11,7 @@ from excite.cli.progress import progress_of_starts
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark
 from excite.design.design import Design
-from excite.design.design_memory import search_seconds
+from excite.design.design_memory import TYPICAL_STARTS, search_seconds
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts
 from excite.design.optimisation import solve
@@ -58,8 +58,8 @@ def design_and_write(
         _print_what_is_known(formulation, task, kept, notes)
         tell("looking for the best motion")
         with one_interrupt() as interruption:
-            with progress_of_starts(kept, at_end=interruption.ignore) as progress:
-                design = solve(robot, formulation, kept, progress)
+            with progress_of_starts(kept) as progress:
+                design = solve(robot, formulation, kept, progress, at_end=interruption.ignore)
             tell("writing and drawing")
             files = write_design(design, out, figures.formats)
             if figures:
@@ -75,4 +75,9 @@ def _print_what_is_known(formulation: Formulation, task: Task, kept: KeptStarts,
         remark(f"excite: note: {in_options(note)}")
     for found in kept.notes:
         remark(f"excite: {found}")
-    announce("the search", search_seconds(formulation.target, task, kept.count - len(kept.done)), _ENDED)
+    announce("the search", search_seconds(formulation.target, task, _left(kept)), _ENDED)
+
+
+def _left(kept: KeptStarts) -> int:
+    """Number of starts that are left, as far as it is known."""
+    return max((TYPICAL_STARTS if kept.count is None else kept.count) - len(kept.done), 0)

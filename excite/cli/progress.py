@@ -24,24 +24,20 @@ _BETWEEN = 2.0  # seconds between two lines of a simulation
 
 
 @contextmanager
-def progress_of_starts(kept: KeptStarts, at_end: Callable[[], None]) -> Iterator[Callable[[StartResult], None]]:
+def progress_of_starts(kept: KeptStarts) -> Iterator[Callable[[StartResult], None]]:
     """Report finished starts and the best value so far.
 
     Parameters
     ----------
     kept : KeptStarts
         Those of an earlier run.
-    at_end : callable
-        Called when the last one has finished.
     """
     total, done = kept.count, len(kept.done)
-    if done == total:
-        at_end()
     if verbosity().quiet:
-        yield _silent(kept, at_end)
+        yield lambda _: None
         return
     if verbosity().verbose or not can_move(sys.stderr):
-        yield _lines(kept, at_end)
+        yield _lines(kept)
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -63,27 +59,14 @@ def progress_of_starts(kept: KeptStarts, at_end: Callable[[], None]) -> Iterator
             nonlocal best, done
             best, done = min(best, result.value), done + 1
             bar.update(task, advance=1, best=f"{best:.4g}")
-            if done == total:
-                at_end()
 
         yield report
 
 
-def _silent(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResult], None]:
-    done = len(kept.done)
-
-    def count(_: StartResult) -> None:
-        nonlocal done
-        done += 1
-        if done == kept.count:
-            at_end()
-
-    return count
-
-
-def _lines(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResult], None]:
+def _lines(kept: KeptStarts) -> Callable[[StartResult], None]:
     total, best, done = kept.count, kept.best, len(kept.done)
-    if total - done > _MANY:
+    of_all = f" of {total}" if total is not None else ""
+    if total is not None and total - done > _MANY:
         say(f"excite: {total - done} starts to run")
 
     def report(result: StartResult) -> None:
@@ -92,12 +75,10 @@ def _lines(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResul
         better = result.value < best
         best = min(best, result.value)
         if verbosity().verbose:
-            say(f"start {done} of {total}: {result.value:.4g} in {result.cpu:.1f} s, {result.status}; best {best:.4g}")
+            say(f"start {done}{of_all}: {result.value:.4g} in {result.cpu:.1f} s, {result.status}; best {best:.4g}")
         elif better:
             something_is_shown()
-            say(f"start {done} of {total}: best so far {best:.4g}")
-        if done == total:
-            at_end()
+            say(f"start {done}{of_all}: best so far {best:.4g}")
 
     return report
 

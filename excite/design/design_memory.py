@@ -22,6 +22,7 @@ _EQUATIONS = 2.6  # copies of the regressor that are held at once
 _OF_ANY, _SAMPLES = 2.0, 24.0  # numbers of each sample, and of each of its joints
 _BASIS = 5.0  # derivatives of the basis, and what is computed with it
 _HESSIAN = 4.0  # matrices of the size of the Hessian
+TYPICAL_STARTS = 60  # starts of a search that adapts their number
 _START = 100.0  # bytes of a start: all but the best are on the disk only
 _STEPS, _FACTORS = 1e-2, 6e-7  # seconds of a start for each coefficient, and for its third power
 
@@ -54,13 +55,13 @@ def design_prediction(target: IdentificationTarget, task: Task) -> WorkPredictio
     """
     family, processes = task.trajectory.family(), 1
     if task.search.executor == "process":  # the problem is in this process too
-        processes += workers_of(task, task.search.starts)
+        processes += workers_of(task, task.search.first)
     option, value = task.trajectory.richness
     coordinates = len(target.motion.labels)
     size = coefficients_of(family, coordinates)
     instants = grid_instants(family.richness) + objective_instants(family.richness)
     hessian = processes * FLOAT * _HESSIAN * size**2
-    starts = task.search.starts
+    starts = TYPICAL_STARTS if task.search.adaptive else task.search.first
     return WorkPrediction(
         "the design",
         (
@@ -89,7 +90,8 @@ def search_seconds(target: IdentificationTarget, task: Task, starts: int) -> flo
         Those that are left.
     """
     seconds = design_prediction(target, task).seconds
-    return (seconds or 0.0) / task.search.starts * starts / max(workers_of(task, starts), 1)
+    every = TYPICAL_STARTS if task.search.adaptive else task.search.first
+    return (seconds or 0.0) / every * starts / max(workers_of(task, starts), 1)
 
 
 @dataclass(frozen=True)

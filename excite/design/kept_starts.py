@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from excite.design.formulation import Formulation
+from excite.design.planned_start import PlannedStart
 from excite.design.problem_identity import ProblemIdentity
 from excite.design.start_results import RUNNING, Origin, read_start, start_files
 from excite.storage.content_hash import EditedError
@@ -22,10 +23,10 @@ class KeptStarts:
     Parameters
     ----------
     folder : Path
-    count : int
-        Number of starts of the task.
-    done : frozenset of int
-        Numbers of those that are finished.
+    count : int or None
+        Number of starts of the task; None where the search adapts it.
+    done : mapping of int to str
+        Lineage of those that are finished, by their number.
     best : float
         Least value among them.
     cpu : float
@@ -35,17 +36,20 @@ class KeptStarts:
     """
 
     folder: Path
-    count: int
-    done: frozenset[int] = frozenset()
+    count: int | None
+    done: Mapping[int, str] = field(default_factory=dict)
     best: float = float("inf")
     cpu: float = 0.0
     notes: tuple[str, ...] = ()
 
-    @property
-    def left(self) -> Sequence[int]:
-        """Numbers of the starts that are still to run."""
-        every = range(self.count)
-        return [index for index in every if index not in self.done] if self.done else every
+    def left(self, starts: Sequence[PlannedStart | int]) -> Sequence[PlannedStart | int]:
+        """Those of some planned starts that are still to run."""
+        return [start for start in starts if not self.has(start)] if self.done else starts
+
+    def has(self, start: PlannedStart | int) -> bool:
+        """Whether a start is finished, and descends from what is planned now."""
+        index, lineage = (start, "") if isinstance(start, int) else (start.index, start.lineage)
+        return self.done.get(index) == lineage
 
 
 def keep_starts(
@@ -71,11 +75,13 @@ def keep_starts(
     shown = folder if shown is None else shown
     remove_temporary(folder)
     files = start_files(folder)
-    count, identity = formulation.task.search.starts, formulation.identity
+    search, identity = formulation.task.search, formulation.identity
+    count = None if search.adaptive else search.first
     if fresh:
         remove_starts(folder)
         return KeptStarts(folder, count)
-    done, unfinished, edited, unreadable, best, cpu = [], [], 0, 0, float("inf"), 0.0
+    done: dict[int, str] = {}
+    unfinished, edited, unreadable, best, cpu = list[Path](), 0, 0, float("inf"), 0.0
     for index, path in files:
         try:
             start, origin = read_start(path)
@@ -87,19 +93,23 @@ def keep_starts(
         _check_origin(origin, identity, shown)
         if start.status == RUNNING or start.index != index or identity.sha256 is None:
             unfinished.append(path)
-        elif index < count:
-            done.append(index)
+        elif count is None or (index < count and not start.lineage):
+            done[index] = start.lineage
             best, cpu = min(best, start.value), cpu + start.cpu
     _remove(unfinished)
     notes = tuple(_notes(shown, count, len(done), edited, unreadable))
     if identity.doubt and unfinished:
         notes = (*notes, f"the starts in {shown} are not reused: {identity.doubt}")
-    return KeptStarts(folder, count, frozenset(done), best, cpu, notes)
+    return KeptStarts(folder, count, done, best, cpu, notes)
 
 
-def _notes(shown: Path, count: int, done: int, edited: int, unreadable: int) -> list[str]:
+def _notes(shown: Path, count: int | None, done: int, edited: int, unreadable: int) -> list[str]:
     notes = []
-    if done:
+    if done and count is None:
+        notes.append(
+            f"{done} start{'s' * (done > 1)} {_are(done)} already done in {shown}; the search goes on from there"
+        )
+    elif done and count is not None:
         left = count - done
         notes.append(f"{done} of {count} starts {_are(done)} already done in {shown}; {left} {_are(left)} left")
     if edited:

@@ -1,10 +1,11 @@
-"""Multistart: every start is optimised independently, in worker processes, and written to disk as soon as it ends."""
+"""Executors: the starts of each round are optimised beside each other, and written to disk as soon as they end."""
 
 from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import cloudpickle
 from excite.design.formulation import Formulation
 from excite.design.interruption import deferred_interruption
 from excite.design.kept_starts import remove_temporary
+from excite.design.planned_start import PlannedStart
 from excite.design.single_start import optimise_start
 from excite.design.start_results import RUNNING, StartResult, read_starts, start_file, write_start
 from excite.design.worker_process import NotPreparedError
@@ -33,6 +35,7 @@ __all__ = [
 ]
 
 Progress = Callable[[StartResult], None]
+StartsOfRounds = Iterable[Sequence[PlannedStart | int]]
 _log = logging.getLogger(__name__)
 
 
@@ -53,21 +56,34 @@ def _pickled(*content: Any) -> bytes:
         ) from error
 
 
-def serial(formulation: Formulation, indices: Sequence[int], folder: Path, progress: Progress) -> None:
-    """Optimise starts one after the other in this process."""
+def serial(formulation: Formulation, rounds: StartsOfRounds, folder: Path, progress: Progress) -> None:
+    """Optimise the starts of each round one after the other in this process.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    rounds : iterable of sequences of PlannedStart
+        A round depends on the results of those before it: it is to be asked for when all of them have been reported.
+    folder : Path
+        For the files of the starts.
+    progress : callable
+        Called with the result of every start.
+    """
     search, origin = formulation.task.search, formulation.identity.origin
     with deferred_interruption() as answer:
         problem, method = formulation.problem, instance("solver", search.solver)
         answer()
-        for index in indices:
-            progress(optimise_start(problem, method, search.seed, index, folder, answer, origin))
-            answer()
+        for starts in rounds:
+            for start in starts:
+                progress(optimise_start(problem, method, search.seed, start, folder, answer, origin))
+                answer()
 
 
-def run_in_pool(formulation: Formulation, indices: Sequence[int], folder: Path, progress: Progress) -> None:
-    """Optimise starts in worker processes; one that ends unexpectedly is announced and replaced.
+def run_in_pool(formulation: Formulation, rounds: StartsOfRounds, folder: Path, progress: Progress) -> None:
+    """Optimise the starts of each round in worker processes; one that ends unexpectedly is announced and replaced.
 
-    Where worker processes cannot build the problem, a warning is logged, and the starts run in this process.
+    Where worker processes cannot build the problem, a warning is logged, and the starts run in this process. The
+    arguments are those of `serial`.
 
     Raises
     ------
@@ -78,16 +94,18 @@ def run_in_pool(formulation: Formulation, indices: Sequence[int], folder: Path, 
     """
     search = formulation.task.search
     content = _pickled(formulation.blueprint, formulation.identity.origin)
-    count = min(search.workers or os.cpu_count() or 1, len(indices))
+    following = iter(rounds)
     with environment_of_workers():
-        workers = Workers(content, search.seed, folder, count)
+        workers = Workers(content, search.seed, folder, search.workers or os.cpu_count() or 1)
         try:
-            for result in workers.run(indices):
-                progress(result)
+            for starts in following:
+                left = starts
+                for result in workers.run(starts):
+                    progress(result)
             return
         except NotPreparedError as error:
             _log.warning("worker processes cannot build the problem (%s): the starts run in this process", error)
         finally:
             workers.end()
             remove_temporary(folder)
-    serial(formulation, indices, folder, progress)
+    serial(formulation, chain([left], following), folder, progress)

@@ -1,4 +1,4 @@
-"""Design of a motion: every start is optimised, and the best is certified."""
+"""Design of a motion: rounds of starts are optimised, and the best is certified."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +24,8 @@ from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
+from excite.design.running_rounds import RunningRounds
+from excite.design.search_rounds import Rounds
 from excite.design.start_results import StartResult
 from excite.errors import NoFeasibleMotionError
 from excite.registry import part
@@ -143,7 +147,11 @@ def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
     "check `period`, `noise`, `prior` and the limits of the joints",
 )
 def solve(
-    robot: Robot, formulation: Formulation, starts: KeptStarts | Path, progress: Progress | None = None
+    robot: Robot,
+    formulation: Formulation,
+    starts: KeptStarts | Path,
+    progress: Progress | None = None,
+    at_end: Callable[[], None] = lambda: None,
 ) -> Design:
     """Run the starts of a checked problem that are left, and certify the best motion; see `design_trajectory`.
 
@@ -155,32 +163,39 @@ def solve(
         Finished starts and their folder, or a folder.
     progress : callable, optional
         Called with the result of each start that runs.
+    at_end : callable
+        Called when the last start has ended, before the best is certified.
     """
     kept = starts if isinstance(starts, KeptStarts) else keep_starts(starts, formulation)
     began, cpu, date = time.monotonic(), _own_cpu(), datetime.now(UTC)
-    interrupted, in_processes = False, 0.0
-    serially = formulation.task.search.executor == "serial"
-
-    def report(result: StartResult) -> None:
-        nonlocal in_processes
-        in_processes += 0.0 if serially else result.cpu
-        if progress is not None:
-            progress(result)
-
+    interrupted, search = False, formulation.task.search
+    rounds = Rounds(search)
+    running = RunningRounds(rounds, kept, progress, in_processes=search.executor != "serial")
     try:
-        execute = part("executor", formulation.task.search.executor)
-        if kept.left:
-            execute(formulation, kept.left, kept.folder, report)
+        execute = part("executor", search.executor)
+        following = iter(running)
+        if (first := next(following, None)) is not None:
+            execute(formulation, chain([first], following), kept.folder, running.report)
+        at_end()
     except KeyboardInterrupt:
         interrupted = True
         if (answered := current_interruption()) is not None:
             answered.caught()
-    results = best_starts(kept.folder, kept.count)
+    results = best_starts(kept.folder, rounds.planned)
     if not results.best:
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)
-    provenance = _provenance(formulation, date, time.monotonic() - began, kept.cpu + _own_cpu() - cpu + in_processes)
+    provenance = _provenance(formulation, date, time.monotonic() - began, running.spent - cpu)
+    formulation = replace(formulation, task=_with_rounds(formulation.task, rounds, interrupted=interrupted))
     with threadpool_limits(1):
-        return certify(robot, formulation, results, provenance, interrupted=interrupted)
+        design = certify(robot, formulation, results, provenance, interrupted=interrupted)
+    return replace(design, search=rounds.summary)
+
+
+def _with_rounds(task: Task, rounds: Rounds, *, interrupted: bool) -> Task:
+    """The task with the rounds that a budget was enough for, so that it gives the same motion again."""
+    if task.search.budget is None or interrupted:
+        return task
+    return task.changed(search=replace(task.search, budget=None, rounds=rounds.count))
 
 
 def _own_cpu() -> float:

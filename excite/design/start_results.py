@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, Field, asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,10 @@ class StartResult:
     evaluations : int
     cpu : float
         Processor time [s].
+    parents : tuple of int
+        Numbers of the starts whose motions it combines or refines; none for a random one.
+    lineage : str
+        Hash of what it descends from, see `excite.design.planned_start`; empty for a random one.
     """
 
     index: int
@@ -46,6 +50,8 @@ class StartResult:
     history: list[float]
     evaluations: int
     cpu: float
+    parents: tuple[int, ...] = ()
+    lineage: str = ""
 
     @property
     def coefficients(self) -> Array:
@@ -117,13 +123,18 @@ def read_start(path: Path) -> tuple[StartResult, Origin | None]:
     """
     content = read_hashed(path)
     try:
-        values = {field.name: content[field.name] for field in fields(StartResult)}
+        values = {field.name: content[field.name] for field in fields(StartResult) if _is_stated(field, content)}
+        values["parents"] = tuple(values.get("parents", ()))
         values["history"] = [_or_infinite(value) for value in values["history"]]
         values["value"] = _or_infinite(values["value"])
         origin = Origin(**content["origin"]) if "origin" in content else None
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError(f"{path} is not the complete file of a start: {error}") from error
     return StartResult(**values), origin
+
+
+def _is_stated(field: Field[Any], content: dict[str, Any]) -> bool:
+    return field.default is MISSING or field.name in content  # younger fields have defaults
 
 
 def iterate_starts(folder: Path) -> Iterator[StartResult]:

@@ -15,6 +15,7 @@ import cloudpickle
 
 from excite.design.blueprint import Blueprint
 from excite.design.interruption import SIGNALS
+from excite.design.planned_start import PlannedStart
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver
@@ -52,12 +53,13 @@ def prepare(content: bytes) -> None:
         _failure = f"{type(error).__name__}: {error}"
 
 
-def work(seed: int, index: int, folder: Path) -> StartResult:
+def work(seed: int, start: PlannedStart | int, folder: Path) -> StartResult:
     """Optimise a start.
 
     Parameters
     ----------
-    seed, index : int
+    seed : int
+    start : PlannedStart or int
     folder : Path
 
     Raises
@@ -68,7 +70,7 @@ def work(seed: int, index: int, folder: Path) -> StartResult:
     if _prepared is None:
         raise NotPreparedError(_failure)
     problem, method, origin = _prepared
-    return optimise_start(problem, method, seed, index, folder, origin=origin)
+    return optimise_start(problem, method, seed, start, folder, origin=origin)
 
 
 def _end_with_parent() -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.interruption import SIGNALS, held_signals
+from excite.design.planned_start import PlannedStart
 from excite.design.start_results import StartResult
 from excite.design.worker_process import prepare, work
 from excite.errors import LostWorkersError
@@ -25,6 +26,7 @@ from excite.errors import LostWorkersError
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _NO_LEAKS = "ignore::UserWarning:multiprocessing.resource_tracker"  # of a process that is killed: it cannot clean up
 _TOGETHER = 2  # times that a start may end its worker beside others; after that it runs alone, once
+Start = PlannedStart | int
 _log = logging.getLogger(__name__)
 
 
@@ -51,10 +53,10 @@ class Worker:
         self._context = _OneContext()
         self._pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=prepare, initargs=(content,))
 
-    def submit(self, seed: int, index: int, folder: Path) -> Future[StartResult]:
+    def submit(self, seed: int, start: PlannedStart | int, folder: Path) -> Future[StartResult]:
         """Run a start; the first one starts the process."""
         with held_signals(), _main_not_imported():
-            return self._pool.submit(work, seed, index, folder)
+            return self._pool.submit(work, seed, start, folder)
 
     def how_it_ended(self) -> str:
         """How a process that ended unexpectedly did so."""
@@ -87,13 +89,14 @@ class Workers:
 
     def __init__(self, content: bytes, seed: int, folder: Path, count: int) -> None:
         self._content, self._seed, self._folder, self._count = content, seed, folder, count
-        self._running: dict[Future[StartResult], tuple[Worker, int]] = {}
+        self._running: dict[Future[StartResult], tuple[Worker, Start]] = {}
+        self._idle: list[Worker] = []
         self._all: set[Worker] = set()
-        self._lost: Counter[int] = Counter()
+        self._lost: Counter[Start] = Counter()
         self._in_a_row = 0
 
-    def run(self, indices: Iterable[int]) -> Iterator[StartResult]:
-        """Results as the starts end; at most one start per process is on its way at a time.
+    def run(self, starts: Iterable[Start]) -> Iterator[StartResult]:
+        """Results as the starts end; at most one start per process is on its way at a time. Processes live on after it.
 
         Starts that end their process twice run alone after all others, and are left out if they end it again.
 
@@ -104,11 +107,12 @@ class Workers:
         NotPreparedError
             They cannot build the problem.
         """
-        alone: list[int] = []
-        yield from self._run(iter(indices), self._count, alone)
-        self.end()
-        for index in alone:
-            yield from self._run(iter([index]), 1, [])
+        alone: list[Start] = []
+        yield from self._run(iter(starts), self._count, alone)
+        if alone:
+            self.end()
+        for start in alone:
+            yield from self._run(iter([start]), 1, [])
 
     def end(self) -> None:
         """End all processes."""
@@ -116,19 +120,20 @@ class Workers:
             worker.end()
         self._all.clear()
         self._running.clear()
+        self._idle.clear()
 
-    def _run(self, left: Iterator[int], count: int, alone: list[int]) -> Iterator[StartResult]:
+    def _run(self, left: Iterator[Start], count: int, alone: list[Start]) -> Iterator[StartResult]:
         for _ in range(count):
-            self._start_next(self._new(), left)
+            self._start_next(None, left)
         while self._running:
             for future in wait(self._running, return_when=FIRST_COMPLETED).done:
-                worker, index = self._running.pop(future)
+                worker, start = self._running.pop(future)
                 try:
                     result = future.result()
                 except BrokenProcessPool:
-                    worker = self._replaced(worker, index, alone)
-                    again = self._lost[index] < _TOGETHER
-                    self._start_next(worker, iter([index]) if again else left)
+                    worker = self._replaced(worker, start, alone)
+                    again = self._lost[start] < _TOGETHER
+                    self._start_next(worker, iter([start]) if again else left)
                     continue
                 self._in_a_row = 0
                 self._start_next(worker, left)
@@ -139,30 +144,35 @@ class Workers:
         self._all.add(worker)
         return worker
 
-    def _start_next(self, worker: Worker, left: Iterator[int]) -> None:
-        index = next(left, None)
-        if index is not None:
-            self._running[worker.submit(self._seed, index, self._folder)] = worker, index
+    def _start_next(self, worker: Worker | None, left: Iterator[Start]) -> None:
+        """Give a process its next start; without one, an idle or a new process. With no start left it is idle."""
+        start = next(left, None)
+        if start is not None:
+            worker = worker or (self._idle.pop() if self._idle else self._new())
+            self._running[worker.submit(self._seed, start, self._folder)] = worker, start
+        elif worker is not None:
+            self._idle.append(worker)
 
-    def _replaced(self, worker: Worker, index: int, alone: list[int]) -> Worker:
+    def _replaced(self, worker: Worker, start: Start, alone: list[Start]) -> Worker:
         """A new process in place of one that ended."""
         how = worker.how_it_ended()
         self._all.discard(worker)
-        self._lost[index] += 1
+        self._lost[start] += 1
         self._in_a_row += 1
         if self._in_a_row > 3 * self._count + 3:
             raise LostWorkersError(
                 f"{self._in_a_row} worker processes ended one after the other ({how}), and no start did; finished "
                 "starts are kept, and another try continues with the others: give fewer `workers`"
             )
-        if self._lost[index] < _TOGETHER:
+        if self._lost[start] < _TOGETHER:
             then = "the start runs again"
-        elif self._lost[index] == _TOGETHER:
+        elif self._lost[start] == _TOGETHER:
             then = "the start runs alone after the others, since this is the second time"
-            alone.append(index)
+            alone.append(start)
         else:
             then = "the start is left out, since this is the third time"
-        _log.warning("a worker process ended at start %d (%s) and is replaced; %s", index, how, then)
+        number = start.index if isinstance(start, PlannedStart) else start
+        _log.warning("a worker process ended at start %d (%s) and is replaced; %s", number, how, then)
         return self._new()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -243,6 +244,7 @@ def _solver(design: Design) -> dict[str, Any]:
             for start in design.starts
         ],
         **({"further_starts": design.further_starts} if design.further_starts else {}),
+        **({"search": asdict(design.search)} if design.search is not None else {}),
     }
 
 

@@ -15,6 +15,7 @@ from excite.registry import FIGURE_FORMATS
 from excite.storage.atomic import read_json, replacing, writing
 from excite.storage.destination import shown
 from excite.storage.manifest import read_manifest
+from excite.tasks.search import Search
 from regressors.errors import InputError
 
 
@@ -46,7 +47,7 @@ def resume_search(folder: Path, formulation: Formulation, *, replace: bool = Fal
     unfinished = _is_unfinished(folder, stored)
     check_no_design(folder, data_files(formulation.task), replace=replace or unfinished)
     starts = starts_folder(folder)
-    if not fresh and (unfinished or _count(stored) < formulation.task.search.starts):
+    if not fresh and (unfinished or _is_less(stored, formulation.task.search)):
         _carry_over(folder / STARTS, starts, formulation)
     return keep_starts(starts, formulation, fresh=fresh, shown=shown(starts))
 
@@ -84,11 +85,15 @@ def _same_problem(folder: Path, formulation: Formulation) -> dict[str, Any]:
     return stored if same else {}
 
 
-def _count(stored: dict[str, Any]) -> float:
-    """Number of starts that were asked for; infinite where no design is continued."""
+def _is_less(stored: dict[str, Any], search: Search) -> bool:
+    """Whether a stored design had fewer starts than are asked for now, so that it is continued."""
     task = stored.get("task")
-    count = task.get("starts") if isinstance(task, dict) else None
-    return count if isinstance(count, int) else float("inf")
+    if not isinstance(task, dict):
+        return False
+    count = task.get("starts")
+    if search.adaptive:  # which rounds are in it, only their lineage says
+        return isinstance(count, int) or task.get("rounds") is not None
+    return isinstance(count, int) and count < search.first
 
 
 def _carry_over(old: Path, new: Path, formulation: Formulation) -> None:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 
 Executor = Callable[..., None]
+RANDOM_STARTS = 4  # of a search that adapts their number
 
 
 @dataclass(frozen=True)
@@ -24,8 +25,13 @@ class Search:
 
     Parameters
     ----------
-    starts : int
-        Number of random starts.
+    starts : int, optional
+        Number of random starts; the search adapts it, and combines their motions, if not given.
+    rounds : int, optional
+        Number of rounds after the first, which combine the best motions so far, or begin anew where that does not pay
+        any more; as many as pay if not given, none beside ``starts``.
+    budget : float, optional
+        Processor time after which no further round begins [s].
     seed : int
         The same seed on the same machine gives the same motion.
     start : tuple of {"random", "cosine", "quintic", "sines"}
@@ -35,7 +41,8 @@ class Search:
     solver : str or Solver
         A registered name, or a solver object.
     executor : str or callable
-        A registered name, or a function of (blueprint, numbers of starts, folder, progress).
+        A registered name, or a function of (formulation, rounds of starts, folder, progress), see
+        `excite.design.multistart.serial`.
     workers : int, optional
         Processes; one per core if not given.
 
@@ -47,7 +54,22 @@ class Search:
         Invalid numbers.
     """
 
-    starts: int = option(12, "integer", "Random starts; the best one is taken.", metavar="N")
+    starts: int | None = option(
+        None,
+        "integer",
+        "Random starts, and nothing else; the best one is taken.  [default: as many as pay, and combinations of them]",
+        metavar="N",
+    )
+    rounds: int | None = option(
+        None,
+        "integer",
+        "Rounds that combine the best motions after the random starts.  [default: as many as pay; none with --starts]",
+        metavar="N",
+        late=True,
+    )
+    budget: float | None = option(
+        None, "number", "Processor time after which no further round begins [s].", metavar="S", late=True
+    )
     seed: int = option(0, "integer", "Seed; the same seed on the same machine gives the same motion.", metavar="N")
     start: tuple[str, ...] = option(
         ("random",),
@@ -69,3 +91,15 @@ class Search:
         for name in self.start:
             if name not in STARTS:
                 raise UnknownName("start", name, STARTS)
+
+    @property
+    def first(self) -> int:
+        """Number of random starts in the first round."""
+        return RANDOM_STARTS if self.starts is None else self.starts
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether rounds that combine motions follow the random starts."""
+        if self.rounds is not None:
+            return self.rounds > 0
+        return self.starts is None or self.budget is not None

@@ -74,3 +74,23 @@ class Solver(ABC):
         watch : callable, optional
             Called with (x, criterion) after every accepted iterate.
         """
+
+    def combine(
+        self, problem: Problem, starts: Sequence[Array], known: Sequence[Array], watch: Watcher | None = None
+    ) -> SolverResult:
+        """Improve the most promising of some combinations of known motions; as `solve`, unless a solver has a better way.
+
+        Parameters
+        ----------
+        problem : Problem
+        starts : sequence of ndarray
+            One or more, inside the limits.
+        known : sequence of ndarray
+            Local minima that they were combined from: it does not pay to return to them.
+        watch : callable, optional
+        """
+        return self.solve(problem, starts, watch)
+
+    def refine(self, problem: Problem, x: Array, watch: Watcher | None = None) -> SolverResult:
+        """Go on from a motion that has been solved; as `solve`, unless a solver has a better way."""
+        return self.solve(problem, [x], watch)

@@ -32,6 +32,9 @@ _ROUNDS = 8
 _TANGENT_NEAR = 0.4  # instants where a nonlinear limit is used beyond this fraction are linearised
 _TANGENT_SLACK = 1e-6
 _RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
+_HEATS = ((1, 15, 2), (-2, 25, 1))  # of combinations: stage, iterations, how many go on
+_RETURNED = 0.1  # distance from a known motion, in parts of that from rest, at which a combination has returned to it
+_SHARPER = 4.0  # than the last stage: for the motion that is the result
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,34 @@ class SequentialQuadratic(Solver):
         status = run.stage(stages[-1], self.options.last)
         return SolverResult(run.best, run.best_value, status, run.history, sum(r.evaluations for r in runs))
 
+    def combine(
+        self, problem: Problem, starts: Sequence[Array], known: Sequence[Array], watch: Watcher | None = None
+    ) -> SolverResult:
+        """Race the starts in the later stages of the criterion, without those that return to a known motion."""
+        runs = every = [_Run(problem, start, watch) for start in starts]
+        stages = problem.criterion.stages
+        for stage, iterations, most in _HEATS:
+            sharpness = stages[stage] if len(stages) > 1 else stages[0]
+            for run in runs:
+                run.stage(sharpness, replace(self.options, iterations=iterations))
+            new = [run for run in runs if not _is_near(run.x, known, problem.rest)] or runs
+            runs = sorted(new, key=lambda run: run.value)[:most]
+        status = runs[0].stage(stages[-1], self.options.last)
+        evaluations = sum(run.evaluations for run in every)
+        return SolverResult(runs[0].best, runs[0].best_value, status, runs[0].history, evaluations)
+
+    def refine(self, problem: Problem, x: Array, watch: Watcher | None = None) -> SolverResult:
+        """Solve a sharper approximation of a criterion that is one of the extreme eigenvalues."""
+        run, stages = _Run(problem, x, watch), problem.criterion.stages
+        status = run.stage(stages[-1], self.options.last)
+        if len(stages) > 1:
+            status = run.stage(_SHARPER * stages[-1], self.options.last)
+        return SolverResult(run.best, run.best_value, status, run.history, run.evaluations)
+
+
+def _is_near(x: Array, known: Sequence[Array], rest: Array) -> bool:
+    return any(np.linalg.norm(x - other) <= _RETURNED * np.linalg.norm(other - rest) for other in known)
+
 
 class _Run:
     """State of one solve: the iterate, the Hessian approximation, the best point so far."""
@@ -92,13 +123,14 @@ class _Run:
         self.x = start
         self.H: Array | None = None
         self.best, self.best_value = start, np.inf
+        self.value = np.inf  # the criterion at x
         self.history: list[float] = []
         self.evaluations = 0
         self.step = _Step(problem)
 
     def _accept(self, x: Array, point: ObjectivePoint) -> None:
         self.x = x
-        value = self.problem.criterion_value(point)
+        self.value = value = self.problem.criterion_value(point)
         self.history.append(value)
         if value < self.best_value:
             self.best, self.best_value = x, value
