@@ -86,7 +86,8 @@ def _combined(problem: Problem, parents: Sequence[Array], rng: np.random.Generat
     second = (first + 1 + int(rng.integers(max(len(parents) - 1, 1)))) % len(parents)
     motions = parents[first], random_motion(problem, rng), parents[second]
     if family.linear:
-        return np.asarray(problem.rest + combine(*(x - problem.rest for x in motions), rng))
+        x, drawn, other = (motion - problem.rest for motion in motions)
+        return np.asarray(problem.rest + combine(x, drawn, other, rng))
     time = family.grid(_INSTANTS * family.size)
     x, drawn, other = ((family.motion(motion, time, 0) - centre).T for motion in motions)
     return family.nearest(time, combine(x, drawn, other, rng).T + centre)

@@ -107,7 +107,7 @@ def _notes(shown: Path, count: int | None, done: int, edited: int, unreadable: i
     notes = []
     if done and count is None:
         notes.append(
-            f"{done} start{'s' * (done > 1)} {_are(done)} already done in {shown}; the search goes on from there"
+            f"{done} start{'s' if done > 1 else ''} {_are(done)} already done in {shown}; the search goes on from there"
         )
     elif done and count is not None:
         left = count - done

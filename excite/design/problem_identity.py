@@ -19,14 +19,7 @@ from excite.tasks.task import Task
 
 _SEARCH = 2  # to be raised where the same problem is searched in another manner
 _PACKAGES = ("excite-trajectories", "casadi", "daqp", "numpy", "scipy")
-_ANYWHERE = (
-    "starts",
-    "rounds",
-    "budget",
-    "executor",
-    "workers",
-    "begin",
-)  # no start depends on them; on the motion of `begin`, yes
+_ANYWHERE = ("starts", "rounds", "budget", "executor", "workers", "begin")  # a start depends on the motion of `begin`
 _SHOWN, _LONGEST = 3, 40  # differences that a message names; characters of names and values that it shows
 
 

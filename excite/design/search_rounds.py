@@ -1,9 +1,9 @@
 """Rounds of a search: which starts run next, from the results of earlier ones.
 
-The first round is random. Later ones combine the best motions so far, until a few rounds in a row bring next to nothing;
-then another population begins with random motions. What ends the search is its own estimate of what one more population
-would bring: had each population been left out, how much worse would the best be, on average?  The clock, the number of
-workers and the order in which starts end have no say, so that the same seed gives the same motion.
+The first round is random. Later ones combine the best motions so far, until a few rounds in a row bring next to
+nothing; then another population begins with random motions. What ends the search is its own estimate of what one more
+population would bring: had each population been left out, how much worse would the best be, on average? The clock, the
+number of workers and the order in which starts end have no say, so that the same seed gives the same motion.
 """
 
 from __future__ import annotations

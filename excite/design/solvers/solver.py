@@ -78,7 +78,7 @@ class Solver(ABC):
     def combine(
         self, problem: Problem, starts: Sequence[Array], known: Sequence[Array], watch: Watcher | None = None
     ) -> SolverResult:
-        """Improve the most promising of some combinations of known motions; as `solve`, unless a solver has a better way.
+        """Improve the most promising of some combinations of known motions; as `solve`, unless there is a better way.
 
         Parameters
         ----------
@@ -92,5 +92,5 @@ class Solver(ABC):
         return self.solve(problem, starts, watch)
 
     def refine(self, problem: Problem, x: Array, watch: Watcher | None = None) -> SolverResult:
-        """Go on from a motion that has been solved; as `solve`, unless a solver has a better way."""
+        """Go on from a motion that has been solved; as `solve`, unless there is a better way."""
         return self.solve(problem, [x], watch)
