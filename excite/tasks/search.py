@@ -99,7 +99,5 @@ class Search:
 
     @property
     def adaptive(self) -> bool:
-        """Whether rounds that combine motions follow the random starts."""
-        if self.rounds is not None:
-            return self.rounds > 0
-        return self.starts is None or self.budget is not None
+        """Whether rounds follow the random starts, and the best motion of all is refined."""
+        return self.starts is None or self.rounds is not None or self.budget is not None

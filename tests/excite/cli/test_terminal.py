@@ -22,7 +22,7 @@ PROGRAM = (
     "from excite.cli.progress import progress_of_starts\n"
     "from types import SimpleNamespace as N\n"
     "kept = N(done=(), count=2, best=9.0)\n"
-    "with progress_of_starts(kept, lambda: None) as report:\n"
+    "with progress_of_starts(kept) as report:\n"
     "    [report(N(value=v, cpu=1.0, status='done')) for v in (8.0, 7.0)]\n"
     "_print_text(Summary('All limits hold', True), None)\n"
 )

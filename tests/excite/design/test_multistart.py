@@ -138,7 +138,7 @@ def run(executor: str, made: Formulation, folder: Path) -> tuple[list[StartResul
         on_disk.append(result in read_starts(folder))
 
     folder.mkdir()
-    built_in("executor", executor)(made, list(range(TASK.search.starts)), folder, progress)
+    built_in("executor", executor)(made, [range(TASK.search.first)], folder, progress)
     return reported, on_disk
 
 
@@ -159,7 +159,7 @@ def test_the_order_of_starts_does_not_matter(made: Formulation, tmp_path: Path) 
     results = []
     for name, indices in (("a", [0, 2]), ("b", [2, 0])):
         (tmp_path / name).mkdir()
-        serial(made, indices, tmp_path / name, lambda _: None)
+        serial(made, [indices], tmp_path / name, lambda _: None)
         results.append(without_cpu(read_starts(tmp_path / name)))
     assert results[0] == results[1]
 
@@ -167,7 +167,7 @@ def test_the_order_of_starts_does_not_matter(made: Formulation, tmp_path: Path) 
 def test_an_error_in_a_process_is_raised_here_and_ends_the_pool(made: Formulation, tmp_path: Path) -> None:
     gone = tmp_path / "gone"
     with pytest.raises(Exception, match="gone"):
-        run_in_pool(made, [0, 1, 2], gone, lambda _: None)
+        run_in_pool(made, [[0, 1, 2]], gone, lambda _: None)
 
 
 def test_an_error_in_progress_ends_the_pool(made: Formulation, tmp_path: Path) -> None:
@@ -178,7 +178,7 @@ def test_an_error_in_progress_ends_the_pool(made: Formulation, tmp_path: Path) -
         raise Enough
 
     with pytest.raises(Enough):
-        run_in_pool(made, list(range(20)), tmp_path, progress)
+        run_in_pool(made, [range(20)], tmp_path, progress)
     assert len(read_starts(tmp_path)) < 20
 
 
@@ -189,18 +189,18 @@ def test_the_pool_leaves_the_environment_and_the_interrupt_as_they_were(
     monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
     before = dict(os.environ), signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
     seen: list[dict[str, str]] = []
-    run_in_pool(made, [0], tmp_path, lambda _: seen.append(dict(os.environ)))
+    run_in_pool(made, [[0]], tmp_path, lambda _: seen.append(dict(os.environ)))
     assert seen[0]["OPENBLAS_NUM_THREADS"] == seen[0]["MKL_NUM_THREADS"] == "1"
     after = dict(os.environ), signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
     assert after == before
-    serial(made, [0], tmp_path, lambda _: None)
+    serial(made, [[0]], tmp_path, lambda _: None)
     assert signal.getsignal(signal.SIGINT) is before[1]
 
 
 def test_searches_run_in_other_threads(made: Formulation, tmp_path: Path) -> None:
     done: list[StartResult] = []
     for executor in EXECUTORS:
-        thread = threading.Thread(target=built_in("executor", executor), args=(made, [0], tmp_path, done.append))
+        thread = threading.Thread(target=built_in("executor", executor), args=(made, [[0]], tmp_path, done.append))
         thread.start()
         thread.join(60)
     assert len(done) == 2
@@ -210,7 +210,7 @@ def test_searches_run_in_other_threads(made: Formulation, tmp_path: Path) -> Non
 
 
 def test_the_best_start_that_keeps_every_limit_is_taken(made: Formulation, tmp_path: Path) -> None:
-    serial(made, [0, 1, 2], tmp_path, lambda _: None)
+    serial(made, [[0, 1, 2]], tmp_path, lambda _: None)
     results = read_starts(tmp_path)
     best = min(results, key=lambda r: r.value)
     robot = load_robot("irp6")

@@ -65,7 +65,7 @@ BAD = [
     ({"sensor_xyz": 0.1}, "sensor_xyz: expected three numbers, given 0.1"),
     ({"joints": 3}, "joints: expected a list of names, given 3"),
     ({"joints": [1.5]}, "joints: expected a list of names, given [1.5]"),
-    ({"starts": None}, "starts: expected a whole number, given nothing"),
+    ({"seed": None}, "seed: expected a whole number, given nothing"),
     ({"via": [[0.0], "a"]}, "via: expected a list of poses, given [[0.0], 'a']"),
     ({"criterion": "mine"}, "no criterion named 'mine'; available: condition, frobenius, sigma-min, logdet, trace"),
     ({"window": "wide"}, "no window named 'wide'"),

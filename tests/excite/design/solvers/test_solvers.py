@@ -183,11 +183,11 @@ def test_of_several_starts_nothing_better_is_thrown_away(method: Solver, problem
 
 
 def test_the_same_start_gives_the_same_bytes(method: Solver, problem: Problem) -> None:
-    first, second = (optimise_start(problem, method, seed=3, index=5, folder=None) for _ in range(2))
+    first, second = (optimise_start(problem, method, seed=3, start=5, folder=None) for _ in range(2))
     assert np.array(first.x).tobytes() == np.array(second.x).tobytes()
     assert (first.value, first.history, first.status) == (second.value, second.history, second.status)
     assert first.value == problem.exact_value(np.array(first.x))
-    other = optimise_start(problem, method, seed=3, index=6, folder=None)
+    other = optimise_start(problem, method, seed=3, start=6, folder=None)
     assert other.x != first.x
 
 
