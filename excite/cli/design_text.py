@@ -84,8 +84,15 @@ def _asked(design: Design) -> str:
         f"{design.robot.name}: {name_of(task.model.model)} model, {moving} move, {design.base.rank} base parameters; "
         f"{task.trajectory.period:g} s, {design.trajectory.family.described}; minimised: {minimised_text(task)}; "
         f"{design.number_of_starts} start{'s' * (design.number_of_starts > 1)}, "
-        f"{design.provenance['cpu_seconds']:.1f} s CPU"
+        f"{design.provenance['cpu_seconds']:.1f} s CPU{_worth(design)}"
     )
+
+
+def _worth(design: Design) -> str:
+    """What more rounds of the search would bring."""
+    if design.search is None or design.search.left is None:
+        return ""
+    return f"; another {design.number_of_starts // design.search.populations} would bring about {design.search.left:.1%}"
 
 
 def _unchecked(design: Design) -> list[str]:
