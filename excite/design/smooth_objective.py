@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -59,9 +60,14 @@ class SmoothObjective:
     unit: float = 1.0
     exact: Callable[[Array], Array] | None = None
 
+    @cached_property
+    def _same_columns(self) -> bool:
+        return np.array_equal(self.transform, np.eye(len(self.transform)))
+
     def matrix(self, M: Array) -> Array:
         """The information matrix M with prior knowledge in the chosen convention."""
-        return np.asarray(self.transform.T @ (M + self.prior) @ self.transform)
+        M = M + self.prior
+        return M if self._same_columns else np.asarray(self.transform.T @ M @ self.transform)
 
     def exact_matrix(self, x: Array) -> Array:
         """M(x) as results report it, shape (b, b)."""
@@ -71,7 +77,9 @@ class SmoothObjective:
         """Smooth objective at x."""
         at = self.information.evaluate(x)
         value, G, criterion = self.criterion.smooth_and_value(self.matrix(self.unit**2 * at.M), sharpness)
-        return ObjectivePoint(value, self.unit**2 * self.transform @ G @ self.transform.T, at, criterion)
+        if not self._same_columns:
+            G = self.transform @ G @ self.transform.T
+        return ObjectivePoint(value, self.unit**2 * G, at, criterion)
 
     def gradient(self, point: ObjectivePoint) -> Array:
         """Gradient of the smooth objective at a point, of the shape of x."""

@@ -78,7 +78,7 @@ class SpectralCriterion(Criterion):
         return smooth, G, self.value(M) if value is None else value
 
     def _decomposed(self, M: Array, sharpness: float) -> tuple[float, Array, Array]:
-        eigenvalues, V = scipy.linalg.eigh(M, check_finite=False, driver="evd")
+        eigenvalues, V = np.linalg.eigh(M)
         value, slope = self.spectral(np.maximum(eigenvalues, _FLOOR), sharpness)
         return value, np.asarray((V * slope) @ V.T), eigenvalues
 

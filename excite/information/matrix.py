@@ -9,8 +9,10 @@ import numpy as np
 from excite.trajectories.family import Family, Trajectory
 from regressors.models.model import Combination
 from regressors.models.partial import PartialMotion
-from regressors.samples import Array
+from regressors.samples import Array, Index
 from regressors.symbolic.vectorised import VectorisedFunction
+
+_CALL = 100_000  # multiplications in the time of a call
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,9 @@ class Evaluation:
 
 class Information:
     """M(x) for one model's columns over one family.
+
+    Where columns are ordered along the chain, the equations of later joints do not depend on the first ones; products
+    with W leave these zeros out.
 
     Parameters
     ----------
@@ -67,6 +72,7 @@ class Information:
         is_state = function.row < self._equations
         self._states, self._densities = np.flatnonzero(is_state), np.flatnonzero(~is_state)
         self._place = function.column, function.row % self._equations
+        self._blocks = _blocks(*self._place, function.shape[1], self._equations, self._count)
         divided = noise is not None and bool(np.any(noise != 1.0))
         self._weights = 1.0 / noise[:, None] if noise is not None and divided else None
 
@@ -82,8 +88,12 @@ class Information:
         """M of the motion x of the moving coordinates."""
         motion = self._joints.values(x)
         W = self._rows(self._function(*motion))
-        flat = W.reshape(len(W), -1)
-        return Evaluation(x, flat @ flat.T / self._count, motion, W)
+        M = np.zeros((len(W), len(W)))
+        for columns, equations in self._blocks:
+            rows = W[columns, equations].reshape(len(W) - columns.start, -1)
+            M[columns, columns] += rows @ rows.T
+        M /= self._count
+        return Evaluation(x, M, motion, W)
 
     def _rows(self, values: Array) -> Array:
         """W, transposed, shape (b, r, N)."""
@@ -106,15 +116,44 @@ class Information:
         -------
         ndarray, of the shape of x
         """
-        slope = (2.0 / self._count * G @ at.W.reshape(len(at.W), -1)).reshape(at.W.shape)
-        if self._weights is not None:
-            slope *= self._weights
+        slope = np.empty_like(at.W)  # used where W has entries
+        scaled = 2.0 / self._count * G
+        for columns, equations in self._blocks:
+            rows = at.W[columns, equations]
+            product = scaled[columns, columns] @ rows.reshape(len(rows), -1)
+            slope[columns, equations] = product.reshape(rows.shape)
         column, equation = self._place
+        used = slope[column, equation]
+        if self._weights is not None:
+            used *= self._weights[equation]
         if self._integral is None:
-            seeds = slope[column, equation]
+            seeds = used
         else:
             s, d = self._states, self._densities
             seeds = np.empty((column.size, at.motion[0].shape[1]))
-            seeds[s] = (self._difference.T @ slope[column[s], equation[s]].T).T
-            seeds[d] = (self._integral.T @ slope[column[d], equation[d]].T).T
+            seeds[s] = (self._difference.T @ used[s].T).T
+            seeds[d] = (self._integral.T @ used[d].T).T
         return self._joints.pullback(at.x, self._function.pullback(at.motion, seeds))
+
+
+def _blocks(column: Index, equation: Index, b: int, equations: int, instants: int) -> list[tuple[slice, slice]]:
+    """Trailing columns and consecutive equations that together contain every entry of W, for few and small products."""
+    blocks: list[tuple[int, int, int]] = []
+    for k in range(equations):
+        block = int(column[equation == k].min(initial=b - 1)), k, k + 1
+        if blocks:
+            joined = min(blocks[-1][0], block[0]), blocks[-1][1], k + 1
+            apart, together = (
+                sum(_operations(one, b, instants) for one in some) for some in ((blocks[-1], block), (joined,))
+            )
+            if together <= apart:
+                blocks[-1] = joined
+                continue
+        blocks.append(block)
+    return [(slice(first, b), slice(begin, end)) for first, begin, end in blocks]
+
+
+def _operations(block: tuple[int, int, int], b: int, instants: int) -> int:
+    """Operations of a product with a block, and those that its call is worth."""
+    first, begin, end = block
+    return (b - first) ** 2 * (end - begin) * instants + _CALL

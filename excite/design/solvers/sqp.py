@@ -12,12 +12,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import daqp
 import numpy as np
 
 from excite.design.grid_constraint import GridConstraint
 from excite.design.problem import Problem
 from excite.design.smooth_objective import ObjectivePoint
+from excite.design.solvers.bfgs import BfgsFactor
+from excite.design.solvers.least_distance import FREE, LeastDistance, Rows, Sides
 from excite.design.solvers.linear_rows import LinearRows, peaks
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array, Index
@@ -26,7 +27,6 @@ _INSIDE = 0.9995  # fraction of each bound that the quadratic programme may use:
 _NEAR = 0.7  # rows used beyond this fraction of their bound enter the programme at once
 _ARMIJO = 1e-4
 _FLAT = 1e-10  # predicted change of the objective that counts as zero
-_RIDGE = 1e-9  # of the largest curvature: keeps the quadratic programme well conditioned
 _STEEPEST = 1e100  # a gradient beyond it is of a motion that identifies next to nothing
 _ROUNDS = 8
 _TANGENT_NEAR = 0.4  # instants where a nonlinear limit is used beyond this fraction are linearised
@@ -121,12 +121,12 @@ class _Run:
     def __init__(self, problem: Problem, start: Array, watch: Watcher | None) -> None:
         self.problem, self.watch = problem, watch
         self.x = start
-        self.H: Array | None = None
+        self.H: BfgsFactor | None = None
         self.best, self.best_value = start, np.inf
         self.value = np.inf  # the criterion at x
         self.history: list[float] = []
         self.evaluations = 0
-        self.step = _Step(problem)
+        self.programme = _Programme(problem)
 
     def _accept(self, x: Array, point: ObjectivePoint) -> None:
         self.x = x
@@ -145,18 +145,18 @@ class _Run:
             self._accept(self.x, point)
         if not np.abs(g).max(initial=0.0) < _STEEPEST:
             return Status.FAILED
-        H = self.H if self.H is not None else _scaled_identity(g)
-        small, fresh = 0, self.H is None
+        H, fresh, small = self.H or BfgsFactor(g), self.H is None, 0
         for _ in range(options.iterations):
             best, end = self._iterate(H, g, point, sharpness)
             if best is None:
                 if fresh or end is Status.CONVERGED:
                     return end
-                H, fresh = _scaled_identity(g), True  # the BFGS matrix may be outdated: try once more without it
+                H, fresh = BfgsFactor(g), True  # the BFGS matrix may be outdated: try once more without it
                 continue
             step, new = best
             g_new = problem.gradient(new).ravel()
-            self.H = H = _damped_bfgs(H, step, g_new - g)
+            H.update(step.d, g_new - g, step.w)
+            self.H = H
             small = small + 1 if point.value - new.value < options.tolerance else 0
             point, g, fresh = new, g_new, False
             if small >= options.patience:
@@ -164,23 +164,23 @@ class _Run:
         return Status.ITERATION_LIMIT
 
     def _iterate(
-        self, H: Array, g: Array, point: ObjectivePoint, sharpness: float
-    ) -> tuple[tuple[Array, ObjectivePoint] | None, Status]:
+        self, H: BfgsFactor, g: Array, point: ObjectivePoint, sharpness: float
+    ) -> tuple[tuple[Step, ObjectivePoint] | None, Status]:
         """Take one step; return None and the reason where there is none."""
-        d = self.step.direction(self.x, H, g)
-        if d is None:
+        step = self.programme.solution(self.x, H, g)
+        if step is None:
             return None, Status.FAILED
-        slope = float(g @ d)
+        slope = float(g @ step.d)
         if slope > -_FLAT:
             return None, Status.CONVERGED
-        return self._line_search(d, slope, point, sharpness), Status.NO_DESCENT
+        return self._line_search(step, slope, point, sharpness, H), Status.NO_DESCENT
 
     def _line_search(
-        self, d: Array, slope: float, point: ObjectivePoint, sharpness: float
-    ) -> tuple[Array, ObjectivePoint] | None:
+        self, step: Step, slope: float, point: ObjectivePoint, sharpness: float, H: BfgsFactor
+    ) -> tuple[Step, ObjectivePoint] | None:
         """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
-        direction = d.reshape(self.x.shape)
-        length = 1.0 if self.step.whole else self.problem.first_length(self.x, direction)
+        direction = step.d.reshape(self.x.shape)
+        length = 1.0 if self.programme.whole else self.problem.first_length(self.x, direction)
         for _ in range(12):
             straight = self.x + length * direction
             x = self.problem.inside(straight)
@@ -191,30 +191,37 @@ class _Run:
             self.evaluations += 1
             excess = new.value - point.value - length * slope
             if new.value <= point.value + _ARMIJO * length * slope:
-                step = length * d if x is straight else (x - self.x).ravel()
+                taken = step.part(length) if x is straight else Step.between(self.x, x, H)
                 self._accept(x, new)
-                return step, new
+                return taken, new
             length *= float(np.clip(-slope * length / (2 * excess), 0.2, 0.5)) if np.isfinite(excess) else 0.2
         return None
 
 
-def _scaled_identity(g: Array) -> Array:
-    return np.eye(g.size) * max(float(np.linalg.norm(g)), 1e-8)
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step, and the same in whitened coordinates, ``d = J w``.
+
+    Parameters
+    ----------
+    d, w : ndarray, shape (n,)
+    """
+
+    d: Array
+    w: Array
+
+    @classmethod
+    def between(cls, x: Array, end: Array, H: BfgsFactor) -> Step:
+        """The step from one point to another."""
+        d = (end - x).ravel()
+        return cls(d, H.whitened(d))
+
+    def part(self, length: float) -> Step:
+        """A fraction of the step."""
+        return self if length == 1.0 else Step(length * self.d, length * self.w)
 
 
-def _damped_bfgs(H: Array, s: Array, y: Array) -> Array:
-    """BFGS update damped so that H stays positive definite [Powell 1978]."""
-    Hs = H @ s
-    curvature = float(s @ Hs)
-    if curvature <= 0.0:
-        return H
-    sy = float(s @ y)
-    theta = 1.0 if sy >= 0.2 * curvature else 0.8 * curvature / (curvature - sy)
-    r = theta * y + (1 - theta) * Hs
-    return np.asarray(H - np.outer(Hs, Hs) / curvature + np.outer(r, r) / float(s @ r))
-
-
-class _Step:
+class _Programme:
     """The quadratic programme ``min g'd + d'Hd/2`` within the limits, on a growing set of rows."""
 
     def __init__(self, problem: Problem) -> None:
@@ -222,39 +229,66 @@ class _Step:
         self.linear = LinearRows(linear, problem.shape) if linear else None
         self.nonlinear = problem.limits.nonlinear_in_x
         self.whole = False  # whether the whole last step is inside the limits that are linear in x
+        self._sides = np.zeros(self.linear.count if self.linear is not None else 0, dtype=np.int32)
 
-    def direction(self, x: Array, H: Array, g: Array) -> Array | None:
+    def solution(self, x: Array, H: BfgsFactor, g: Array) -> Step | None:
         """Solution of the programme; None if its solver fails."""
-        H = H.copy()
-        H.flat[:: g.size + 1] += _RIDGE * float(H.flat[:: g.size + 1].max())
-        linear = self.linear
-        at = linear.values(x) if linear is not None else np.zeros((1, 1))
-        rows = peaks(np.abs(at), _NEAR)
+        J = H.J
+        programme = LeastDistance(g @ J)
+        linear = _Working(self.linear, x, J, programme, self._sides) if self.linear is not None else None
         linearised = [_Linearised(limit, x) for limit in self.nonlinear]
-        d = np.zeros(g.size)
+        d, w = np.zeros_like(g), np.zeros_like(g)
         self.whole = False
         for _ in range(_ROUNDS):
-            A, lower, upper = self._programme(at, rows, linearised)
-            d, _, flag, _ = daqp.solve(H, g, A, upper, lower, np.zeros(len(upper), dtype=np.int32))
-            if flag < 0:
+            found = programme.solve([_whitened(limit.rows(), J) for limit in linearised])
+            if found is None:
                 return None
-            use = np.abs(at + linear.changes(d)) if linear is not None else at
+            d, w = J @ found, found
             broken = [limit.broken(d) for limit in linearised]
-            self.whole = float(use.max()) <= 1.0
+            self.whole = linear is None or linear.hold(d)
             if self.whole and not any(broken):
                 break
-            rows = np.union1d(rows, peaks(use, _INSIDE))
-        return np.asarray(d)
+        if linear is not None:
+            self._remember(linear.chosen, programme.sides)
+        return Step(d, w)
 
-    def _programme(self, at: Array, rows: Index, linearised: list[_Linearised]) -> tuple[Array, Array, Array]:
-        parts = [limit.rows() for limit in linearised]
-        if self.linear is not None:
-            here = at.ravel()[rows]
-            parts.append((self.linear.rows(rows), np.minimum(-_INSIDE - here, 0.0), np.maximum(_INSIDE - here, 0.0)))
-        if len(parts) == 1:
-            return parts[0]
-        A, lower, upper = zip(*parts, strict=True)
-        return np.concatenate(A), np.concatenate(lower), np.concatenate(upper)
+    def _remember(self, rows: Index, sides: Sides) -> None:
+        """Expect the active rows and their neighbours in time to be active in the next programme."""
+        active = sides != FREE
+        rows, sides = rows[active], sides[active]
+        self._sides[:] = FREE
+        for shift in (-1, 1, 0):
+            self._sides.put(rows + shift, sides, mode="clip")
+
+
+class _Working:
+    """Rows of a programme for the limits that are linear in x, about one x; more are added when needed."""
+
+    def __init__(self, linear: LinearRows, x: Array, J: Array, programme: LeastDistance, expected: Sides) -> None:
+        self._linear, self._J, self._programme, self._expected = linear, J, programme, expected
+        self._at = linear.values(x)
+        self._is_chosen = np.zeros(self._at.size, dtype=bool)
+        self.chosen: Index = np.zeros(0, dtype=np.intp)
+        self._add(peaks(np.abs(self._at), _NEAR))
+
+    def _add(self, rows: Index) -> None:
+        self._is_chosen[rows] = True
+        self.chosen = np.concatenate([self.chosen, rows])
+        self._programme.add(self._linear.bounded(self._at, rows, self._J, _INSIDE), self._expected[rows])
+
+    def hold(self, d: Array) -> bool:
+        """Whether a step keeps the limits; if not, add the rows that it violates."""
+        use = self._linear.uses(self._at, d)
+        if float(use.max()) <= 1.0:
+            return True
+        rows = peaks(use, _INSIDE)
+        self._add(rows[~self._is_chosen[rows]])
+        return False
+
+
+def _whitened(rows: Rows, J: Array) -> Rows:
+    A, lower, upper = rows
+    return A @ J, lower, upper
 
 
 class _Linearised:

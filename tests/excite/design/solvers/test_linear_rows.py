@@ -43,6 +43,33 @@ def test_rows_times_a_step_are_its_changes(problem: Problem, rows: LinearRows) -
     np.testing.assert_allclose(rows.values(x) - rows.values(problem.rest), changes, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("small", [0, 100**2])
+def test_products_are_those_of_the_rows(
+    problem: Problem, rows: LinearRows, small: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("excite.design.solvers.linear_rows._SMALL", small)
+    rng = np.random.default_rng(3)
+    J = rng.normal(size=(problem.rest.size, 7))
+    flat = rng.choice(rows.count, 40, replace=False)
+    np.testing.assert_allclose(rows.products(flat, J), rows.rows(flat) @ J, rtol=1e-11, atol=1e-11)
+
+
+def test_bounded_rows_end_at_the_bound(problem: Problem, rows: LinearRows) -> None:
+    """A step to a side of the programme uses the bound as stated, or does not change a value beyond it."""
+    at = rows.values(problem.rest + 0.3 * np.random.default_rng(0).normal(size=problem.shape))
+    flat = np.arange(0, rows.count, 17)
+    _, lower, upper = rows.bounded(at, flat, np.eye(problem.rest.size), 0.9)
+    here = at.ravel()[flat]
+    np.testing.assert_allclose(here + upper, np.maximum(here, 0.9))
+    np.testing.assert_allclose(here + lower, np.minimum(here, -0.9))
+
+
+def test_uses_are_sizes_after_a_step(problem: Problem, rows: LinearRows) -> None:
+    step = np.random.default_rng(1).normal(size=problem.shape)
+    at = rows.values(problem.rest)
+    np.testing.assert_allclose(rows.uses(at, step), np.abs(rows.values(problem.rest + step)), rtol=1e-9, atol=1e-9)
+
+
 @given(
     values=st.lists(st.lists(st.integers(0, 4), min_size=3, max_size=3), min_size=1, max_size=4),
     threshold=st.integers(-1, 4),
