@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib import import_module
 from itertools import count
 from pathlib import Path
@@ -63,16 +63,21 @@ def _tuples(value: Any) -> Any:
 
 
 def search(wanted: Specification) -> dict[str, Any]:
-    """The whole multi-start on a pool of processes, as ``excite design`` does it."""
+    """The whole search on a pool of processes, and its files without figures, as ``excite design`` does it."""
     from excite.design.optimisation import solve
 
     made = formulation(wanted)
     with tempfile.TemporaryDirectory() as folder:
-        design = solve(PROBLEMS[wanted["problem"]].robot(), made, Path(folder))
+        starts = Path(folder) / "starts"
+        starts.mkdir()
+        design = solve(PROBLEMS[wanted["problem"]].robot(), made, starts)
+        design.save(Path(folder) / "design")
     return {
         "trajectory": made.problem.family.to_dict(design.trajectory.x),
         "certified": design.feasible,
         "values": [start.value for start in design.starts],
+        "cpu_of_starts": sum(start.cpu for start in design.starts),
+        "search": asdict(design.search) if design.search is not None else None,
     }
 
 
