@@ -14,6 +14,7 @@ from excite.design.design import Design
 from excite.design.design_memory import search_seconds
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts
+from excite.design.multistart import ready_workers
 from excite.design.optimisation import solve
 from excite.estimates.long_work import announce
 from excite.files.design_folder import check_no_design, data_files, figure_files, write_design
@@ -58,7 +59,10 @@ def design_and_write(
         _print_what_is_known(formulation, task, kept, notes)
         tell("looking for the best motion")
         with one_interrupt() as interruption:
-            with progress_of_starts(kept, at_end=interruption.ignore) as progress:
+            with (
+                ready_workers(formulation, len(kept.left)),
+                progress_of_starts(kept, at_end=interruption.ignore) as progress,
+            ):
                 design = solve(robot, formulation, kept, progress)
             tell("writing and drawing")
             files = write_design(design, out, figures.formats)

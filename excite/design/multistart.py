@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import cloudpickle
 
@@ -15,7 +17,7 @@ from excite.design.interruption import deferred_interruption
 from excite.design.kept_starts import remove_temporary
 from excite.design.single_start import optimise_start
 from excite.design.start_results import RUNNING, StartResult, read_starts, start_file, write_start
-from excite.design.worker_process import NotPreparedError
+from excite.design.worker_process import NotPreparedError, Prepared
 from excite.design.workers import Workers, environment_of_workers
 from excite.registry import instance
 from regressors.errors import InputError
@@ -26,6 +28,7 @@ __all__ = [
     "StartResult",
     "optimise_start",
     "read_starts",
+    "ready_workers",
     "run_in_pool",
     "serial",
     "start_file",
@@ -76,18 +79,64 @@ def run_in_pool(formulation: Formulation, indices: Sequence[int], folder: Path, 
     LostWorkersError
         Processes end again and again, and no start does.
     """
-    search = formulation.task.search
-    content = _pickled(formulation.blueprint, formulation.identity.origin)
-    count = min(search.workers or os.cpu_count() or 1, len(indices))
-    with environment_of_workers():
-        workers = Workers(content, search.seed, folder, count)
+    seed = formulation.task.search.seed
+    with _workers(formulation, len(indices)) as workers:
         try:
-            for result in workers.run(indices):
+            for result in workers.run((seed, index, folder) for index in indices):
                 progress(result)
             return
         except NotPreparedError as error:
-            _log.warning("worker processes cannot build the problem (%s): the starts run in this process", error)
-        finally:
             workers.end()
+            _log.warning("worker processes cannot build the problem (%s): the starts run in this process", error)
+        except BaseException:
+            workers.end()
+            raise
+        finally:
             remove_temporary(folder)
     serial(formulation, indices, folder, progress)
+
+
+@contextmanager
+def ready_workers(formulation: Formulation, starts: int) -> Iterator[None]:
+    """Start the worker processes of a search now, and keep them for all its calls of `run_in_pool` in the block.
+
+    To be entered before threads are started, such as that of a progress bar: a process without threads forks its
+    workers, which costs next to nothing; another one has each of them import everything and build the problem.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    starts : int
+        Number of starts that are to run.
+    """
+    if not starts or formulation.task.search.executor != "process":
+        yield
+        return
+    with _workers(formulation, starts) as workers:
+        workers.start()
+        yield
+
+
+_kept: WeakKeyDictionary[Formulation, Workers] = WeakKeyDictionary()
+
+
+@contextmanager
+def _workers(formulation: Formulation, starts: int) -> Iterator[Workers]:
+    """The processes of a problem, those of an outer block if there are any."""
+    if formulation in _kept:
+        yield _kept[formulation]
+        return
+    search, origin = formulation.task.search, formulation.identity.origin
+    content = _pickled(formulation.blueprint, origin)
+
+    def prepared() -> Prepared:
+        return formulation.problem, instance("solver", search.solver), origin
+
+    with environment_of_workers():
+        workers = Workers(content, prepared, min(search.workers or os.cpu_count() or 1, starts))
+        _kept[formulation] = workers
+        try:
+            yield workers
+        finally:
+            del _kept[formulation]
+            workers.end()
