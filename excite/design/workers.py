@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.resource_tracker import ensure_running
 
-from excite.design.interruption import SIGNALS, held_signals
+from excite.design.interruption import SIGNALS, deferred_interruption, held_signals
 from excite.design.start_results import StartResult
 from excite.design.worker_process import Job, Prepared, serve, unpickled
 from excite.errors import LostWorkersError
@@ -126,7 +126,7 @@ class Workers:
     def start(self) -> None:
         """Start all processes."""
         while len(self._idle) + len(self._running) < self._count:
-            self._idle.append(Worker(self._content, self._prepared))
+            self._add()
 
     def run(self, jobs: Iterable[Job]) -> Iterator[StartResult]:
         """Results as the starts end; at most one start per process is on its way at a time.
@@ -178,12 +178,20 @@ class Workers:
                 self._submit_next(left)
                 yield result
 
+    def _add(self) -> None:
+        """Start a process; a signal waits until it is known here, since nobody would end it otherwise."""
+        with deferred_interruption() as answer:
+            self._idle.append(Worker(self._content, self._prepared))
+        answer()
+
     def _submit_next(self, left: Iterator[Job]) -> None:
         for job in _first(left, 1):
             self._submit(job)
 
     def _submit(self, job: Job) -> None:
-        worker = self._idle.pop() if self._idle else Worker(self._content, self._prepared)
+        if not self._idle:
+            self._add()
+        worker = self._idle.pop()
         self._running[worker.connection] = worker, job
         worker.submit(job)
 
