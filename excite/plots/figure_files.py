@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import IO, Any
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from excite.files.figure_names import check_formats, figure_names
 from excite.plots.column_layout import lay_out
-from excite.plots.drawing_style import column_width, drawing_style
+from excite.plots.drawing_style import column_width, drawing_style, size_of
 from excite.plots.style import literal
 from excite.storage.atomic import replacing
 from excite.storage.manifest import read_manifest
@@ -104,7 +105,28 @@ def _literal(figures: Mapping[str, Figure]) -> Mapping[str, Figure]:
 
 
 def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
-    figure.savefig(stream, format=form, metadata=_UNDATED[form])
+    with _laid_out(figure) if form == "png" else nullcontext():
+        figure.savefig(stream, format=form, metadata=_UNDATED[form])
+
+
+@contextmanager
+def _laid_out(figure: Figure) -> Iterator[None]:
+    """Place a figure's panels at the resolution of its file; `savefig` would draw everything once more for that."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        yield
+        return
+    canvas, dpi = figure.canvas, figure.dpi
+    FigureCanvasAgg(figure)
+    figure.dpi = size_of("savefig.dpi")
+    try:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+        yield
+    finally:
+        figure.set_layout_engine(engine)
+        figure.dpi = dpi
+        figure.set_canvas(canvas)
 
 
 @contextmanager
