@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -40,6 +41,7 @@ _GROUPS = {
     "Share results": ("report",),
 }
 BAD_INPUT, NOT_HELD = 2, 1
+_OBJECTS = 50_000  # before the collector looks for cycles: imports and figures make many objects and next to no cycles
 
 
 def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -112,6 +114,7 @@ def _signals_before_errors() -> Iterator[None]:
 
 def main() -> None:
     """Run the command line and end the process with its exit status."""
+    gc.set_threshold(_OBJECTS, 50, 100)
     open_streams()
     with answered_signals() as interruption, printed_warnings():
         try:

@@ -178,7 +178,8 @@ def _draw_bars(ax: Axes, column: Sequence[RelativeAccuracy]) -> None:
             "fontsize": NOTE - 0.5,
             "color": DARK if known else GREY,
         }
-        ax.annotate(each.text, (each.percent if known else 0.0, place), (3, 0), **where, **style)
+        number = ax.annotate(each.text, (each.percent if known else 0.0, place), (3, 0), **where, **style)
+        number.set_in_layout(False)  # it has room in the panel
     ax.set_yticks(places, [each.label for each in column], fontsize=NOTE)
     ax.tick_params(axis="y", length=0)
 
