@@ -13,7 +13,7 @@ import click
 
 from excite.cli.lazy import LazyGroup
 from excite.cli.messages import in_options
-from excite.cli.sign_of_life import sign_of_life
+from excite.cli.sign_of_life import be_quiet, sign_of_life
 from excite.cli.streams import open_streams, printed_warnings, say
 from excite.design.interruption import answered_signals, repeat_lost_signal
 from regressors.errors import ExciteError, InputError, NumericalError
@@ -117,6 +117,7 @@ def main() -> None:
     gc.set_threshold(_OBJECTS, 50, 100)
     open_streams()
     with answered_signals() as interruption, printed_warnings():
+        interruption.before_leaving = be_quiet  # the step at work is shown by another thread
         try:
             _run()
         except (click.Abort, KeyboardInterrupt):

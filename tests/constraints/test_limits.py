@@ -20,7 +20,7 @@ from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.linear import LinearConstraint, drive_limits, joint_limits, linear_limits
 from excite.trajectories import Fourier, Trajectory
 from regressors.models.partial import PartialMotion
-from regressors.readers.library import built_in
+from regressors.readers.library import built_in, load_robot
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
@@ -208,6 +208,18 @@ def test_pose_inside_a_box_is_its_middle() -> None:
 
 @given(SEED)
 @settings(max_examples=20)
+def test_bounds_on_single_joints_need_no_linear_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    limits = linear_limits(load_robot("panda"))
+    lower, upper = (
+        np.concatenate([getattr(x, side) for x in limits if x.derivative == 0]) for side in ("lower", "upper")
+    )
+    monkeypatch.setattr("scipy.optimize.linprog", refused)
+    np.testing.assert_allclose(interior_pose(limits, 7), (lower + upper) / 2, atol=1e-12)
+
+
 def test_no_other_pose_has_more_room(seed: int) -> None:
     """Against a fine grid of poses of two joints whose drives couple them."""
     rng = np.random.default_rng(seed)
