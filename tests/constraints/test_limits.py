@@ -208,18 +208,6 @@ def test_pose_inside_a_box_is_its_middle() -> None:
 
 @given(SEED)
 @settings(max_examples=20)
-def test_bounds_on_single_joints_need_no_linear_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object, **__: object) -> None:
-        raise AssertionError
-
-    limits = linear_limits(load_robot("panda"))
-    lower, upper = (
-        np.concatenate([getattr(x, side) for x in limits if x.derivative == 0]) for side in ("lower", "upper")
-    )
-    monkeypatch.setattr("scipy.optimize.linprog", refused)
-    np.testing.assert_allclose(interior_pose(limits, 7), (lower + upper) / 2, atol=1e-12)
-
-
 def test_no_other_pose_has_more_room(seed: int) -> None:
     """Against a fine grid of poses of two joints whose drives couple them."""
     rng = np.random.default_rng(seed)
@@ -395,3 +383,15 @@ def _only(limit: LinearConstraint, names: list[str]) -> LinearConstraint:
     labels, units = (tuple(values[k] for k in rows) for values in (limit.labels, limit.units))
     arrays = (values[rows] for values in (limit.matrix, limit.offset, limit.lower, limit.upper))
     return LinearConstraint(limit.derivative, *arrays, labels, units)
+
+
+def test_bounds_on_single_joints_need_no_linear_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    limits = linear_limits(load_robot("panda"))
+    lower, upper = (
+        np.concatenate([getattr(x, side) for x in limits if x.derivative == 0]) for side in ("lower", "upper")
+    )
+    monkeypatch.setattr("scipy.optimize.linprog", refused)
+    np.testing.assert_allclose(interior_pose(limits, 7), (lower + upper) / 2, atol=1e-12)
