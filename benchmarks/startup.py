@@ -19,7 +19,7 @@ COMMANDS = ("--help", "--version", "robots")
 THREADS = {"one thread": 1, "threads as installed": None}
 STEPS = ("robot", "model, base parameters, value", "gradient")
 _SETUP = {"mode": "setup"}
-DESIGNS, DESIGN_RUNS, STARTS = ("P1", "irp6", "P2"), 5, 12
+DESIGNS, DESIGN_RUNS, STARTS = ("P1", "irp6", "P2"), 3, 12
 EXCITE = str(Path(sys.executable).parent / "excite")
 
 
