@@ -1,21 +1,26 @@
-"""How soon the command line answers, and how long the symbolic set-up of a 7-axis arm takes."""
+"""How soon the command line answers, and what set-up and everything else beside the search of a design costs."""
 
 from __future__ import annotations
 
+import json
 import statistics
 import sys
+import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import record
 from measure import Measured, measured, script
+from problems import HARMONICS, PERIOD, PROBLEMS
 
 TIMES, ARMS = 9, ("panda", "iiwa7")
 COMMANDS = ("--help", "--version", "robots")
 THREADS = {"one thread": 1, "threads as installed": None}
 STEPS = ("robot", "model, base parameters, value", "gradient")
 _SETUP = {"mode": "setup"}
+DESIGNS, DESIGN_RUNS, STARTS = ("P1", "irp6", "P2"), 3, 12
+EXCITE = str(Path(sys.executable).parent / "excite")
 
 
 def median(values: list[float]) -> str:
@@ -29,11 +34,54 @@ def repeated(run: Callable[[], Measured]) -> list[Measured]:
     return [run() for _ in range(TIMES)]
 
 
+def robot_options(name: str) -> list[str]:
+    """Robot and options of ``excite design`` for a common problem; a built-in robot as it is."""
+    if name not in PROBLEMS:
+        return [name]
+    problem = PROBLEMS[name]
+    positions = (f"{low}:{high}" for low, high in zip(problem.lower, problem.upper, strict=True))
+    return [
+        str(problem.path),
+        *("--tip", problem.tip, "--no-friction", "--no-rotor", "--no-self-collision"),
+        *("--period", str(PERIOD), "--harmonics", str(HARMONICS)),
+        f"--position-limit={','.join(positions)}",
+        f"--velocity-limit={','.join(map(str, problem.velocity))}",
+        f"--acceleration-limit={','.join(map(str, problem.acceleration))}",
+    ]
+
+
+def fixed_cost(name: str, figures: tuple[str, ...]) -> dict[str, float]:
+    """Processor time of ``excite design`` and all its processes, and of that the time of the starts [s]."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = ["--out", folder, "--starts", str(STARTS)]
+        whole = measured([EXCITE, "--quiet", "design", *robot_options(name), *out, *figures]).cpu
+        files = Path(folder, "starts").glob("start-*.json")
+        return {"command": whole, "starts": sum(json.loads(file.read_text())["cpu"] for file in files)}
+
+
+def fixed_costs() -> dict[str, list[dict[str, float]]]:
+    """Every design without figures and with them, in turns."""
+    cases = {
+        f"{name}, {label}": partial(fixed_cost, name, figures)
+        for name in DESIGNS
+        for label, figures in (("without figures", ("--figures", "none")), ("with figures", ()))
+    }
+    runs: dict[str, list[dict[str, float]]] = {case: [] for case in cases}
+    for _ in range(DESIGN_RUNS):
+        for case, run in cases.items():
+            runs[case].append(run())
+    return runs
+
+
 LIMITATIONS = (
     f"median of {TIMES} runs (lowest-highest) with files in the disk's cache",
     "wanted: `excite --help` within 0.3 s of wall time, set-up within 1 s of processor time",
     "set-up is that of `excite design`, with friction: model, base parameters, the function that evaluates the "
     "regressor and its gradient, including the check that random motions show all parameters",
+    "fixed costs are the processor time of `excite design` with all its processes, less that of its "
+    f"{STARTS} starts as their files have it: start, imports, set-up, worker processes, certificate and files; P1 and "
+    f"P2 are the common problems without self-collision; median of {DESIGN_RUNS} runs; wanted for P1: 2 s without "
+    "figures, 3 s with them; processor time grows with the load, on cores that share what they compute with",
     "imports include the start of the interpreter; with several BLAS threads, processor time includes what they spend "
     "waiting for each other, which grows with the load of the machine",
 )
@@ -42,8 +90,7 @@ LIMITATIONS = (
 def main() -> None:
     """Commands, then arms."""
     before = record.load()
-    excite = str(Path(sys.executable).parent / "excite")
-    answers = {name: [run.wall for run in repeated(partial(measured, [excite, name]))] for name in COMMANDS}
+    answers = {name: [run.wall for run in repeated(partial(measured, [EXCITE, name]))] for name in COMMANDS}
     lines = [record.table(["command", "wall s"], [[f"`excite {k}`", median(v)] for k, v in answers.items()]), ""]
     setups = {
         f"{arm}, {label}": [
@@ -57,7 +104,14 @@ def main() -> None:
         whole = [sum(run[step] for step in STEPS) for run in runs]
         rows.append([arm, median(whole), *(median([run[step] for run in runs]) for step in ("imports", *STEPS))])
     lines.append(record.table(["arm, BLAS threads; CPU s", "set-up without imports", "imports", *STEPS], rows))
-    record.save("startup", before, {"answers": answers, "setups": setups}, "\n".join(lines), LIMITATIONS)
+    fixed = fixed_costs()
+    rows = []
+    for case, costs in fixed.items():
+        beside = [cost["command"] - cost["starts"] for cost in costs]
+        rows.append([case, median(beside), median([cost["starts"] for cost in costs])])
+    lines += ["", record.table([f"`excite design`, {STARTS} starts; CPU s", "fixed costs", "starts"], rows)]
+    content = {"answers": answers, "setups": setups, "fixed_costs": fixed}
+    record.save("startup", before, content, "\n".join(lines), LIMITATIONS)
 
 
 if __name__ == "__main__":

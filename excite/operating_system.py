@@ -9,6 +9,7 @@ import errno
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -102,6 +103,37 @@ def sync_folder(folder: Path) -> None:
     except OSError as error:
         if error.errno not in _NO_FOLDER_SYNC:
             raise
+
+
+class ForkSafeThread(threading.Thread):
+    """A thread that may be at work when another one forks: the new process needs nothing that it may hold."""
+
+
+def can_fork() -> bool:
+    """True if a forked copy of this process works: this is Linux, in the main thread, and no other thread is at work.
+
+    A thread of another may hold a lock, which nobody would release in the copy. OpenBLAS ends its threads before a
+    fork. macOS has ``fork``, but not all of its own libraries survive it.
+    """
+    threads = threading.enumerate()
+    if not sys.platform.startswith("linux") or not hasattr(os, "fork"):
+        return False
+    if threading.current_thread() is not threading.main_thread():
+        return False
+    if not all(isinstance(each, ForkSafeThread) for each in threads if each is not threading.main_thread()):
+        return False
+    try:
+        at_work = len(os.listdir("/proc/self/task"))
+    except OSError:
+        return False
+    return at_work <= len(threads) + _threads_of_openblas()
+
+
+def _threads_of_openblas() -> int:
+    from threadpoolctl import threadpool_info
+
+    pools = [pool for pool in threadpool_info() if pool.get("internal_api") == "openblas"]
+    return sum(pool["num_threads"] - 1 for pool in pools if pool.get("threading_layer") == "pthreads")
 
 
 def is_running(process: int) -> bool:

@@ -35,10 +35,13 @@ class _Rows:
 
     def most_room(self, keep: Index) -> tuple[Array, float]:
         """Pose with the largest distance t, in half ranges, from every bound kept; t <= 0 if there is none."""
-        from scipy.optimize import linprog
-
         A, lower, upper = self.A[keep], self.lower[keep], self.upper[keep]
         half = 0.5 * (upper - lower)[:, None]
+        middle = _middle(A, lower, upper)
+        if middle is not None:
+            return middle, 1.0
+        from scipy.optimize import linprog
+
         n = A.shape[1]
         result = linprog(
             np.concatenate([np.zeros(n), [-1.0]]),
@@ -64,6 +67,16 @@ class _Rows:
             method="highs",
         )
         return np.asarray(result.x[n:] * half)
+
+
+def _middle(A: Array, lower: Array, upper: Array) -> Array | None:
+    """Pose in the middle between the bounds of every row, where there is one, as there is for bounds on single joints.
+
+    Without SciPy's optimisers, whose import takes longer than all else here.
+    """
+    wanted = 0.5 * (lower + upper)
+    pose: Array = np.linalg.lstsq(A, wanted)[0].astype(float)
+    return pose if np.all(np.abs(A @ pose - wanted) <= 1e-12 * (upper - lower)) else None
 
 
 def interior_pose(limits: Sequence[LinearConstraint], n: int, preferred: Array | None = None) -> Array:

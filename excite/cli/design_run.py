@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 from excite.cli.figure_options import FigureChoice
@@ -14,6 +15,7 @@ from excite.design.design import Design
 from excite.design.design_memory import TYPICAL_STARTS, search_seconds
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts
+from excite.design.multistart import ready_workers
 from excite.design.optimisation import solve
 from excite.estimates.long_work import announce
 from excite.files.design_folder import check_no_design, data_files, figure_files, write_design
@@ -58,7 +60,8 @@ def design_and_write(
         _print_what_is_known(formulation, task, kept, notes)
         tell("looking for the best motion")
         with one_interrupt() as interruption:
-            with progress_of_starts(kept) as progress:
+            ready = ready_workers(formulation) if _left(kept) else nullcontext()
+            with ready, progress_of_starts(kept) as progress:
                 design = solve(robot, formulation, kept, progress, at_end=interruption.ignore)
             tell("writing and drawing")
             files = write_design(design, out, figures.formats)

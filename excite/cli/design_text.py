@@ -92,7 +92,8 @@ def _worth(design: Design) -> str:
     """What more rounds of the search would bring."""
     if design.search is None or design.search.left is None:
         return ""
-    return f"; another {design.number_of_starts // design.search.populations} would bring about {design.search.left:.1%}"
+    more = design.number_of_starts // design.search.populations
+    return f"; another {more} would bring about {100 * design.search.left:.1f} %"
 
 
 def _unchecked(design: Design) -> list[str]:

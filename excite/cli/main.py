@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ import click
 
 from excite.cli.lazy import LazyGroup
 from excite.cli.messages import in_options
-from excite.cli.sign_of_life import sign_of_life
+from excite.cli.sign_of_life import be_quiet, sign_of_life
 from excite.cli.streams import open_streams, printed_warnings, say
 from excite.design.interruption import answered_signals, repeat_lost_signal
 from regressors.errors import ExciteError, InputError, NumericalError
@@ -40,6 +41,7 @@ _GROUPS = {
     "Share results": ("report",),
 }
 BAD_INPUT, NOT_HELD = 2, 1
+_OBJECTS = 50_000  # before the collector looks for cycles: imports and figures make many objects and next to no cycles
 
 
 def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -112,8 +114,10 @@ def _signals_before_errors() -> Iterator[None]:
 
 def main() -> None:
     """Run the command line and end the process with its exit status."""
+    gc.set_threshold(_OBJECTS, 50, 100)
     open_streams()
     with answered_signals() as interruption, printed_warnings():
+        interruption.before_leaving = be_quiet  # the step at work is shown by another thread
         try:
             _run()
         except (click.Abort, KeyboardInterrupt):

@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 
 from excite.cli.terminal import can_move
 from excite.design.interruption import repeat_lost_signal
+from excite.operating_system import ForkSafeThread
 from regressors.quoting import one_line
 
 SECONDS = 1.5
@@ -31,7 +32,7 @@ class _Sign:
         self.began = self.step_began = time.monotonic()
         self.shown = self.drawn = self.left_out = self.quiet = False
         self.lock, self.ended = threading.RLock(), threading.Event()
-        self.watch = threading.Thread(target=self._watch, daemon=True)
+        self.watch = ForkSafeThread(target=self._watch, daemon=True)
 
     def _watch(self) -> None:
         """Show the step at work after some time; on a terminal, keep it moving."""

@@ -53,8 +53,14 @@ def _mirror(x: Array, _: Array, __: Array, rng: np.random.Generator) -> Array:
     return new
 
 
+def _disturb(x: Array, _: Array, __: Array, rng: np.random.Generator) -> Array:
+    """Every coordinate changed at random, by a part of its own size."""
+    size = np.sqrt(np.mean(x**2, axis=1, keepdims=True))
+    return np.asarray(x + rng.uniform(0.1, 0.5) * size * rng.normal(size=x.shape))
+
+
 _WITH_OTHER: tuple[Combine, ...] = (_exchange, _blend)
-_ALONE: tuple[Combine, ...] = (_renew, _mix, _mirror)
+_ALONE: tuple[Combine, ...] = (_renew, _mix, _mirror, _disturb)
 
 
 def combinations(

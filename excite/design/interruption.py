@@ -40,7 +40,13 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Interruption:
-    """What signals do while a command runs."""
+    """What signals do while a command runs.
+
+    Attributes
+    ----------
+    before_leaving : callable
+        Called before a second signal ends the process, which is to print nothing after saying so.
+    """
 
     def __init__(self) -> None:
         self.number: int | None = None
@@ -50,6 +56,7 @@ class Interruption:
         self._raised = False
         self._timer: threading.Timer | None = None
         self._repeated = False
+        self.before_leaving: Callable[[], None] = lambda: None
 
     @property
     def status(self) -> int:
@@ -67,6 +74,7 @@ class Interruption:
             self._watch()
             self._answer(number)
         elif time.monotonic() - self._since > _DOUBLED:
+            self.before_leaving()
             _leave(128 + number)
 
     def ignore(self) -> None:
@@ -225,8 +233,9 @@ def held_signals(numbers: tuple[int, ...] = SIGNALS) -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     try:
+        signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

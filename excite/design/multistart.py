@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
+from weakref import WeakKeyDictionary
 
 import cloudpickle
 
@@ -15,9 +17,10 @@ from excite.design.formulation import Formulation
 from excite.design.interruption import deferred_interruption
 from excite.design.kept_starts import remove_temporary
 from excite.design.planned_start import PlannedStart
+from excite.design.search_rounds import Rounds
 from excite.design.single_start import optimise_start
 from excite.design.start_results import RUNNING, StartResult, read_starts, start_file, write_start
-from excite.design.worker_process import NotPreparedError
+from excite.design.worker_process import NotPreparedError, Prepared
 from excite.design.workers import Workers, environment_of_workers
 from excite.registry import instance
 from regressors.errors import InputError
@@ -28,6 +31,7 @@ __all__ = [
     "StartResult",
     "optimise_start",
     "read_starts",
+    "ready_workers",
     "run_in_pool",
     "serial",
     "start_file",
@@ -62,8 +66,9 @@ def serial(formulation: Formulation, rounds: StartsOfRounds, folder: Path, progr
     Parameters
     ----------
     formulation : Formulation
-    rounds : iterable of sequences of PlannedStart
+    rounds : iterable of sequences of PlannedStart or int
         A round depends on the results of those before it: it is to be asked for when all of them have been reported.
+        A number is that of a random start.
     folder : Path
         For the files of the starts.
     progress : callable
@@ -92,20 +97,65 @@ def run_in_pool(formulation: Formulation, rounds: StartsOfRounds, folder: Path, 
     LostWorkersError
         Processes end again and again, and no start does.
     """
-    search = formulation.task.search
-    content = _pickled(formulation.blueprint, formulation.identity.origin)
-    following = iter(rounds)
-    with environment_of_workers():
-        workers = Workers(content, search.seed, folder, search.workers or os.cpu_count() or 1)
+    seed = formulation.task.search.seed
+    following, starts = iter(rounds), cast("Sequence[PlannedStart | int]", ())
+    with _workers(formulation) as workers:
         try:
             for starts in following:
-                left = starts
-                for result in workers.run(starts):
+                for result in workers.run((seed, start, folder) for start in starts):
                     progress(result)
             return
         except NotPreparedError as error:
-            _log.warning("worker processes cannot build the problem (%s): the starts run in this process", error)
-        finally:
             workers.end()
+            _log.warning("worker processes cannot build the problem (%s): the starts run in this process", error)
+        except BaseException:
+            workers.end()
+            raise
+        finally:
             remove_temporary(folder)
-    serial(formulation, chain([left], following), folder, progress)
+    serial(formulation, chain([starts], following), folder, progress)
+
+
+@contextmanager
+def ready_workers(formulation: Formulation) -> Iterator[None]:
+    """Start the worker processes of a search now, and keep them for all its calls of `run_in_pool` in the block.
+
+    To be entered before threads are started, such as that of a progress bar: a process without threads forks its
+    workers, which costs next to nothing; another one has each of them import everything and build the problem.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    if formulation.task.search.executor != "process":
+        yield
+        return
+    with _workers(formulation) as workers:
+        workers.start()
+        yield
+
+
+_kept: WeakKeyDictionary[Formulation, Workers] = WeakKeyDictionary()
+
+
+@contextmanager
+def _workers(formulation: Formulation) -> Iterator[Workers]:
+    """The processes of a problem, those of an outer block if there are any."""
+    if formulation in _kept:
+        yield _kept[formulation]
+        return
+    search, origin = formulation.task.search, formulation.identity.origin
+    content = _pickled(formulation.blueprint, origin)
+
+    def prepared() -> Prepared:
+        return formulation.problem, instance("solver", search.solver), origin
+
+    with environment_of_workers():
+        largest = Rounds(search).largest
+        workers = Workers(content, prepared, min(search.workers or os.cpu_count() or 1, largest))
+        _kept[formulation] = workers
+        try:
+            yield workers
+        finally:
+            del _kept[formulation]
+            workers.end()

@@ -37,3 +37,8 @@ class PlannedStart:
             return ""
         content = json.dumps([self.kind, [parent.x for parent in self.parents]])
         return hashlib.sha256(content.encode()).hexdigest()
+
+
+def number_of(start: PlannedStart | int) -> int:
+    """Number of a start; a number alone is that of a random one."""
+    return start if isinstance(start, int) else start.index

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 from excite.design.kept_starts import KeptStarts
-from excite.design.planned_start import PlannedStart
+from excite.design.planned_start import PlannedStart, number_of
 from excite.design.search_rounds import Rounds
 from excite.design.start_results import StartResult, read_start, start_file
 
@@ -57,17 +57,13 @@ class RunningRounds:
             if self.rounds.search.adaptive and len(left) < len(starts):
                 for start in starts:
                     if self._kept.has(start):
-                        self._take(read_start(start_file(self._kept.folder, _number(start)))[0])
+                        self._take(read_start(start_file(self._kept.folder, number_of(start)))[0])
             for start in left:
-                if _number(start) in self._kept.done:  # of another lineage
-                    start_file(self._kept.folder, _number(start)).unlink(missing_ok=True)
+                if number_of(start) in self._kept.done:  # of another lineage
+                    start_file(self._kept.folder, number_of(start)).unlink(missing_ok=True)
             if left:
                 yield left
 
     def _take(self, result: StartResult) -> None:
         if self.rounds.search.adaptive:
             self._results.append(result)
-
-
-def _number(start: PlannedStart | int) -> int:
-    return start if isinstance(start, int) else start.index

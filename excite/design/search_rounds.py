@@ -35,16 +35,19 @@ class RoundSizes:
         Relative decrease of the criterion that counts as a gain.
     worth : float
         Estimated relative gain of one more population, below which the search ends.
-    populations : tuple of int
-        Least and largest number of them.
+    populations : int
+        Least number of them.
+    rounds : int
+        Largest number of rounds after the first, where neither rounds nor a budget are stated.
     """
 
     combined: int = 4
     parents: int = 3
-    patience: int = 4
+    patience: int = 3
     gain: float = 1e-3
     worth: float = 4e-3
-    populations: tuple[int, int] = (2, 8)
+    populations: int = 2
+    rounds: int = 14
 
 
 SIZES = RoundSizes()
@@ -159,5 +162,5 @@ class Rounds:
             return self.count >= self.search.rounds
         if self.search.budget is not None:
             return spent >= self.search.budget
-        least, most = self.sizes.populations
-        return len(self.ends) >= most or (len(self.ends) >= least and self.left < self.sizes.worth)
+        enough = len(self.ends) >= self.sizes.populations and self.left < self.sizes.worth
+        return enough or self.count >= self.sizes.rounds

@@ -5,13 +5,19 @@ from __future__ import annotations
 import ctypes
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
 import threading
+import traceback
+from collections.abc import Callable
 from contextlib import suppress
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import cloudpickle
+from threadpoolctl import threadpool_limits
 
 from excite.design.blueprint import Blueprint
 from excite.design.interruption import SIGNALS
@@ -22,6 +28,9 @@ from excite.design.solvers.solver import Solver
 from excite.design.start_results import Origin, StartResult
 from excite.registry import instance
 
+Prepared = tuple[Problem, Solver, Origin]
+Job = tuple[int, PlannedStart | int, Path]
+
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
 
 
@@ -29,48 +38,61 @@ class NotPreparedError(Exception):
     """A worker process cannot build the problem; what it says is why."""
 
 
-_prepared: tuple[Problem, Solver, Origin] | None = None
-_failure = ""
-
-
-def prepare(content: bytes) -> None:
-    """Build the problem once per process; only the parent answers signals, and this process ends with it.
+def unpickled(content: bytes) -> Prepared:
+    """Build the problem in a process that has inherited nothing.
 
     Parameters
     ----------
     content : bytes
         The pickled blueprint, and the origin of the starts.
     """
-    global _prepared, _failure
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
-    _end_with_parent()
-    try:
-        blueprint: Blueprint
-        blueprint, origin = cloudpickle.loads(content)
-        _prepared = blueprint.problem(), instance("solver", blueprint.task.search.solver), origin
-    except Exception as error:
-        _failure = f"{type(error).__name__}: {error}"
+    blueprint: Blueprint
+    blueprint, origin = cloudpickle.loads(content)
+    return blueprint.problem(), instance("solver", blueprint.task.search.solver), origin
 
 
-def work(seed: int, start: PlannedStart | int, folder: Path) -> StartResult:
-    """Optimise a start.
+def serve(connection: Connection, prepare: Callable[[], Prepared]) -> None:
+    """Optimise the starts that are asked for; only the parent answers signals, and this process ends with it.
 
     Parameters
     ----------
-    seed : int
-    start : PlannedStart or int
-    folder : Path
-
-    Raises
-    ------
-    NotPreparedError
-        The problem could not be built.
+    connection : Connection
+        Seed, start and folder come in; its result, or the error that it ended with, goes out.
+    prepare : callable
+        Returns the problem, the solver, and the origin of the starts.
     """
-    if _prepared is None:
-        raise NotPreparedError(_failure)
-    problem, method, origin = _prepared
-    return optimise_start(problem, method, seed, start, folder, origin=origin)
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    _end_with_parent()
+    threadpool_limits(1)  # since the pool uses all cores
+    failure = None
+    try:
+        prepared = prepare()
+    except Exception as error:
+        failure = NotPreparedError(f"{type(error).__name__}: {error}")
+    with suppress(EOFError, OSError):  # the parent has no further starts
+        while True:
+            job: Job = connection.recv()
+            connection.send(_outcome(prepared, job) if failure is None else failure)
+
+
+def _outcome(prepared: Prepared, job: Job) -> StartResult | Exception:
+    problem, method, origin = prepared
+    seed, start, folder = job
+    try:
+        return optimise_start(problem, method, seed, start, folder, origin=origin)
+    except Exception as error:
+        error.add_note(f"In a worker process:\n{traceback.format_exc()}")
+        return _sent(error)
+
+
+def _sent(error: Exception) -> Exception:
+    """The error itself if the parent can unpickle it."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError("\n".join([f"{type(error).__name__}: {error}", *error.__notes__]))
+    return error
 
 
 def _end_with_parent() -> None:
@@ -78,12 +100,23 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is None:
         return
-    if sys.platform == "linux":  # by the kernel, whatever this process computes
-        with suppress(OSError, AttributeError):
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if _killed_with_parent():
+        if os.getppid() != parent.pid:  # it has ended before
+            os._exit(1)
+        return
     threading.Thread(target=_wait_for, args=(parent,), daemon=True).start()
 
 
-def _wait_for(parent: multiprocessing.process.BaseProcess) -> None:
+def _killed_with_parent() -> bool:
+    """Have the kernel end this process, whatever it computes; Linux alone can."""
+    if sys.platform != "linux":
+        return False
+    try:
+        return bool(ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL) == 0)
+    except (OSError, AttributeError):
+        return False
+
+
+def _wait_for(parent: BaseProcess) -> None:
     parent.join()
     os._exit(1)

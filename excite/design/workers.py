@@ -3,65 +3,70 @@
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import os
 import signal
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from multiprocessing.context import SpawnContext
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
+from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.resource_tracker import ensure_running
-from pathlib import Path
-from typing import Any
 
-from excite.design.interruption import SIGNALS, held_signals
-from excite.design.planned_start import PlannedStart
+from excite.design.interruption import SIGNALS, deferred_interruption, held_signals
+from excite.design.planned_start import number_of
 from excite.design.start_results import StartResult
-from excite.design.worker_process import prepare, work
+from excite.design.worker_process import Job, Prepared, serve, unpickled
 from excite.errors import LostWorkersError
+from excite.operating_system import can_fork
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-_NO_LEAKS = "ignore::UserWarning:multiprocessing.resource_tracker"  # of a process that is killed: it cannot clean up
 _TOGETHER = 2  # times that a start may end its worker beside others; after that it runs alone, once
-Start = PlannedStart | int
 _log = logging.getLogger(__name__)
 
 
-class _OneContext(SpawnContext):
-    """Starts processes as usual, and remembers the last one."""
-
-    started: BaseProcess | None = None
-
-    def Process(self, *arguments: Any, **named: Any) -> BaseProcess:  # type: ignore[override]  # noqa: N802
-        self.started = super().Process(*arguments, **named)
-        return self.started
-
-
 class Worker:
-    """A pool of a single process: where it breaks, it is known which start it ran.
+    """One process, which is known to work on one start at a time.
 
     Parameters
     ----------
     content : bytes
-        See `excite.design.worker_process.prepare`.
+        See `excite.design.worker_process.unpickled`.
+    prepared : callable
+        Returns what the content describes as this process has built it, which a forked process inherits.
     """
 
-    def __init__(self, content: bytes) -> None:
-        self._context = _OneContext()
-        self._pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=prepare, initargs=(content,))
+    def __init__(self, content: bytes, prepared: Callable[[], Prepared]) -> None:
+        self._process, self.connection = _forked(prepared) if can_fork() else _spawned(content)
 
-    def submit(self, seed: int, start: PlannedStart | int, folder: Path) -> Future[StartResult]:
-        """Run a start; the first one starts the process."""
-        with held_signals(), _main_not_imported():
-            return self._pool.submit(work, seed, start, folder)
+    def submit(self, job: Job) -> None:
+        """Run a start; where the process has ended, that shows when its result is read."""
+        with suppress(OSError):
+            self.connection.send(job)
+
+    def result(self) -> StartResult:
+        """Result of the start, or the error that it has ended with.
+
+        Raises
+        ------
+        EOFError
+            The process has ended.
+        """
+        try:
+            outcome: StartResult | Exception = self.connection.recv()
+        except OSError as error:
+            raise EOFError from error
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
 
     def how_it_ended(self) -> str:
         """How a process that ended unexpectedly did so."""
-        self._pool.shutdown(wait=True)
-        code = self._context.started.exitcode if self._context.started is not None else None
+        self._process.join()
+        code = self._process.exitcode
+        self.end()
         if code is None or code >= 0:
             return f"exit code {code}"
         often = ", which is often a lack of memory" if -code == getattr(signal, "SIGKILL", 9) else ""
@@ -69,36 +74,70 @@ class Worker:
 
     def end(self) -> None:
         """End the process at once, whatever it does."""
-        if self._context.started is not None and self._context.started.is_alive():
-            process = self._context.started
-            (process.kill if hasattr(signal, "SIGKILL") else process.terminate)()  # the same on Windows
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        (self._process.kill if hasattr(signal, "SIGKILL") else self._process.terminate)()  # the same on Windows
+        self._process.join()
+        self.connection.close()
+
+
+def _forked(prepared: Callable[[], Prepared]) -> tuple[BaseProcess, Connection]:
+    """A copy of this process, which has imported and built everything."""
+    ready = prepared()
+    context = multiprocessing.get_context("fork")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=serve, args=(theirs, lambda: ready))
+    with held_signals():
+        process.start()
+    theirs.close()
+    return process, ours
+
+
+def _spawned(content: bytes) -> tuple[BaseProcess, Connection]:
+    """A process that imports everything anew."""
+    context = multiprocessing.get_context("spawn")
+    if hasattr(os, "fork"):  # multiprocessing's own process, which lets SIGINT and SIGTERM through once it is there
+        with held_signals(SIGNALS[2:]):
+            ensure_running()
+    ours, theirs = context.Pipe()
+    process = context.Process(target=serve, args=(theirs, partial(unpickled, content)))
+    with held_signals(), _main_not_imported():
+        process.start()
+    theirs.close()
+    return process, ours
 
 
 class Workers:
-    """Worker processes at work on the starts of one problem.
+    """Worker processes for the starts of one problem; they are kept from one run to the next.
 
     Parameters
     ----------
     content : bytes
-    seed : int
-    folder : Path
+    prepared : callable
+        See `Worker`.
     count : int
         Number of processes.
     """
 
-    def __init__(self, content: bytes, seed: int, folder: Path, count: int) -> None:
-        self._content, self._seed, self._folder, self._count = content, seed, folder, count
-        self._running: dict[Future[StartResult], tuple[Worker, Start]] = {}
+    def __init__(self, content: bytes, prepared: Callable[[], Prepared], count: int) -> None:
+        self._content, self._prepared, self._count = content, prepared, count
         self._idle: list[Worker] = []
-        self._all: set[Worker] = set()
-        self._lost: Counter[Start] = Counter()
+        self._running: dict[Connection, tuple[Worker, Job]] = {}
+        self._lost: Counter[int] = Counter()
         self._in_a_row = 0
 
-    def run(self, starts: Iterable[Start]) -> Iterator[StartResult]:
-        """Results as the starts end; at most one start per process is on its way at a time. Processes live on after it.
+    def start(self) -> None:
+        """Start all processes."""
+        while len(self._idle) + len(self._running) < self._count:
+            self._add()
+
+    def run(self, jobs: Iterable[Job]) -> Iterator[StartResult]:
+        """Results as the starts end; at most one start per process is on its way at a time.
 
         Starts that end their process twice run alone after all others, and are left out if they end it again.
+
+        Parameters
+        ----------
+        jobs : iterable of (int, PlannedStart or int, Path)
+            Seed, start and folder.
 
         Raises
         ------
@@ -107,98 +146,97 @@ class Workers:
         NotPreparedError
             They cannot build the problem.
         """
-        alone: list[Start] = []
-        yield from self._run(iter(starts), self._count, alone)
+        alone: list[Job] = []
+        self._lost.clear()
+        yield from self._run(iter(jobs), self._count, alone)
         if alone:
             self.end()
-        for start in alone:
-            yield from self._run(iter([start]), 1, [])
+        for job in alone:
+            yield from self._run(iter([job]), 1, [])
 
     def end(self) -> None:
-        """End all processes."""
-        for worker in list(self._all):
+        """End all processes; a further run starts new ones."""
+        for worker in (*self._idle, *(worker for worker, _ in self._running.values())):
             worker.end()
-        self._all.clear()
-        self._running.clear()
         self._idle.clear()
+        self._running.clear()
 
-    def _run(self, left: Iterator[Start], count: int, alone: list[Start]) -> Iterator[StartResult]:
-        for _ in range(count):
-            self._start_next(None, left)
+    def _run(self, left: Iterator[Job], count: int, alone: list[Job]) -> Iterator[StartResult]:
+        for job in _first(left, count):
+            self._submit(job)
         while self._running:
-            for future in wait(self._running, return_when=FIRST_COMPLETED).done:
-                worker, start = self._running.pop(future)
+            for connection in wait(list(self._running)):
+                worker, job = self._running[connection]  # type: ignore[index]
                 try:
-                    result = future.result()
-                except BrokenProcessPool:
-                    worker = self._replaced(worker, start, alone)
-                    again = self._lost[start] < _TOGETHER
-                    self._start_next(worker, iter([start]) if again else left)
+                    result = worker.result()
+                except EOFError:
+                    again = self._lose(worker, job, alone)
+                    self._submit_next(iter([job]) if again else left)
                     continue
+                del self._running[worker.connection]
+                self._idle.append(worker)
                 self._in_a_row = 0
-                self._start_next(worker, left)
+                self._submit_next(left)
                 yield result
 
-    def _new(self) -> Worker:
-        worker = Worker(self._content)
-        self._all.add(worker)
-        return worker
+    def _add(self) -> None:
+        """Start a process; a signal waits until it is known here, since nobody would end it otherwise."""
+        with deferred_interruption() as answer:
+            self._idle.append(Worker(self._content, self._prepared))
+        answer()
 
-    def _start_next(self, worker: Worker | None, left: Iterator[Start]) -> None:
-        """Give a process its next start; without one, an idle or a new process. With no start left it is idle."""
-        start = next(left, None)
-        if start is not None:
-            worker = worker or (self._idle.pop() if self._idle else self._new())
-            self._running[worker.submit(self._seed, start, self._folder)] = worker, start
-        elif worker is not None:
-            self._idle.append(worker)
+    def _submit_next(self, left: Iterator[Job]) -> None:
+        for job in _first(left, 1):
+            self._submit(job)
 
-    def _replaced(self, worker: Worker, start: Start, alone: list[Start]) -> Worker:
-        """A new process in place of one that ended."""
+    def _submit(self, job: Job) -> None:
+        if not self._idle:
+            self._add()
+        worker = self._idle.pop()
+        self._running[worker.connection] = worker, job
+        worker.submit(job)
+
+    def _lose(self, worker: Worker, job: Job, alone: list[Job]) -> bool:
+        """Say that a process has ended; true if its start is to run again at once."""
+        index = number_of(job[1])
+        del self._running[worker.connection]
         how = worker.how_it_ended()
-        self._all.discard(worker)
-        self._lost[start] += 1
+        self._lost[index] += 1
         self._in_a_row += 1
         if self._in_a_row > 3 * self._count + 3:
             raise LostWorkersError(
                 f"{self._in_a_row} worker processes ended one after the other ({how}), and no start did; finished "
                 "starts are kept, and another try continues with the others: give fewer `workers`"
             )
-        if self._lost[start] < _TOGETHER:
+        if self._lost[index] < _TOGETHER:
             then = "the start runs again"
-        elif self._lost[start] == _TOGETHER:
+        elif self._lost[index] == _TOGETHER:
             then = "the start runs alone after the others, since this is the second time"
-            alone.append(start)
+            alone.append(job)
         else:
             then = "the start is left out, since this is the third time"
-        number = start.index if isinstance(start, PlannedStart) else start
-        _log.warning("a worker process ended at start %d (%s) and is replaced; %s", number, how, then)
-        return self._new()
+        _log.warning("a worker process ended at start %d (%s) and is replaced; %s", index, how, then)
+        return self._lost[index] < _TOGETHER
+
+
+def _first(jobs: Iterator[Job], count: int) -> Iterator[Job]:
+    for _, job in zip(range(count), jobs, strict=False):
+        yield job
 
 
 @contextmanager
 def environment_of_workers() -> Iterator[None]:
     """Let processes started in the block use one thread for linear algebra, since the pool uses all cores."""
-    before = {name: os.environ.get(name) for name in (*_THREAD_VARIABLES, "PYTHONWARNINGS")}
-    with held_signals(SIGNALS[2:]):  # SIGINT and SIGTERM it lets through again once it has started its process
-        os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (before["PYTHONWARNINGS"], _NO_LEAKS)))
-        try:
-            ensure_running()
-        finally:
-            _restore({"PYTHONWARNINGS": before.pop("PYTHONWARNINGS")})
+    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
     try:
         yield
     finally:
-        _restore(before)
-
-
-def _restore(before: dict[str, str | None]) -> None:
-    for name, value in before.items():
-        if value is None:
-            os.environ.pop(name, None)
-        else:
-            os.environ[name] = value
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 @contextmanager

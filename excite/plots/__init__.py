@@ -6,35 +6,38 @@ Importing this package imports matplotlib, so callers import it only when they d
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 
 from excite.design.design import Design
-from excite.plots.clearance_plot import clearance_figure
 from excite.plots.convergence_plot import convergence_figure
-from excite.plots.estimates_plot import estimates_figure
 from excite.plots.figure_files import write_figure_files
-from excite.plots.identification_plots import (
-    identification_figures,
-    residuals_figure,
-    torques_figure,
-    write_identification_figures,
-)
 from excite.plots.motion_plot import motion_figure
-from excite.plots.parameters_plot import parameters_figure
 from excite.plots.phase_plot import phase_figure
-from excite.plots.repetitions_plot import repetitions_figure
 from excite.plots.spectrum_plot import spectrum_figure
-from excite.plots.verification_plots import (
-    error_parts_figure,
-    predicted_torques_figure,
-    simulated_motion_figure,
-    verification_figures,
-    write_verification_figures,
-)
-from excite.plots.workspace_plot import workspace_figure
+
+if TYPE_CHECKING:
+    from excite.plots.clearance_plot import clearance_figure
+    from excite.plots.estimates_plot import estimates_figure
+    from excite.plots.identification_plots import (
+        identification_figures,
+        residuals_figure,
+        torques_figure,
+        write_identification_figures,
+    )
+    from excite.plots.parameters_plot import parameters_figure
+    from excite.plots.repetitions_plot import repetitions_figure
+    from excite.plots.verification_plots import (
+        error_parts_figure,
+        predicted_torques_figure,
+        simulated_motion_figure,
+        verification_figures,
+        write_verification_figures,
+    )
+    from excite.plots.workspace_plot import workspace_figure
 
 __all__ = [
     "FIGURES",
@@ -61,13 +64,51 @@ __all__ = [
     "write_verification_figures",
 ]
 
+# what the figures of a design do not need, with the modules that draw it
+_PLACES = {
+    "clearance_figure": "clearance_plot",
+    "error_parts_figure": "verification_plots",
+    "estimates_figure": "estimates_plot",
+    "identification_figures": "identification_plots",
+    "parameters_figure": "parameters_plot",
+    "predicted_torques_figure": "verification_plots",
+    "repetitions_figure": "repetitions_plot",
+    "residuals_figure": "identification_plots",
+    "simulated_motion_figure": "verification_plots",
+    "torques_figure": "identification_plots",
+    "verification_figures": "verification_plots",
+    "workspace_figure": "workspace_plot",
+    "write_identification_figures": "identification_plots",
+    "write_verification_figures": "verification_plots",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what draws other figures than those of a design when it is first used."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'excite.plots' has no attribute {name!r}")
+    return getattr(import_module(f"excite.plots.{_PLACES[name]}"), name)
+
+
+def _clearance(design: Design) -> Figure:
+    from excite.plots.clearance_plot import clearance_figure
+
+    return clearance_figure(design)
+
+
+def _workspace(design: Design) -> Figure:
+    from excite.plots.workspace_plot import workspace_figure
+
+    return workspace_figure(design)
+
+
 FIGURES = {
     "motion": motion_figure,
     "phase": phase_figure,
     "spectrum": spectrum_figure,
     "convergence": convergence_figure,
 }
-WORLD_FIGURES = {"clearance": clearance_figure, "workspace": workspace_figure}  # where the task has a world
+WORLD_FIGURES = {"clearance": _clearance, "workspace": _workspace}  # where the task has a world
 
 
 def design_figures(design: Design) -> dict[str, Figure]:

@@ -65,7 +65,7 @@ def convergence_figure(design: Design) -> Figure:
     symbol = _SYMBOLS.get(name, name)
     ax.set_xlabel("accepted iterate", fontsize=LABEL, color=DARK)
     ax.set_ylabel(f"{symbol} in the solver", fontsize=LABEL, color=DARK)
-    ax.set_title(plain(_explanation(design)), loc="left", fontsize=LABEL, color=DARK)
+    ax.set_title(plain(_explanation(design)), loc="left", y=1.0, fontsize=LABEL, color=DARK)
     ax.legend(handles=_legend(design), loc="upper right", fontsize=NOTE, framealpha=0.9)
     return figure
 

@@ -7,11 +7,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from excite.files.figure_names import check_formats, figure_names
 from excite.plots.column_layout import lay_out
-from excite.plots.drawing_style import column_width, drawing_style
+from excite.plots.drawing_style import column_width, drawing_style, size_of
 from excite.plots.style import literal
 from excite.storage.atomic import replacing
 from excite.storage.manifest import read_manifest
@@ -23,6 +25,8 @@ _UNDATED: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None},
     "svg": {"Date": None, "Creator": None},
 }
+_PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files that are 6 % smaller
+_PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it along; others, for SVG, are looked up
 
 
 def drawn_figures(draw: Callable[[], Mapping[str, Figure]], width: str = "screen") -> dict[str, Figure]:
@@ -104,7 +108,31 @@ def _literal(figures: Mapping[str, Figure]) -> Mapping[str, Figure]:
 
 
 def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
-    figure.savefig(stream, format=form, metadata=_UNDATED[form])
+    if form != "png":
+        figure.savefig(stream, format=form, metadata=_UNDATED[form])
+        return
+    with rc_context(_PNG_FONTS), _laid_out(figure):
+        figure.savefig(stream, format=form, metadata=_UNDATED[form], pil_kwargs={"compress_level": _PNG_COMPRESSION})
+
+
+@contextmanager
+def _laid_out(figure: Figure) -> Iterator[None]:
+    """Place a figure's panels at the resolution of its file; `savefig` would draw everything once more for that."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        yield
+        return
+    canvas, dpi = figure.canvas, figure.dpi
+    FigureCanvasAgg(figure)
+    figure.dpi = size_of("savefig.dpi")
+    try:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+        yield
+    finally:
+        figure.set_layout_engine(engine)
+        figure.dpi = dpi
+        figure.set_canvas(canvas)
 
 
 @contextmanager

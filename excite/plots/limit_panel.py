@@ -98,7 +98,7 @@ def write_use(ax: Axes, use: LimitUse | None, bound: float, owner: str = "") -> 
     """
     text, colour = _used(use, bound, owner, ax.get_ylim())
     lines = textwrap.wrap(text, _LETTERS, break_on_hyphens=False)
-    ax.set_title(typeset("\n".join(lines)), loc="right", fontsize=NOTE, color=colour)
+    ax.set_title(typeset("\n".join(lines)), loc="right", y=1.0, fontsize=NOTE, color=colour)
     return len(lines)
 
 

@@ -44,7 +44,7 @@ _TITLE_LINE, _NOTE_LINE = 0.24, 0.15
 _TITLE_LETTERS, _NOTE_LETTERS, _NAME_LETTERS = 8.2, 13.5, 10.8  # per inch
 _NAME_LINES = 2
 _DOT_MEANING = "closest to a limit (100 % used: at the limit, 0 %: in mid-range)"
-_NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
+_NAME_STYLE: dict[str, Any] = {"loc": "left", "y": 1.0, "fontsize": LABEL, "fontweight": "bold", "color": DARK}
 _PER_TIME = ("", "/s", "/s^2", "/s^3")
 
 
@@ -252,8 +252,9 @@ def _panels(functions: int, torque_rows: int, columns: int, heading: _Heading) -
         wspace=_LEFT / _PANEL_WIDTH,
         hspace=_BETWEEN / _PANEL_HEIGHT,
     )
-    panels = figure.subplots(rows, columns, sharex=True, squeeze=False).tolist()
+    panels = figure.subplots(rows, columns, squeeze=False).tolist()
     for ax in figure.axes:
+        ax.tick_params(labelbottom=False)
         ax.yaxis.set_label_coords(-_LABEL_LEFT / _PANEL_WIDTH, 0.5)
     heading.write(figure)
     return figure, panels

@@ -72,6 +72,7 @@ def phase_figure(design: Design) -> Figure:
         ax.set_title(
             plain(textwrap.fill(c.name, _LETTERS, break_on_hyphens=False)),
             loc="left",
+            y=1.0,
             fontsize=LABEL,
             fontweight="bold",
             color=DARK,

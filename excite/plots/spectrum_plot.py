@@ -118,7 +118,7 @@ def spectrum_figure(design: Design) -> Figure:
         spectrum, bars = upper.subplots(), list(lower.subplots(1, 2))
     _draw_spectrum(spectrum, design.spectrum, design.condition_number)
     _draw_predictions(bars, columns, max(tall, _FEWEST_ROWS))
-    bars[0].set_title(plain(_explanation(design)), loc="left", fontsize=LABEL, color=DARK)
+    bars[0].set_title(plain(_explanation(design)), loc="left", y=1.0, fontsize=LABEL, color=DARK)
     _unit_legend(figure, accuracy)
     return figure
 
@@ -143,7 +143,7 @@ def _draw_spectrum(ax: Axes, sigma: Array, condition_number: float) -> None:
     ax.set_ylabel("singular value of W (SI)", fontsize=LABEL, color=DARK)
     convention = CONVENTIONS["condition_number"].removeprefix("cond(W), ")
     ratio = f"cond(W) = {first} / {last} = {significant(condition_number, 4)}"
-    ax.set_title(f"{ratio}\n{convention}", loc="left", fontsize=LABEL, color=DARK)
+    ax.set_title(f"{ratio}\n{convention}", loc="left", y=1.0, fontsize=LABEL, color=DARK)
 
 
 def _draw_predictions(panels: Sequence[Axes], columns: Sequence[Sequence[RelativeAccuracy]], tall: float) -> None:
@@ -178,7 +178,8 @@ def _draw_bars(ax: Axes, column: Sequence[RelativeAccuracy]) -> None:
             "fontsize": NOTE - 0.5,
             "color": DARK if known else GREY,
         }
-        ax.annotate(each.text, (each.percent if known else 0.0, place), (3, 0), **where, **style)
+        number = ax.annotate(each.text, (each.percent if known else 0.0, place), (3, 0), **where, **style)
+        number.set_in_layout(False)  # it has room in the panel
     ax.set_yticks(places, [each.label for each in column], fontsize=NOTE)
     ax.tick_params(axis="y", length=0)
 

@@ -6,13 +6,15 @@ Fonts, sizes and resolution are those of ``styles/screen.mplstyle``.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_params_from_file
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.axis import XAxis, YAxis
+from matplotlib.axis import Axis, XAxis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
@@ -69,10 +71,21 @@ def plain(text: str) -> str:
 
 
 def literal(figure: Figure) -> None:
-    """Make every text of a figure literal: names of others may hold dollar signs and control characters."""
-    for text in figure.findobj(Text):
-        if isinstance(text, Text) and text.get_text() != (shown := plain(text.get_text())):
+    """Make every text of a figure literal: names of others may hold dollar signs and control characters.
+
+    Numbers on axes are left out: matplotlib would make them, and make them anew when it draws.
+    """
+    for text in _texts(figure):
+        if text.get_text() != (shown := plain(text.get_text())):
             text.set_text(shown)
+
+
+def _texts(artist: Artist) -> Iterator[Text]:
+    if isinstance(artist, Text):
+        yield artist
+    parts = (artist.label, artist.offsetText) if isinstance(artist, Axis) else artist.get_children()
+    for part in parts:
+        yield from _texts(part)
 
 
 def typeset(text: str) -> str:

@@ -28,11 +28,13 @@ def alive(group: int) -> dict[int, int]:
 
 
 def workers(leader: int) -> list[int]:
-    """Worker processes of a group's leader."""
+    """Worker processes of a group's leader, forked from it or started anew."""
     found = []
     for pid, parent in alive(leader).items():
         with suppress(OSError):
-            if parent == leader and b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes():
+            command = Path(f"/proc/{pid}/cmdline").read_bytes()
+            forked = command == Path(f"/proc/{leader}/cmdline").read_bytes()
+            if parent == leader and (forked or b"spawn_main" in command):
                 found.append(pid)
     return found
 

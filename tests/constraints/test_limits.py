@@ -20,7 +20,7 @@ from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.linear import LinearConstraint, drive_limits, joint_limits, linear_limits
 from excite.trajectories import Fourier, Trajectory
 from regressors.models.partial import PartialMotion
-from regressors.readers.library import built_in
+from regressors.readers.library import built_in, load_robot
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
@@ -383,3 +383,15 @@ def _only(limit: LinearConstraint, names: list[str]) -> LinearConstraint:
     labels, units = (tuple(values[k] for k in rows) for values in (limit.labels, limit.units))
     arrays = (values[rows] for values in (limit.matrix, limit.offset, limit.lower, limit.upper))
     return LinearConstraint(limit.derivative, *arrays, labels, units)
+
+
+def test_bounds_on_single_joints_need_no_linear_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    limits = linear_limits(load_robot("panda"))
+    lower, upper = (
+        np.concatenate([getattr(x, side) for x in limits if x.derivative == 0]) for side in ("lower", "upper")
+    )
+    monkeypatch.setattr("scipy.optimize.linprog", refused)
+    np.testing.assert_allclose(interior_pose(limits, 7), (lower + upper) / 2, atol=1e-12)

@@ -68,7 +68,7 @@ def test_a_start_that_ends_its_process_is_left_out(tmp_path: Path, caplog: pytes
 def test_replacements_are_bounded(tmp_path: Path) -> None:
     made = formulate(ROBOT, Task("irp6", harmonics=3, starts=9, workers=1, solver=deadly(None)))
     with pytest.raises(LostWorkersError, match="7 worker processes ended one after the other"):
-        run_in_pool(made, range(9), tmp_path, lambda _: None)
+        run_in_pool(made, [range(9)], tmp_path, lambda _: None)
 
 
 def test_no_start_at_all_is_an_error(tmp_path: Path) -> None:

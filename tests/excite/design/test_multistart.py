@@ -1,6 +1,7 @@
 """The search over many starts: seeded, on disk as it goes, and the same wherever it runs."""
 
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -20,6 +21,7 @@ from excite.design.multistart import (
     StartResult,
     optimise_start,
     read_starts,
+    ready_workers,
     run_in_pool,
     serial,
     start_file,
@@ -204,6 +206,21 @@ def test_searches_run_in_other_threads(made: Formulation, tmp_path: Path) -> Non
         thread.start()
         thread.join(60)
     assert len(done) == 2
+
+
+def test_workers_are_kept_from_one_call_to_the_next(made: Formulation, tmp_path: Path) -> None:
+    def running() -> set[int | None]:
+        return {process.pid for process in multiprocessing.active_children()}
+
+    before, seen = running(), []
+    with ready_workers(made):
+        for indices in ([0, 1], [2, 3]):
+            run_in_pool(made, [indices], tmp_path, lambda _: seen.append(running() - before))
+    assert len(seen) == 4
+    assert len(seen[0]) == 2
+    assert all(pids == seen[0] for pids in seen)
+    assert running() == before
+    assert [result.index for result in read_starts(tmp_path)] == [0, 1, 2, 3]
 
 
 # The best of them

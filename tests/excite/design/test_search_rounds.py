@@ -74,7 +74,7 @@ def test_the_order_in_which_starts_end_has_no_say(seed: int) -> None:
 
 
 def test_it_begins_anew_where_rounds_bring_nothing() -> None:
-    sizes = RoundSizes(patience=3, populations=(4, 4))
+    sizes = RoundSizes(patience=3, populations=4)
     planned = plain(run(Rounds(Search(), sizes), lambda _: 10.0))
     kinds = [starts[0][0] for starts in planned]
     assert kinds == ["random", *(["combination"] * 3 + ["random"]) * 3, *["combination"] * 3, "refinement"]
