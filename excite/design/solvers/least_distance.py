@@ -69,8 +69,8 @@ class LeastDistance:
     def _touched(self, rows: Rows) -> Sides:
         """Where the last solution is at a bound."""
         A, lower, upper = rows
-        value, near = A @ self._w, _TOUCH * (upper - lower)
-        return _sides(value >= upper - near, value <= lower + near)
+        value = A @ self._w
+        return _sides(value >= upper - _TOUCH, value <= lower + _TOUCH)
 
 
 def _sides(at_upper: Mask, at_lower: Mask) -> Sides:

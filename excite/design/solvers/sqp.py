@@ -165,7 +165,7 @@ class _Run:
 
     def _iterate(
         self, H: BfgsFactor, g: Array, point: ObjectivePoint, sharpness: float
-    ) -> tuple[tuple[Step, ObjectivePoint] | None, Status]:
+    ) -> tuple[tuple[_Step, ObjectivePoint] | None, Status]:
         """Take one step; return None and the reason where there is none."""
         step = self.programme.solution(self.x, H, g)
         if step is None:
@@ -176,8 +176,8 @@ class _Run:
         return self._line_search(step, slope, point, sharpness, H), Status.NO_DESCENT
 
     def _line_search(
-        self, step: Step, slope: float, point: ObjectivePoint, sharpness: float, H: BfgsFactor
-    ) -> tuple[Step, ObjectivePoint] | None:
+        self, step: _Step, slope: float, point: ObjectivePoint, sharpness: float, H: BfgsFactor
+    ) -> tuple[_Step, ObjectivePoint] | None:
         """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
         direction = step.d.reshape(self.x.shape)
         length = 1.0 if self.programme.whole else self.problem.first_length(self.x, direction)
@@ -191,7 +191,7 @@ class _Run:
             self.evaluations += 1
             excess = new.value - point.value - length * slope
             if new.value <= point.value + _ARMIJO * length * slope:
-                taken = step.part(length) if x is straight else Step.between(self.x, x, H)
+                taken = step.part(length) if x is straight else _Step.between(self.x, x, H)
                 self._accept(x, new)
                 return taken, new
             length *= float(np.clip(-slope * length / (2 * excess), 0.2, 0.5)) if np.isfinite(excess) else 0.2
@@ -199,7 +199,7 @@ class _Run:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class _Step:
     """A step, and the same in whitened coordinates, ``d = J w``.
 
     Parameters
@@ -211,14 +211,14 @@ class Step:
     w: Array
 
     @classmethod
-    def between(cls, x: Array, end: Array, H: BfgsFactor) -> Step:
+    def between(cls, x: Array, end: Array, H: BfgsFactor) -> _Step:
         """The step from one point to another."""
         d = (end - x).ravel()
         return cls(d, H.whitened(d))
 
-    def part(self, length: float) -> Step:
+    def part(self, length: float) -> _Step:
         """A fraction of the step."""
-        return self if length == 1.0 else Step(length * self.d, length * self.w)
+        return self if length == 1.0 else _Step(length * self.d, length * self.w)
 
 
 class _Programme:
@@ -231,7 +231,7 @@ class _Programme:
         self.whole = False  # whether the whole last step is inside the limits that are linear in x
         self._sides = np.zeros(self.linear.count if self.linear is not None else 0, dtype=np.int32)
 
-    def solution(self, x: Array, H: BfgsFactor, g: Array) -> Step | None:
+    def solution(self, x: Array, H: BfgsFactor, g: Array) -> _Step | None:
         """Solution of the programme; None if its solver fails."""
         J = H.J
         programme = LeastDistance(g @ J)
@@ -250,7 +250,7 @@ class _Programme:
                 break
         if linear is not None:
             self._remember(linear.chosen, programme.sides)
-        return Step(d, w)
+        return _Step(d, w)
 
     def _remember(self, rows: Index, sides: Sides) -> None:
         """Expect the active rows and their neighbours in time to be active in the next programme."""

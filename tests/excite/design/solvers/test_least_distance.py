@@ -63,7 +63,8 @@ def test_rows_can_be_added_later(seed: int) -> None:
 @given(SEED)
 def test_other_rows_hold_without_being_added(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    c, rows, others = 3.0 * rng.normal(size=8), some_rows(rng, 6, 8), some_rows(rng, 4, 8)
+    c, rows, (A, lower, _) = 3.0 * rng.normal(size=8), some_rows(rng, 6, 8), some_rows(rng, 4, 8)
+    others = A, lower, np.full(4, np.inf)
     programme, whole = LeastDistance(c), LeastDistance(c)
     programme.add(rows, np.zeros(6, dtype=np.int32))
     whole.add(rows, np.zeros(6, dtype=np.int32))
