@@ -30,9 +30,9 @@ class RoundSizes:
     parents : int
         Motions that are combined.
     patience : int
-        Rounds in a row without gain after which the population ends.
+        Rounds in a row without gain after which the population ends; it ends at once where an earlier one has.
     gain : float
-        Relative decrease of the criterion that counts as a gain.
+        Relative decrease of the criterion that counts as a gain, and difference that counts as none.
     worth : float
         Estimated relative gain of one more population, below which the search ends.
     populations : int
@@ -47,7 +47,7 @@ class RoundSizes:
     gain: float = 1e-3
     worth: float = 4e-3
     populations: int = 2
-    rounds: int = 14
+    rounds: int = 20
 
 
 SIZES = RoundSizes()
@@ -146,7 +146,9 @@ class Rounds:
                 self._best = result
         gained = self.population.best < before * (1.0 - self.sizes.gain)
         self._stall = 0 if gained else self._stall + 1
-        if self._stall >= self.sizes.patience:
+        best = self.population.best
+        repeated = any(abs(best - end) <= self.sizes.gain * end for end in self.ends)
+        if repeated or self._stall >= self.sizes.patience:
             self.ends.append(self.population.best)
             self.population, self._stall = Population(), 0
 

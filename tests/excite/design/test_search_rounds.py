@@ -74,10 +74,26 @@ def test_the_order_in_which_starts_end_has_no_say(seed: int) -> None:
 
 
 def test_it_begins_anew_where_rounds_bring_nothing() -> None:
-    sizes = RoundSizes(patience=3, populations=4)
-    planned = plain(run(Rounds(Search(), sizes), lambda _: 10.0))
+    """Each population ends worse than the one before, so that none is found again."""
+    begins = [number for number in range(200) if number % 16 == 0]
+    planned = plain(
+        run(
+            Rounds(Search(), RoundSizes(populations=4, worth=0.5)),
+            lambda number: 10.0 + sum(n <= number for n in begins),
+        )
+    )
     kinds = [starts[0][0] for starts in planned]
     assert kinds == ["random", *(["combination"] * 3 + ["random"]) * 3, *["combination"] * 3, "refinement"]
+
+
+def test_a_population_that_comes_to_the_end_of_another_one_ends() -> None:
+    planned = plain(run(Rounds(Search()), lambda _: 10.0))
+    assert [starts[0][0] for starts in planned] == ["random", *["combination"] * 3, "random", "refinement"]
+
+
+def test_it_ends_at_the_latest_after_the_largest_number_of_rounds() -> None:
+    planned = run(Rounds(Search(), RoundSizes(rounds=7)), lambda number: 100.0 / (1.0 + number))
+    assert len(planned) == 1 + 7 + 1
 
 
 def test_the_estimate_is_what_leaving_out_each_population_would_cost_on_average() -> None:
