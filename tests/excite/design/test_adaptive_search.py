@@ -1,6 +1,7 @@
 """Searches that combine motions: the same motion wherever they run, and however often they were interrupted."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -136,4 +137,5 @@ def test_a_budget_is_stored_as_its_rounds_and_gives_the_same_motion_again(tmp_pa
 def test_what_is_left_is_in_the_file(undisturbed: excite.Design, tmp_path: Path) -> None:
     undisturbed.save(tmp_path / "d")
     solver = excite.load_design(tmp_path / "d").content["solver"]
-    assert solver["search"] == {"rounds": 3, "populations": 0, "left": None}
+    assert undisturbed.search is not None
+    assert solver["search"] == asdict(undisturbed.search)
