@@ -13,7 +13,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from importlib import import_module
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -101,28 +100,37 @@ class _Reached(Exception):
 
 
 def target(wanted: Specification) -> dict[str, Any]:
-    """Starts one after the other in this process until an iterate's criterion, as judged at 100 Hz, is the target."""
-    made = formulation(wanted)
-    from excite.design.initial_guesses import candidates
-    from excite.registry import instance
+    """The search that is the default, in this process, until an iterate, judged at 100 Hz, is as good as the target."""
+    made = formulation({**wanted, "starts": None})
+    from excite.design.search_rounds import Rounds
+    from excite.design.single_start import optimise_start
+    from excite.design.solvers.sqp import SequentialQuadratic
 
-    problem, method = made.problem, instance("solver", "sqp")
+    problem = made.problem
     ready = time.process_time()
 
-    def watch(x: Array, value: float) -> None:
-        if value <= 1.01 * wanted["target"] and problem.exact_value(x) <= 0.9995 * wanted["target"]:
-            raise _Reached(x)
+    class Watched(SequentialQuadratic):
+        def _accepted(self, x: Array, value: float) -> None:
+            if value <= 1.01 * wanted["target"] and problem.exact_value(x) <= 0.9995 * wanted["target"]:
+                raise _Reached(x)
 
-    for index in count():
-        rng = np.random.default_rng([made.task.search.seed, index])
-        try:
-            method.solve(problem, candidates(problem, index, rng), watch)
-        except _Reached as reached:
-            end = time.process_time()
-            return {"cpu": end, "cpu_set_up": ready, "starts": index + 1, "trajectory": _plain(made, reached.x)}
-        if time.process_time() > wanted["patience"]:
-            return {"cpu": None, "cpu_set_up": ready, "starts": index + 1, "trajectory": None}
-    raise AssertionError
+        def solve(self, problem: Any, starts: Any, watch: Any = None) -> Any:
+            return super().solve(problem, starts, self._accepted)
+
+        def combine(self, problem: Any, starts: Any, known: Any, watch: Any = None) -> Any:
+            return super().combine(problem, starts, known, self._accepted)
+
+    method, rounds, results, ended = Watched(), Rounds(replace(made.task.search, rounds=10**6)), [], 0
+    while time.process_time() < wanted["patience"]:
+        starts, results = rounds.following(results), []
+        for start in starts:
+            try:
+                results.append(optimise_start(problem, method, made.task.search.seed, start, None))
+            except _Reached as reached:
+                end = time.process_time()
+                return {"cpu": end, "cpu_set_up": ready, "starts": ended + 1, "trajectory": _plain(made, reached.x)}
+            ended += 1
+    return {"cpu": None, "cpu_set_up": ready, "starts": ended, "trajectory": None}
 
 
 def setup(wanted: Specification) -> dict[str, float]:
