@@ -179,7 +179,7 @@ def lockstep(robot: str) -> dict[str, float]:
 
 LIMITATIONS = (
     f"{INSTANTS} instants, the number in a search with 5 harmonics; a call is one of the values and one of the "
-    "derivative together; processor time of one thread; making includes the first call",
+    "derivative together; processor time of one thread; making includes the import of its package and the first call",
     f"a search: making, and {SEARCH} calls, about those of 12 starts",
     "numba and JAX translate the same instructions one by one; this project's JAX models, which are written for JAX, "
     "compile faster and are for batches",
