@@ -58,7 +58,7 @@ def quality() -> str:
         for case in result("results/quality")["cases"]
         if case["convention"] in wanted
     ]
-    head = ("problem", "base columns", "cond(W)", "best of the other systems", "limits kept", "CPU s of 12 starts")
+    head = ("problem", "base columns", "cond(W)", "best of the other systems", "limits kept", "CPU s")
     return table(head, *rows)
 
 

@@ -44,7 +44,7 @@ LOAD = ("--period", "6.4")
 CASES = (
     Case("differential, axes 1-3, 13 parameters, 10 s", "1e14 -> 1e13", "39.3", 41.0, 20.0, ()),
     Case("energy short (5 ms), axes 1-3, 13 parameters, 10 s", "not satisfactory", "54.7", 57.0, 30.0,
-         ("--model", "energy", "--starts", "30")),
+         ("--model", "energy")),
     Case("energy long, axes 1-3, 13 parameters, 10 s", "not satisfactory", "163", 165.0, 40.0,
          ("--model", "energy", "--window", "long")),
     Case("energy, drive 2 alone, 10 s", "3000 -> 500", "-", None, None, ("--model", "energy", "--drives", "2")),

@@ -25,7 +25,7 @@ _UNDATED: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None},
     "svg": {"Date": None, "Creator": None},
 }
-_PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files that are 6 % smaller
+_PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files that are little smaller
 _PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it along; others, for SVG, are looked up
 
 
