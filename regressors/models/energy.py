@@ -26,7 +26,7 @@ from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import inertial_columns
 from regressors.models.windows import Window, WindowModel
 from regressors.robot.robot import Robot
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 from regressors.symbolic.kinematics import LinkMotion, bodies
 
 
@@ -131,18 +131,18 @@ class EnergyModel(WindowModel):
         count = len(self.reduction.standard) - len(losses)
         return self.reduction.apply(ca.horzcat(ca.SX(1, count), *losses))
 
-    def _cumulated(self, samples: Samples) -> Array:
+    def _cumulated(self, samples: Samples, columns: Index) -> Array:
         """As for any window model, but Coulomb losses come from the lengths of the drives' paths.
 
         ``int |dz| dt`` is the length of the path of z, exact from turning point to turning point for any sample time.
         """
-        cumulated = super()._cumulated(samples)
+        cumulated = super()._cumulated(samples, columns)
         if not self.terms.coulomb or self.sign_width > 0.0:
             return cumulated
-        spread = self.reduction.matrix[[column.kind == COULOMB for column in self.reduction.standard]]
-        columns = np.any(spread != 0.0, axis=0)
+        spread = self.reduction.matrix[[column.kind == COULOMB for column in self.reduction.standard]][:, columns]
+        lossy = np.any(spread != 0.0, axis=0)
         drives = [c.owner for c in self.reduction.standard if c.kind == COULOMB and c.owner is not None]
-        cumulated[:, 0, columns] = (_paths(self.robot, samples, drives) @ spread)[:, columns]
+        cumulated[0, lossy] = spread[:, lossy].T @ _paths(self.robot, samples, drives).T
         return cumulated
 
     def measured_density(self, samples: Samples, measured: Array) -> Array:
@@ -183,7 +183,8 @@ def path_lengths(time: Array, z: Array, dz: Array) -> Array:
     divisor = -0.5 * (slope + np.where(slope >= 0, root, -root))
     with np.errstate(divide="ignore", invalid="ignore"):
         turns = np.nan_to_num(np.stack([divisor / curve, a / divisor]), nan=0.0, posinf=0.0, neginf=0.0)
-    parts = np.sort(np.clip(turns, 0.0, 1.0), axis=0)
+    turns = np.clip(turns, 0.0, 1.0)
+    parts = np.stack([turns.min(axis=0), turns.max(axis=0)])
     reached = h * parts * (a + parts * (slope / 2 + parts * curve / 3))
     length = np.abs(reached[0]) + np.abs(reached[1] - reached[0]) + np.abs(rise - reached[1])
     return np.vstack([np.zeros((1, z.shape[1])), np.cumsum(length, axis=0)])
