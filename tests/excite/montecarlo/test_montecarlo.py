@@ -20,7 +20,7 @@ from excite.identification.estimators.instrumental import instrumental
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.weighted import weighted
 from excite.identification.observations import Observations
-from excite.montecarlo import repeated as repeated_file
+from excite.montecarlo import chain as chain_file
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise, drawn
 from excite.montecarlo.repeated import repeat_experiment
@@ -164,7 +164,7 @@ def test_badly_conditioned_columns_are_mixed_first(monkeypatch: pytest.MonkeyPat
         e = chains()[name]
         plain = repeat_experiment(e, 2, seed=11)
         with monkeypatch.context() as patch:
-            patch.setattr(repeated_file, "_WELL", 0.0)
+            patch.setattr(chain_file, "_WELL", 0.0)
             mixed = repeat_experiment(e, 2, seed=11)
         assert np.all(np.abs(mixed.estimates - plain.estimates) <= 1e-6 * plain.predicted)
         np.testing.assert_allclose(mixed.predicted, plain.predicted, rtol=1e-6)
