@@ -27,30 +27,20 @@ class EquationColumns:
 
     Attributes
     ----------
+    direct : bool
+        See `is_direct`.
     used : list of ndarray of int
         Base parameters of each equation's columns.
     """
 
     def __init__(self, model: RegressorModel, index: Index, decimation: Decimation | None = None) -> None:
         self.model, self.index, self.decimation = model, index, decimation
-        b, r = index.size, len(model.row_labels)
-        self.used: list[Index] = [np.arange(b)] * r
+        self.direct = is_direct(model)
+        self.used: list[Index] = [np.arange(index.size)] * len(model.row_labels)
         if self.direct:
-            place = np.full(len(model.columns), -1)
-            place[index] = np.arange(b)
-            row, column = np.asarray(model.function.row), place[np.asarray(model.function.column)]
-            entries = [np.flatnonzero((row == j) & (column >= 0)) for j in range(r)]
-            self.used = [column[k] for k in entries]
+            entries, self.used = _entries(model, index)
             self._ends = np.cumsum([0, *(k.size for k in entries)])
             self._function = model.function.selection(np.concatenate(entries))
-
-    @property
-    def direct(self) -> bool:
-        """Whether the model's rows are its expression at single instants."""
-        own = type(self.model)
-        return self.model.window is None and all(
-            getattr(own, name) is getattr(RegressorModel, name) for name in ("assemble", "instants", "function")
-        )
 
     def parts(self, samples: Samples) -> Iterator[Part]:
         """Columns along a motion, in blocks of rows.
@@ -82,3 +72,39 @@ class EquationColumns:
         if self.decimation is None:
             return X
         return [np.ascontiguousarray(self.decimation(x.T).T) for x in X]
+
+
+def is_direct(model: RegressorModel) -> bool:
+    """Whether a model's rows are its expression at single instants.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    """
+    own = type(model)
+    return model.window is None and all(
+        getattr(own, name) is getattr(RegressorModel, name) for name in ("assemble", "instants", "function")
+    )
+
+
+def entries_of_equations(model: RegressorModel, index: Index) -> list[int]:
+    """Number of the columns of each equation, without those that are zero by its structure.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    index : ndarray of int, shape (b,)
+        Base columns of the model.
+    """
+    if not is_direct(model):
+        return [index.size] * len(model.row_labels)
+    return [k.size for k in _entries(model, index)[0]]
+
+
+def _entries(model: RegressorModel, index: Index) -> tuple[list[Index], list[Index]]:
+    """Nonzeros of each equation in the model's function, and the base parameters that they belong to."""
+    place = np.full(len(model.columns), -1)
+    place[index] = np.arange(index.size)
+    row, column = np.asarray(model.function.row), place[np.asarray(model.function.column)]
+    entries = [np.flatnonzero((row == j) & (column >= 0)) for j in range(len(model.row_labels))]
+    return entries, [column[k] for k in entries]

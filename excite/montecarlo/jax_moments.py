@@ -16,8 +16,8 @@ from regressors.samples import Array, Samples
 if TYPE_CHECKING:
     import jax
 
-_AT_ONCE = 6e7  # numbers of the rows of a batch
-_COPIES = 6  # of these rows on the device
+_AT_ONCE = 3e7  # numbers of the rows of a batch, 0.24 GB, of which the device holds several copies
+_MOST = 64  # repetitions of a batch
 
 
 @cache
@@ -65,7 +65,7 @@ class JaxMoments:
             Of each repetition.
         """
         width = len(self._columns.used) * self._sums.size
-        return max(1, int(_AT_ONCE / (instants * width)))
+        return max(1, min(_MOST, int(_AT_ONCE / (instants * width))))
 
     def __call__(self, measured: Sequence[tuple[Samples, Array]]) -> Array:
         """Moments of each repetition, shape (R, r, k, k), from its motion and its left-hand sides."""
@@ -85,10 +85,7 @@ class JaxMoments:
     def _moments(self, time: tuple[float, ...], q: jax.Array, dq: jax.Array, ddq: jax.Array, y: jax.Array) -> jax.Array:
         import jax.numpy as jnp
 
-        if self._columns.direct:
-            W = self._model.rows(q, dq, ddq)
-        else:
-            W = self._model.assemble(np.array(time), q, dq, ddq)
+        W = self._model.assemble(np.array(time), q, dq, ddq)
         e = y - W @ jnp.asarray(self._sums.beta)
         A = W if self._sums.change is None else W @ jnp.asarray(self._sums.change)
         A = jnp.concatenate([A, e[..., None]], axis=-1)

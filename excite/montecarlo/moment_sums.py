@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -51,23 +52,34 @@ class MomentSums:
             Blocks of rows and the transposed columns of each equation.
         y : ndarray, shape (m, r)
         """
-        places = [self._place(used) for used in self.used]
-        sums = [np.zeros((place.size + 1, place.size + 1)) for place in places]
+        b = self.beta.size
+        G = np.zeros((len(self.used), self.size, self.size))
+        sums = [np.zeros((used.size + 1, used.size + 1)) for used in self._places]
+        crossed = [np.zeros((used.size, used.size + 1)) for used in self._places]
         for rows, X in parts:
             for j, x in enumerate(X):
-                e = y[rows, j] - self.beta[self.used[j]] @ x
-                _add(sums[j], self._columns(j, x, rows), e)
-        return self._spread(sums, places)
+                A, e = self._mixed(x, self.used[j]), y[rows, j] - self.beta[self.used[j]] @ x
+                _add(sums[j], A, e)
+                if self.instruments is not None:
+                    Z = self._instruments[j][:, rows]
+                    crossed[j][:, :-1] += Z @ A.T
+                    crossed[j][:, -1] += Z @ e
+        for j, place in enumerate(self._places):
+            last = self.front + np.append(place, b)
+            G[j][np.ix_(last, last)] = sums[j]
+            if self.instruments is not None:
+                G[j][np.ix_(place, last)] = crossed[j]
+                G[j][np.ix_(last, place)] = crossed[j].T
+                G[j][np.ix_(place, place)] = self._of_instruments[j]
+        return G
 
     def shared(self, parts: Iterable[Part]) -> Array:
         """Moments of the columns alone, for `with_errors`, shape (r, k, k)."""
-        places = [self._place(used) for used in self.used]
-        sums = [np.zeros((place.size + 1, place.size + 1)) for place in places]
-        for rows, X in parts:
-            for j, x in enumerate(X):
-                A = self._columns(j, x, rows)
-                sums[j][:-1, :-1] += A @ A.T
-        return self._spread(sums, places)
+        held = list(parts)
+        rows = held[-1][0].stop
+        G = self.of(held, np.zeros((rows, len(self.used))))
+        G[:, -1, :] = G[:, :, -1] = 0.0
+        return G
 
     def with_errors(self, shared: Array, parts: Iterable[Part], e: Array) -> Array:
         """Moments of columns that are those of `shared`, with other errors, shape (r, k, k).
@@ -81,33 +93,34 @@ class MomentSums:
         G = shared.copy()
         for rows, X in parts:
             for j, x in enumerate(X):
-                place, error = self._place(self.used[j]), e[rows, j]
-                c = self._columns(j, x, rows) @ error
+                place, error = self._places[j], e[rows, j]
+                c = self._mixed(x, self.used[j]) @ error
+                if self.instruments is not None:
+                    c = np.concatenate([self._instruments[j][:, rows] @ error, c])
+                    place = np.concatenate([place, self.front + place])
                 G[j][place, -1] += c
                 G[j][-1, place] += c
                 G[j][-1, -1] += error @ error
         return G
 
-    def _place(self, used: Index) -> Index:
-        """Places of an equation's columns among all of them."""
-        place = used if self.change is None else np.arange(self.beta.size)
-        return place if self.instruments is None else np.concatenate([place, self.front + place])
+    @cached_property
+    def _places(self) -> list[Index]:
+        """Places of each equation's columns among all of them."""
+        return self.used if self.change is None else [np.arange(self.beta.size)] * len(self.used)
 
-    def _columns(self, j: int, x: Array, rows: slice) -> Array:
-        A = self._mixed(x, self.used[j])
-        if self.instruments is None:
-            return A
-        return np.concatenate([self._mixed(self.instruments[j][:, rows], self.used[j]), A])
+    @cached_property
+    def _instruments(self) -> list[Array]:
+        """Transposed columns of ``Z P``."""
+        assert self.instruments is not None
+        return [self._mixed(z, used) for z, used in zip(self.instruments, self.used, strict=True)]
+
+    @cached_property
+    def _of_instruments(self) -> list[Array]:
+        """Moments of the instruments, which are those of every repetition."""
+        return [Z @ Z.T for Z in self._instruments]
 
     def _mixed(self, x: Array, used: Index) -> Array:
         return x if self.change is None else self.change[used].T @ x
-
-    def _spread(self, sums: list[Array], places: list[Index]) -> Array:
-        G = np.zeros((len(sums), self.size, self.size))
-        for j, place in enumerate(places):
-            whole = np.append(place, self.size - 1)
-            G[j][np.ix_(whole, whole)] = sums[j]
-        return G
 
 
 def _add(sums: Array, A: Array, e: Array) -> None:

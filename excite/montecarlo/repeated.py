@@ -68,7 +68,9 @@ def repeat_experiment(
     estimates = beta + np.array([P @ one.error for one in solved])
     predicted = np.array([np.linalg.norm(P @ one.half, axis=1) for one in solved])
     noise = np.array([one.noise for one in solved])
-    return Repetitions(base.names, base.units, beta, estimates, predicted, noise, chain.rows - base.rank, seed, interrupted)
+    return Repetitions(
+        base.names, base.units, beta, estimates, predicted, noise, chain.rows - base.rank, seed, interrupted
+    )
 
 
 def _solved(

@@ -40,6 +40,11 @@ class FourierFit(Method):
     def __post_init__(self) -> None:
         check_positive(self.name, period=self.period, harmonics=self.harmonics)
 
+    @property
+    def table_width(self) -> int:
+        """The series, its derivatives, and the orthonormal basis with its copy."""
+        return 5 * (2 * (_MOST if self.harmonics is None else self.harmonics) + 1)
+
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """The series at the sample times, no end cut; see `Method.motion`."""
         period, harmonics = self._choice(time, q)

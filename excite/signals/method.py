@@ -44,6 +44,11 @@ class Method(ABC):
 
     name: ClassVar[str]
 
+    @property
+    def table_width(self) -> int:
+        """Columns of the tables that the method makes for a motion, of one number per instant; for predicted memory."""
+        return 0
+
     @abstractmethod
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Motion at the sample times.

@@ -24,7 +24,7 @@ from regressors.models.drives import (
 )
 from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import inertial_columns
-from regressors.models.windows import Window, WindowModel
+from regressors.models.windows import Mask, Window, WindowModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 from regressors.symbolic.kinematics import LinkMotion, bodies
@@ -137,13 +137,24 @@ class EnergyModel(WindowModel):
         ``int |dz| dt`` is the length of the path of z, exact from turning point to turning point for any sample time.
         """
         cumulated = super()._cumulated(samples, columns)
-        if not self.terms.coulomb or self.sign_width > 0.0:
+        lossy = self._integrated_exactly()[columns]
+        if not np.any(lossy):
             return cumulated
-        spread = self.reduction.matrix[[column.kind == COULOMB for column in self.reduction.standard]][:, columns]
-        lossy = np.any(spread != 0.0, axis=0)
+        spread = self._coulomb_spread[:, columns]
         drives = [c.owner for c in self.reduction.standard if c.kind == COULOMB and c.owner is not None]
         cumulated[0, lossy] = spread[:, lossy].T @ _paths(self.robot, samples, drives).T
         return cumulated
+
+    @property
+    def _coulomb_spread(self) -> Array:
+        """Coulomb losses of the columns, each of the paths of the drives, shape (drives, p)."""
+        return np.asarray(self.reduction.matrix[[column.kind == COULOMB for column in self.reduction.standard]])
+
+    def _integrated_exactly(self) -> Mask:
+        """Columns with Coulomb friction of the exact sign."""
+        if not self.terms.coulomb or self.sign_width > 0.0:
+            return super()._integrated_exactly()
+        return np.asarray(np.any(self._coulomb_spread != 0.0, axis=0))
 
     def measured_density(self, samples: Samples, measured: Array) -> Array:
         """Power of the joint torques, ``tau' dq``, shape (N, 1) [W]; `measured` has shape (N, n) [Nm]."""

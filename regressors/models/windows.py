@@ -15,11 +15,14 @@ import casadi as ca
 import numpy as np
 import scipy.integrate
 import scipy.sparse
+from numpy.typing import NDArray
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.model import Combination, RegressorModel
 from regressors.samples import Array, Index, Samples
 from regressors.symbolic.vectorised import VectorisedFunction
+
+Mask = NDArray[np.bool_]
 
 WINDOWS = ("short", "long")
 SHORT = 0.005
@@ -113,10 +116,10 @@ class _Selection:
     column: Index
 
     @classmethod
-    def of(cls, parts: VectorisedFunction, r: int, columns: Index) -> _Selection:
+    def of(cls, parts: VectorisedFunction, r: int, columns: Index, integrated: Mask) -> _Selection:
         place = np.full(parts.shape[1], -1)
         place[columns] = np.arange(columns.size)
-        used = np.flatnonzero(place[parts.column] >= 0)
+        used = np.flatnonzero((place[parts.column] >= 0) & ((parts.row < r) | ~integrated[parts.column]))
         used = used[np.argsort(parts.row[used] >= r, kind="stable")]
         row = parts.row[used]
         return cls(parts.selection(used), int(np.count_nonzero(row < r)), row % r, place[parts.column[used]])
@@ -161,8 +164,13 @@ class WindowModel(RegressorModel):
 
     def _selection(self, columns: Index) -> _Selection:
         if (found := self._selections.get(key := columns.tobytes())) is None:
-            found = self._selections[key] = _Selection.of(self._parts, len(self.row_labels), columns)
+            found = _Selection.of(self._parts, len(self.row_labels), columns, self._integrated_exactly())
+            self._selections[key] = found
         return found
+
+    def _integrated_exactly(self) -> Mask:
+        """Which columns have no density here, since `_cumulated` of a subclass knows their integrals, shape (p,)."""
+        return np.zeros(len(self.columns), dtype=bool)
 
     def _cumulated(self, samples: Samples, columns: Index) -> Array:
         """``state(t) + int density`` from the first sample on, by Simpson's rule, shape (r, k, N)."""
@@ -172,7 +180,7 @@ class WindowModel(RegressorModel):
         state, density = values[: selection.states], values[selection.states :]
         cumulated[selection.row[: selection.states], selection.column[: selection.states]] = state
         place = selection.row[selection.states :], selection.column[selection.states :]
-        cumulated[place] += _running_integral(density.T, samples.time).T
+        cumulated[place] += _running_integral(density, samples.time, axis=-1)
         return cumulated
 
     def assemble(self, samples: Samples) -> Array:
@@ -242,8 +250,8 @@ class WindowModel(RegressorModel):
         return _short_windows(duration, count, self.window.length)
 
 
-def _running_integral(values: Array, time: Array) -> Array:
-    return np.asarray(scipy.integrate.cumulative_simpson(values, x=time, axis=0, initial=0.0), dtype=float)
+def _running_integral(values: Array, time: Array, axis: int = 0) -> Array:
+    return np.asarray(scipy.integrate.cumulative_simpson(values, x=time, axis=axis, initial=0.0), dtype=float)
 
 
 def _short_windows(duration: float, count: int, length: float) -> Combination:
