@@ -72,9 +72,12 @@ class JaxMoments:
         import jax
 
         time = measured[0][0].time
-        motion = (np.stack([getattr(samples, name) for samples, _ in measured]) for name in ("q", "dq", "ddq"))
+        whole = [*measured, *[measured[-1]] * (self.batch(time.size) - len(measured))]  # of one size: compiled once
+        motion = (np.stack([getattr(samples, name) for samples, _ in whole]) for name in ("q", "dq", "ddq"))
         with jax.enable_x64(True):
-            return np.asarray(self._compiled(tuple(time.tolist()), *motion, np.stack([y for _, y in measured])))
+            y = np.stack([y for _, y in whole])
+            G = self._compiled(tuple(time.tolist()), *motion, y, self._instruments)
+            return np.asarray(G)[: len(measured)]
 
     @cached_property
     def _compiled(self) -> Any:
@@ -82,22 +85,25 @@ class JaxMoments:
 
         return jax.jit(self._moments, static_argnums=0)
 
-    def _moments(self, time: tuple[float, ...], q: jax.Array, dq: jax.Array, ddq: jax.Array, y: jax.Array) -> jax.Array:
+    def _moments(self, time: tuple[float, ...], *arrays: jax.Array) -> jax.Array:
+        """Of the batch's q, dq, ddq and y, and of the instruments."""
         import jax.numpy as jnp
 
-        W = self._model.assemble(np.array(time), q, dq, ddq)
+        *motion, y, instruments = arrays
+        W = self._model.assemble(np.array(time), *motion)
         e = y - W @ jnp.asarray(self._sums.beta)
         A = W if self._sums.change is None else W @ jnp.asarray(self._sums.change)
         A = jnp.concatenate([A, e[..., None]], axis=-1)
         if self._sums.instruments is not None:
-            Z = jnp.broadcast_to(self._instruments, (*A.shape[:-1], self._sums.beta.size))
+            Z = jnp.broadcast_to(instruments, (*A.shape[:-1], self._sums.beta.size))
             A = jnp.concatenate([Z, A], axis=-1)
         return jnp.einsum("tmri,tmrj->trij", A, A)
 
     @cached_property
     def _instruments(self) -> Array:
-        """Columns ``Z P`` of the instruments, shape (m, r, b)."""
-        assert self._sums.instruments is not None
+        """Columns ``Z P`` of the instruments, shape (m, r, b); empty without any."""
+        if self._sums.instruments is None:
+            return np.zeros((0, 0, 0))
         rows = self._sums.instruments[0].shape[1]
         Z = np.zeros((rows, len(self._sums.used), self._sums.beta.size))
         for j, (x, used) in enumerate(zip(self._sums.instruments, self._sums.used, strict=True)):
