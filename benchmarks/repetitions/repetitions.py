@@ -1,7 +1,7 @@
 """Processor time, peak memory and answers of ``excite identify --repeat 1000`` on logs of 20,000 rows.
 
-``python benchmarks/repetitions/repetitions.py`` runs every case as a command of its own with one BLAS thread, and records
-after each. Numbers of cases, such as ``0 3``, measure these alone and keep the other results.
+``python benchmarks/repetitions/repetitions.py`` runs every case as a command of its own with one BLAS thread, and
+records after each. Numbers of cases, such as ``0 3``, measure these alone and keep the other results.
 """
 
 from __future__ import annotations
