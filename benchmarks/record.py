@@ -120,7 +120,7 @@ def _into_readme(name: str, body: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    for folder in (HERE / name for name in ("coverage", "degradation", "identification", "real")):
+    for folder in (HERE / name for name in ("coverage", "degradation", "identification", "real", "repetitions")):
         for file in sorted((folder / "results").glob("*.md")):
             _into_readme(file.stem, file.read_text(encoding="utf-8"), folder)
     _refresh_claims()

@@ -23,7 +23,8 @@ from excite.identification.identification import Identification
 from excite.montecarlo.repetitions import Repetitions
 from regressors.errors import InputError
 
-_PAUSE = 5.0  # between two lines of progress [s]
+_SILENCE = 2.0  # before the first line of progress [s]
+_PAUSE = 5.0  # between two lines of it [s]
 
 
 def repeat_and_write(
@@ -44,7 +45,7 @@ def repeat_and_write(
     Returns
     -------
     content : dict
-        Content with the repetitions, if they were completed.
+        Content with the repetitions; after an interrupt those that were completed, if there are two or more.
     status : int
         Exit status.
 
@@ -75,6 +76,9 @@ def repeat_and_write(
         from excite.plots.repetitions_plot import write_repetitions_figure
 
         write_repetitions_figure(repeated_runs, result.robot.name, out, **figures.how)
+    if repeated_runs.interrupted:
+        say(f"excite: interrupted; the result is saved, with {repeated_runs.count} of {count} repetitions")
+        return content, interrupted_status()
     return content, 0
 
 
@@ -150,12 +154,13 @@ class _Lines:
     """Progress in lines, not more often than every few seconds."""
 
     def __init__(self) -> None:
-        self.began = self.said = time.monotonic()
+        self.began = time.monotonic()
+        self.next = self.began + _SILENCE
 
     def __call__(self, done: int, count: int) -> None:
         now = time.monotonic()
-        if done < count and now - self.said < _PAUSE:
+        if done < count and now < self.next:
             return
-        self.said = now
+        self.next = now + _PAUSE
         left = (now - self.began) / done * (count - done)
         remark(f"excite: {done} of {count} repetitions" + f", about {left:.0f} s left" * (done < count))

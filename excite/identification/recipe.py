@@ -187,8 +187,6 @@ class Recipe:
             raise InputError("repetitions take one `sign_width` or `breakaway` for all drives")
         if self.standstill:
             raise InputError("repetitions use every row; leave out `standstill`")
-        if self.signals == "spline":
-            raise InputError("repetitions need signals that are a fixed linear function of positions, not spline")
 
     @property
     def common_width(self) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -10,7 +10,8 @@ from excite.identification.decimated_rows import Decimation
 from regressors.models.model import RegressorModel
 from regressors.samples import Array, Index, Samples
 
-BLOCK = 8192  # instants
+BLOCK = 1024  # instants: what is computed for them stays in the cache of a core
+Part = tuple[slice, Sequence[Array]]
 
 
 class EquationColumns:
@@ -26,30 +27,22 @@ class EquationColumns:
 
     Attributes
     ----------
+    direct : bool
+        See `is_direct`.
     used : list of ndarray of int
         Base parameters of each equation's columns.
     """
 
     def __init__(self, model: RegressorModel, index: Index, decimation: Decimation | None = None) -> None:
         self.model, self.index, self.decimation = model, index, decimation
-        b, r = index.size, len(model.row_labels)
-        self.used = [np.arange(b)] * r
+        self.direct = is_direct(model)
+        self.used: list[Index] = [np.arange(index.size)] * len(model.row_labels)
         if self.direct:
-            place = np.full(len(model.columns), -1)
-            place[index] = np.arange(b)
-            row, column = np.asarray(model.function.row), place[np.asarray(model.function.column)]
-            self._entries = [np.flatnonzero((row == j) & (column >= 0)) for j in range(r)]
-            self.used = [column[k] for k in self._entries]
+            entries, self.used = _entries(model, index)
+            self._ends = np.cumsum([0, *(k.size for k in entries)])
+            self._function = model.function.selection(np.concatenate(entries))
 
-    @property
-    def direct(self) -> bool:
-        """Whether the model's rows are its expression at single instants."""
-        own = type(self.model)
-        return self.model.window is None and all(
-            getattr(own, name) is getattr(RegressorModel, name) for name in ("assemble", "instants", "function")
-        )
-
-    def parts(self, samples: Samples) -> Iterator[tuple[slice, list[Array]]]:
+    def parts(self, samples: Samples) -> Iterator[Part]:
         """Columns along a motion, in blocks of rows.
 
         Parameters
@@ -63,20 +56,55 @@ class EquationColumns:
         X : list of ndarray, shape (p_j, k) each
             Transposed columns of each equation; `used` says of which parameters.
         """
-        count = samples.time.size
         if not self.direct:
-            W = self.model.assemble(samples)[:, self.index].reshape(-1, len(self.used), self.index.size)
-            yield slice(0, len(W)), self._filtered([np.ascontiguousarray(W[:, j].T) for j in range(W.shape[1])])
+            W = self.model.assembled_entries(samples, self.index)
+            yield slice(0, W.shape[2]), self._filtered(list(W))
             return
+        count = samples.time.size
         block = BLOCK if self.decimation is None else count
+        motion = [np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)]
         for first in range(0, count, block):
             rows = slice(first, min(first + block, count))
-            values = self.model.function(
-                *(np.ascontiguousarray(x[rows].T) for x in (samples.q, samples.dq, samples.ddq))
-            )
-            yield rows, self._filtered([values[k] for k in self._entries])
+            values = self._function(*(x[:, rows] for x in motion))
+            yield rows, self._filtered([values[i:k] for i, k in zip(self._ends, self._ends[1:], strict=False)])
 
     def _filtered(self, X: list[Array]) -> list[Array]:
         if self.decimation is None:
             return X
         return [np.ascontiguousarray(self.decimation(x.T).T) for x in X]
+
+
+def is_direct(model: RegressorModel) -> bool:
+    """Whether a model's rows are its expression at single instants.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    """
+    own = type(model)
+    return model.window is None and all(
+        getattr(own, name) is getattr(RegressorModel, name) for name in ("assemble", "instants", "function")
+    )
+
+
+def entries_of_equations(model: RegressorModel, index: Index) -> list[int]:
+    """Number of the columns of each equation, without those that are zero by its structure.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    index : ndarray of int, shape (b,)
+        Base columns of the model.
+    """
+    if not is_direct(model):
+        return [index.size] * len(model.row_labels)
+    return [k.size for k in _entries(model, index)[0]]
+
+
+def _entries(model: RegressorModel, index: Index) -> tuple[list[Index], list[Index]]:
+    """Nonzeros of each equation in the model's function, and the base parameters that they belong to."""
+    place = np.full(len(model.columns), -1)
+    place[index] = np.arange(index.size)
+    row, column = np.asarray(model.function.row), place[np.asarray(model.function.column)]
+    entries = [np.flatnonzero((row == j) & (column >= 0)) for j in range(len(model.row_labels))]
+    return entries, [column[k] for k in entries]

@@ -18,6 +18,7 @@ from excite.montecarlo.repeated import repeat_experiment
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.delay import delayed
 from excite.signals.low_pass import decimation
+from excite.signals.resampling import resample
 from regressors.samples import Array, Samples
 
 
@@ -48,13 +49,14 @@ def repetitions(
         raise not_repeated()
     recipe, part, model = result.recipe, result.prepared[0], result.target.model
     recipe.check_repeatable(count)
+    uniform = resample(part.log).log  # what the method chooses for the log, it keeps
     experiment = Experiment(
         model=model,
         base=result.target.base,
         samples=part.samples,
         beta=result.estimate.coefficients,
         noise=Noise(effort=effort_noise(result), position=position_noise(result)),
-        method=chosen_method(recipe).settled(part.samples.time, part.samples.q),
+        method=chosen_method(recipe).settled(uniform.time, uniform.q),
         low_pass=recipe.low_pass,
         every=_every(recipe, part.samples),
         estimator=str(recipe.estimator),

@@ -2,48 +2,60 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
-from excite.montecarlo.equation_columns import BLOCK
+from excite.montecarlo.equation_columns import BLOCK, entries_of_equations
 from excite.montecarlo.experiment import Experiment
 
-_OF_JOINT = 20  # numbers of each instant for each joint, and for each torque or component of the wrench
-_COPIES = 6  # of the columns that are computed at once
+_OF_CHANNEL = 12  # numbers of each instant for each joint, and for each torque or component of the wrench
+_COPIES = 4  # of the columns of windows
+_FILTERED = 6  # copies of the columns of one equation in the low-pass
+_PROGRAMS = 1.2e8  # bytes of compiled models and of libraries that other work does not load
 _SHORTER = "repeat a shorter stretch of the log (`rows`)"
 _PLAIN = ", or leave out `low_pass`"
 
 
 def experiment_prediction(experiment: Experiment) -> WorkPrediction:
-    """Largest memory that the repetitions of an experiment hold at once.
+    """Largest memory that the repetitions of an experiment hold at once; it does not grow with their number.
 
     Columns of single instants are computed in blocks; those of windows and those that are filtered, at once. Where only
-    torques are noisy, and for instruments, the columns are held.
+    torques are noisy, and for instruments, the columns are held. From once to twice what was measured with 20,000 to
+    1,000,000 rows.
 
     Parameters
     ----------
     experiment : Experiment
     """
     model, N = experiment.model, experiment.samples.time.size
-    r, b = len(model.row_labels), experiment.base.rank
     channels = model.robot.n + (6 if model.channel == "wrench" else model.robot.n)
     remedy = _SHORTER + _PLAIN * (experiment.low_pass is not None)
-    rows, numbers = _at_once(experiment)
-    held = N * r * ((not experiment.noise.moves) + (experiment.estimator == "instrumental"))
+    entries = entries_of_equations(model, experiment.base.index)
+    at_once, held = _at_once(experiment, entries), _held(experiment, entries)
+    table = 0 if experiment.method is None else experiment.method.table_width
     return WorkPrediction(
         "the repetition of the experiment",
         (
-            MemoryPart("instants", N, channels, FLOAT * _OF_JOINT * N * channels, remedy=remedy),
-            MemoryPart("rows of equations at once", rows, b, FLOAT * numbers, remedy=remedy),
-            MemoryPart("rows of equations", held, b, float(FLOAT * held * b), remedy=remedy),
+            MemoryPart("programs", 1, 1, _PROGRAMS, remedy=remedy),
+            MemoryPart("instants", N, channels, FLOAT * _OF_CHANNEL * N * channels, remedy=remedy),
+            MemoryPart("instants", N, table, float(FLOAT * N * table), remedy="state fewer `harmonics`"),
+            MemoryPart("rows of equations at once", N, at_once / N, FLOAT * at_once, remedy=remedy),
+            MemoryPart("rows of equations", N, held / N, FLOAT * held, remedy=remedy),
         ),
     )
 
 
-def _at_once(experiment: Experiment) -> tuple[float, float]:
-    """Rows of equations that are computed at the same time, and the numbers in them and in what they are made of."""
+def _at_once(experiment: Experiment, entries: list[int]) -> float:
+    """Numbers in the rows of equations that are computed at the same time, and in what they are made of."""
     model, N = experiment.model, experiment.samples.time.size
-    r, p, b = len(model.row_labels), len(model.columns), experiment.base.rank
     if model.window is not None:  # states and densities of all instants, and their integrals
-        return N * r, N * _COPIES * r * p
-    if experiment.low_pass is None:
-        return min(N, BLOCK) * r, min(N, BLOCK) * _COPIES * r * b
-    return N * r, N * (3 * r + 4) * b  # rows of all equations, and of one that is filtered
+        return float(N * _COPIES * sum(entries))
+    if experiment.low_pass is None and experiment.every == 1:
+        return float(min(N, BLOCK) * _COPIES * sum(entries))
+    return float(N * (sum(entries) + _FILTERED * max(entries)))  # all equations, and one that is filtered
+
+
+def _held(experiment: Experiment, entries: list[int]) -> float:
+    """Numbers in the columns that stay the same in every repetition, and while they are put together once more."""
+    held = np.count_nonzero([not experiment.noise.moves, experiment.estimator == "instrumental"])
+    return float(experiment.samples.time.size * sum(entries) * (held + 1 if held else 0))

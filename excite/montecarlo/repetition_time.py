@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from excite.montecarlo.experiment import Experiment
 
-_PLAIN, _WHOLE = 6e-8, 1.6e-7  # seconds of a row and pair of joints; of windows, or with a low-pass
+_PLAIN, _WHOLE = 3e-8, 8e-8  # seconds of a row and pair of joints; of windows, or with a low-pass
 
 
 def repetition_seconds(experiment: Experiment, count: int) -> float:
     """Time of some repetitions on one core [s]; right within a factor of three.
 
     The unit that it grows with is a number of the regressor: rows times joints times joints. Measured with 2000 to
-    20,000 rows of 5 to 7 joints.
+    20,000 rows of 3 to 7 joints.
 
     Parameters
     ----------

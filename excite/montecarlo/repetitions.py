@@ -28,6 +28,8 @@ class Repetitions:
     degrees_of_freedom : int
         Of Student's t for the intervals.
     seed : int
+    interrupted : bool
+        Whether Ctrl-C ended the repetitions before the last one.
     """
 
     names: tuple[str, ...]
@@ -38,6 +40,7 @@ class Repetitions:
     noise: Array
     degrees_of_freedom: int
     seed: int
+    interrupted: bool = False
 
     @property
     def count(self) -> int:

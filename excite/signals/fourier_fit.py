@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -39,6 +40,11 @@ class FourierFit(Method):
     def __post_init__(self) -> None:
         check_positive(self.name, period=self.period, harmonics=self.harmonics)
 
+    @property
+    def table_width(self) -> int:
+        """The series, its derivatives, and the orthonormal basis with its copy."""
+        return 5 * (2 * (_MOST if self.harmonics is None else self.harmonics) + 1)
+
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """The series at the sample times, no end cut; see `Method.motion`."""
         period, harmonics = self._choice(time, q)
@@ -52,6 +58,23 @@ class FourierFit(Method):
         """The method with the period that it estimates, and the harmonics that it chooses."""
         period, harmonics = self._choice(time, q)
         return FourierFit(period, harmonics)
+
+    def operator(self, time: Array, q: Array) -> Callable[[Array], FilteredMotion]:
+        """The fit with the series that it would choose, through one orthonormal basis of it.
+
+        With the basis ``B = Q R`` and ``dB/dt = B D`` the derivatives of the fit are ``Q (R D^d R^-1) Q' q``.
+        """
+        period, harmonics = self._choice(time, q)
+        Q, R = np.linalg.qr(fourier_basis(time - time[0], period, harmonics)[0])
+        D = _differentiation(period, harmonics)
+        first, second = (R @ power @ np.linalg.inv(R) for power in (D, D @ D))
+
+        def fitted_to(positions: Array) -> FilteredMotion:
+            c = Q.T @ positions
+            state = (Q @ c, Q @ (first @ c), Q @ (second @ c))
+            return cut_motion(time, state, 0, self._assumed(period, harmonics, positions, state[0]))
+
+        return fitted_to
 
     def _choice(self, time: Array, q: Array) -> tuple[float, int]:
         """Period and harmonics, determined from the motion where they are not given."""
@@ -102,6 +125,15 @@ def fourier_basis(time: Array, period: float, harmonics: int) -> Array:
     basis[:, :, 1::2] = cos, -w * sin, -(w**2) * cos
     basis[:, :, 2::2] = sin, w * cos, -(w**2) * sin
     return basis
+
+
+def _differentiation(period: float, harmonics: int) -> Array:
+    """Matrix D of ``dB/dt = B D`` for the columns B of `fourier_basis`, shape (2 H + 1, 2 H + 1)."""
+    D = np.zeros((2 * harmonics + 1, 2 * harmonics + 1))
+    for k in range(1, harmonics + 1):
+        w = 2 * np.pi / period * k
+        D[2 * k, 2 * k - 1], D[2 * k - 1, 2 * k] = -w, w
+    return D
 
 
 def best_harmonics(basis: Array, q: Array) -> int:

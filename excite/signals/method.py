@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -42,6 +44,11 @@ class Method(ABC):
 
     name: ClassVar[str]
 
+    @property
+    def table_width(self) -> int:
+        """Columns of the tables that the method makes for a motion, of one number per instant; for predicted memory."""
+        return 0
+
     @abstractmethod
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Motion at the sample times.
@@ -70,6 +77,16 @@ class Method(ABC):
             See `motion`.
         """
         return self
+
+    def operator(self, time: Array, q: Array) -> Callable[[Array], FilteredMotion]:
+        """`motion` with the settings that it would choose for these positions, for many others at the same times.
+
+        Parameters
+        ----------
+        time, q
+            See `motion`.
+        """
+        return partial(self.settled(time, q).motion, time)
 
 
 def spacing(time: Array, what: str, least: int) -> float:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
+import numpy as np
+import scipy.fft
 import scipy.signal
 
 from excite.signals.bandwidth import chosen_cutoff
@@ -12,6 +16,8 @@ from excite.signals.cut import check_positive, cut_motion
 from excite.signals.method import FilteredMotion, Method, spacing
 from regressors.errors import InputError
 from regressors.samples import Array
+
+_LONG = 32  # samples on either side, from which on transforms are faster
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,27 @@ class SavitzkyGolay(Method):
         """The method with the window that it chooses."""
         h = spacing(time, self.name, self.degree + 2)
         return replace(self, window=2 * h * self._half(q, h)[0])
+
+    def operator(self, time: Array, q: Array) -> Callable[[Array], FilteredMotion]:
+        """The filters with the window that it would choose, by fast Fourier transforms where it is long."""
+        settled = self.settled(time, q)
+        motion, h = settled.motion(time, q), spacing(time, self.name, self.degree + 2)
+        half = motion.kept.start
+        if half < _LONG:
+            return partial(settled.motion, time)
+        length = scipy.fft.next_fast_len(time.size, real=True)  # what wraps around is cut
+        weights = np.array([scipy.signal.savgol_coeffs(2 * half + 1, self.degree, d, h) for d in (0, 1, 2)])
+        kernels = np.zeros((3, length))
+        kernels[:, : half + 1], kernels[:, length - half :] = weights[:, half:], weights[:, :half]
+        response = scipy.fft.rfft(kernels)
+
+        def filtered(positions: Array) -> FilteredMotion:
+            spectrum = scipy.fft.rfft(np.ascontiguousarray(positions.T), length)
+            states = (scipy.fft.irfft(spectrum * kernel, length)[:, : time.size].T for kernel in response)
+            smooth, velocity, acceleration = states
+            return cut_motion(time, (smooth, velocity, acceleration), half, motion.assumed)
+
+        return filtered
 
     def _half(self, q: Array, h: float) -> tuple[int, str]:
         if self.window is not None:

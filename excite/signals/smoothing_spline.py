@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -32,31 +32,34 @@ class SmoothingSpline(Method):
     ----------
     noise : float, optional
         Standard deviation of the positions [rad or m].
-    knots : float, optional
-        Distance of the knots [s], of all joints; chosen if not given.
+    knots : float or tuple of float, optional
+        Distance of the knots [s], of all joints or of each; chosen if not given.
     cutoff : float, optional
         Instead: highest frequency that the knots resolve, two of them in its period [Hz].
     """
 
     noise: float | None = None
-    knots: float | None = None
+    knots: float | tuple[float, ...] | None = None
     cutoff: float | None = None
 
     name: ClassVar[str] = "spline"
 
     def __post_init__(self) -> None:
-        check_positive(self.name, noise=self.noise, knots=self.knots, cutoff=self.cutoff)
+        for knots in self.knots if isinstance(self.knots, tuple) else (self.knots,):
+            check_positive(self.name, noise=self.noise, knots=knots, cutoff=self.cutoff)
         if self.knots is None and self.cutoff is not None:
             object.__setattr__(self, "knots", 0.5 / self.cutoff)
 
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Values and derivatives of the splines; see `Method.motion`."""
         h = spacing(time, self.name, 16)
-        fits = list(self._fits(time, q))
-        chosen = self._chosen(fits, q)
-        state = tuple(np.column_stack([fits[i].spline(time, d)[:, j] for j, i in enumerate(chosen)]) for d in (0, 1, 2))
-        distance = np.array([fits[i].distance for i in chosen])
-        residual = np.array([fits[i].deviation[j] for j, i in enumerate(chosen)])
+        splines = self._splines(time, q)
+        state = tuple(np.empty(q.shape) for _ in range(3))
+        for fitted, joints in splines:
+            for derivative, values in enumerate(state):
+                values[:, joints] = fitted.spline(time, derivative)
+        distance = np.array([fitted.distance for fitted, _ in splines])
+        residual = np.concatenate([fitted.deviation for fitted, _ in splines])
         edge = min(int(np.ceil(distance.max() / h)), time.size // 10)
         assumed = (
             f"quintic smoothing splines of the positions, assuming white noise; knots every {_each(distance)} s "
@@ -70,11 +73,26 @@ class SmoothingSpline(Method):
             return "given"
         return "by cross-validation" if self.noise is None else f"for noise of {self.noise:g}"
 
-    def _fits(self, time: Array, q: Array) -> Iterator[SplineFit]:
-        duration = float(time[-1] - time[0])
+    def settled(self, time: Array, q: Array) -> SmoothingSpline:
+        """The method with the distance of the knots that it chooses for each joint."""
         if self.knots is not None:
-            yield fit(time, q, max(1, round(duration / self.knots)))
-            return
+            return self
+        distance = np.empty(q.shape[1])
+        for fitted, joints in self._splines(time, q):
+            distance[joints] = fitted.distance
+        return replace(self, knots=tuple(distance.tolist()))
+
+    def _splines(self, time: Array, q: Array) -> list[tuple[SplineFit, Index]]:
+        """Splines of the joints that have the same knots, and which joints these are."""
+        if self.knots is not None:
+            pieces = np.maximum(1, np.round(float(time[-1] - time[0]) / np.broadcast_to(self.knots, q.shape[1])))
+            groups = [(int(count), np.flatnonzero(pieces == count)) for count in np.unique(pieces)]
+            return [(fit(time, q[:, joints], count), joints) for count, joints in groups]
+        fits = list(self._fits(time, q))
+        chosen = self._chosen(fits, q)
+        return [(fits[i].of(joints), joints) for i in np.unique(chosen) for joints in [np.flatnonzero(chosen == i)]]
+
+    def _fits(self, time: Array, q: Array) -> Iterator[SplineFit]:
         most, pieces = max(1, int(time.size / _FEWEST_PER_KNOT) - _DEGREE), 1.0
         while pieces < most:
             yield fit(time, q, int(pieces))
@@ -111,6 +129,11 @@ class SplineFit:
     distance: float
     freedom: int
     deviation: Array
+
+    def of(self, joints: Index) -> SplineFit:
+        """The splines of some joints."""
+        spline = scipy.interpolate.BSpline(self.spline.t, self.spline.c[:, joints], self.spline.k)
+        return SplineFit(spline, self.distance, self.freedom, self.deviation[joints])
 
 
 def fit(time: Array, q: Array, pieces: int) -> SplineFit:

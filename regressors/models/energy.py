@@ -24,9 +24,9 @@ from regressors.models.drives import (
 )
 from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import inertial_columns
-from regressors.models.windows import Window, WindowModel
+from regressors.models.windows import Mask, Window, WindowModel
 from regressors.robot.robot import Robot
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 from regressors.symbolic.kinematics import LinkMotion, bodies
 
 
@@ -131,19 +131,30 @@ class EnergyModel(WindowModel):
         count = len(self.reduction.standard) - len(losses)
         return self.reduction.apply(ca.horzcat(ca.SX(1, count), *losses))
 
-    def _cumulated(self, samples: Samples) -> Array:
+    def _cumulated(self, samples: Samples, columns: Index) -> Array:
         """As for any window model, but Coulomb losses come from the lengths of the drives' paths.
 
         ``int |dz| dt`` is the length of the path of z, exact from turning point to turning point for any sample time.
         """
-        cumulated = super()._cumulated(samples)
-        if not self.terms.coulomb or self.sign_width > 0.0:
+        cumulated = super()._cumulated(samples, columns)
+        lossy = self._integrated_exactly()[columns]
+        if not np.any(lossy):
             return cumulated
-        spread = self.reduction.matrix[[column.kind == COULOMB for column in self.reduction.standard]]
-        columns = np.any(spread != 0.0, axis=0)
+        spread = self._coulomb_spread[:, columns]
         drives = [c.owner for c in self.reduction.standard if c.kind == COULOMB and c.owner is not None]
-        cumulated[:, 0, columns] = (_paths(self.robot, samples, drives) @ spread)[:, columns]
+        cumulated[0, lossy] = spread[:, lossy].T @ _paths(self.robot, samples, drives).T
         return cumulated
+
+    @property
+    def _coulomb_spread(self) -> Array:
+        """Coulomb losses of the columns, each of the paths of the drives, shape (drives, p)."""
+        return np.asarray(self.reduction.matrix[[column.kind == COULOMB for column in self.reduction.standard]])
+
+    def _integrated_exactly(self) -> Mask:
+        """Columns with Coulomb friction of the exact sign."""
+        if not self.terms.coulomb or self.sign_width > 0.0:
+            return super()._integrated_exactly()
+        return np.asarray(np.any(self._coulomb_spread != 0.0, axis=0))
 
     def measured_density(self, samples: Samples, measured: Array) -> Array:
         """Power of the joint torques, ``tau' dq``, shape (N, 1) [W]; `measured` has shape (N, n) [Nm]."""
@@ -183,7 +194,8 @@ def path_lengths(time: Array, z: Array, dz: Array) -> Array:
     divisor = -0.5 * (slope + np.where(slope >= 0, root, -root))
     with np.errstate(divide="ignore", invalid="ignore"):
         turns = np.nan_to_num(np.stack([divisor / curve, a / divisor]), nan=0.0, posinf=0.0, neginf=0.0)
-    parts = np.sort(np.clip(turns, 0.0, 1.0), axis=0)
+    turns = np.clip(turns, 0.0, 1.0)
+    parts = np.stack([turns.min(axis=0), turns.max(axis=0)])
     reached = h * parts * (a + parts * (slope / 2 + parts * curve / 3))
     length = np.abs(reached[0]) + np.abs(reached[1] - reached[0]) + np.abs(rise - reached[1])
     return np.vstack([np.zeros((1, z.shape[1])), np.cumsum(length, axis=0)])

@@ -215,6 +215,17 @@ class RegressorModel(ABC):
         """
         return self.instants(samples)
 
+    def assembled_entries(self, samples: Samples, columns: Index) -> Array:
+        """Some columns of `assemble`, shape (r, k, m): every entry of the matrix in all m blocks of r rows.
+
+        Parameters
+        ----------
+        samples : Samples
+        columns : ndarray of int, shape (k,)
+        """
+        W = self.assemble(samples)[:, columns]
+        return np.ascontiguousarray(W.reshape(-1, len(self.row_labels), columns.size).transpose(1, 2, 0))
+
     def right_side(self, samples: Samples, measured: Array) -> Array:
         """Measured vector y of ``y = W parameters``.
 

@@ -15,11 +15,14 @@ import casadi as ca
 import numpy as np
 import scipy.integrate
 import scipy.sparse
+from numpy.typing import NDArray
 
 from regressors.errors import InputError, UnknownName
-from regressors.models.model import Combination, RegressorModel, evaluate_samples
+from regressors.models.model import Combination, RegressorModel
 from regressors.samples import Array, Index, Samples
 from regressors.symbolic.vectorised import VectorisedFunction
+
+Mask = NDArray[np.bool_]
 
 WINDOWS = ("short", "long")
 SHORT = 0.005
@@ -103,6 +106,25 @@ def _samples(seconds: float, spacing: float, what: str) -> int:
     return round(count)
 
 
+@dataclass(frozen=True)
+class _Selection:
+    """States and densities of some columns: their structural nonzeros, those of the states first."""
+
+    function: VectorisedFunction
+    states: int
+    row: Index
+    column: Index
+
+    @classmethod
+    def of(cls, parts: VectorisedFunction, r: int, columns: Index, integrated: Mask) -> _Selection:
+        place = np.full(parts.shape[1], -1)
+        place[columns] = np.arange(columns.size)
+        used = np.flatnonzero((place[parts.column] >= 0) & ((parts.row < r) | ~integrated[parts.column]))
+        used = used[np.argsort(parts.row[used] >= r, kind="stable")]
+        row = parts.row[used]
+        return cls(parts.selection(used), int(np.count_nonzero(row < r)), row % r, place[parts.column[used]])
+
+
 class WindowModel(RegressorModel):
     """A model whose rows are differences of states plus integrals of densities over windows.
 
@@ -135,11 +157,31 @@ class WindowModel(RegressorModel):
     def _parts(self) -> VectorisedFunction:
         return self._compiled(self.expression)
 
-    def _cumulated(self, samples: Samples) -> Array:
-        """``state(t) + int density`` from the first sample on, by Simpson's rule, shape (N, r, p)."""
-        r = len(self.row_labels)
-        values = evaluate_samples(self._parts, samples)
-        return np.asarray(values[:, :r] + _running_integral(values[:, r:], samples.time))
+    @cached_property
+    def _selections(self) -> dict[bytes, _Selection]:
+        """What was compiled for a selection of columns."""
+        return {}
+
+    def _selection(self, columns: Index) -> _Selection:
+        if (found := self._selections.get(key := columns.tobytes())) is None:
+            found = _Selection.of(self._parts, len(self.row_labels), columns, self._integrated_exactly())
+            self._selections[key] = found
+        return found
+
+    def _integrated_exactly(self) -> Mask:
+        """Which columns have no density here, since `_cumulated` of a subclass knows their integrals, shape (p,)."""
+        return np.zeros(len(self.columns), dtype=bool)
+
+    def _cumulated(self, samples: Samples, columns: Index) -> Array:
+        """``state(t) + int density`` from the first sample on, by Simpson's rule, shape (r, k, N)."""
+        selection, motion = self._selection(columns), (samples.q, samples.dq, samples.ddq)
+        cumulated = np.zeros((len(self.row_labels), columns.size, samples.time.size))
+        values = selection.function(*(np.ascontiguousarray(x.T) for x in motion))
+        state, density = values[: selection.states], values[selection.states :]
+        cumulated[selection.row[: selection.states], selection.column[: selection.states]] = state
+        place = selection.row[selection.states :], selection.column[selection.states :]
+        cumulated[place] += _running_integral(density, samples.time, axis=-1)
+        return cumulated
 
     def assemble(self, samples: Samples) -> Array:
         """Stacked regressor W, the r rows of the first window, then of the second, and so on.
@@ -158,9 +200,16 @@ class WindowModel(RegressorModel):
         InputError
             See `Window.ends`.
         """
+        W = self.assembled_entries(samples, np.arange(len(self.columns)))
+        return np.asarray(W.transpose(2, 0, 1).reshape(-1, len(self.columns)))
+
+    def assembled_entries(self, samples: Samples, columns: Index) -> Array:
+        """Some columns of `assemble`, without computing the others, shape (r, k, windows)."""
+        if type(self).assemble is not WindowModel.assemble:
+            return super().assembled_entries(samples, columns)
         first, last = self.window.ends(samples.time)
-        cumulated = self._cumulated(samples)
-        return np.asarray((cumulated[last] - cumulated[first]).reshape(-1, len(self.columns)))
+        cumulated = self._cumulated(samples, columns)
+        return np.asarray(cumulated[..., last] - cumulated[..., first])
 
     def right_side(self, samples: Samples, measured: Array) -> Array:
         """Integrals of the `measured_density` over the windows.
@@ -201,8 +250,8 @@ class WindowModel(RegressorModel):
         return _short_windows(duration, count, self.window.length)
 
 
-def _running_integral(values: Array, time: Array) -> Array:
-    return np.asarray(scipy.integrate.cumulative_simpson(values, x=time, axis=0, initial=0.0), dtype=float)
+def _running_integral(values: Array, time: Array, axis: int = 0) -> Array:
+    return np.asarray(scipy.integrate.cumulative_simpson(values, x=time, axis=axis, initial=0.0), dtype=float)
 
 
 def _short_windows(duration: float, count: int, length: float) -> Combination:

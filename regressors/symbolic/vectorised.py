@@ -159,6 +159,15 @@ class VectorisedFunction:
         """
         return self._forward(inputs)
 
+    def selection(self, nonzeros: NDArray[np.intp]) -> VectorisedFunction:
+        """Some of the nonzeros, in another order, as a column: what only the others need is not computed.
+
+        Parameters
+        ----------
+        nonzeros : ndarray of int, shape (k,)
+        """
+        return VectorisedFunction(self._inputs, ca.vertcat(*(self._values[int(k)] for k in nonzeros)))
+
     def interpreted(self, *inputs: Array) -> Array:
         """The same nonzeros by CasADi's own machine, which is slower, but needs no translation.
 

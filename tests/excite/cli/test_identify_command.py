@@ -383,6 +383,25 @@ def test_repetitions_join_the_result(here: Here) -> None:
         assert p["coverage"] > 0.5
 
 
+def test_an_interrupt_keeps_the_repetitions_that_were_completed(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    repeat = repetition.repeat_experiment
+
+    def interrupted(e: Any, count: int, seed: int, progress: Callable[[int, int], None]) -> Any:
+        def counted(done: int, of: int) -> None:
+            if done == 4:
+                signal.raise_signal(signal.SIGINT)
+            progress(done, of)
+
+        return repeat(e, count, seed, progress=counted)
+
+    monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
+    ended = here.run("identify", "irp6", "run.csv", "--repeat", "9", "--out", "out")
+    assert ended.returncode == 130
+    assert ended.stderr.splitlines()[-1] == "excite: interrupted; the result is saved, with 4 of 9 repetitions"
+    assert json.loads((here.cwd / "out" / "result.json").read_text())["repetitions"]["count"] == 4
+    assert (here.cwd / "out" / "repetitions.png").exists()
+
+
 def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(_: Any, count: int, __: int, progress: Callable[[int, int], None]) -> None:
         progress(1, count)
@@ -391,7 +410,8 @@ def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatc
         raise AssertionError("went on")
 
     monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
-    monkeypatch.setattr(repetition_text, "_PAUSE", 0.0)
+    for wait in ("_SILENCE", "_PAUSE"):
+        monkeypatch.setattr(repetition_text, wait, 0.0)
     ended = here.run("identify", "irp6", "run.csv", "--repeat", "9", "--out", "out")
     assert ended.returncode == 130
     assert [line.partition(", about")[0] for line in ended.stderr.splitlines()] == [

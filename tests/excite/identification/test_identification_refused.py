@@ -78,7 +78,6 @@ def test_an_estimator_without_what_it_needs_is_refused(name: str, given: dict[st
         (Recipe(estimator="huber"), 5, "with the estimators instrumental, least-squares, weighted, not with huber"),
         (Recipe(average=True), 5, "leave out `average`"),
         (Recipe(measured_velocity=True), 5, "leave out `measured_velocity`"),
-        (Recipe(signals="spline"), 5, "a fixed linear function of positions, not spline"),
     ],
 )
 def test_what_cannot_be_repeated_is_refused_before_any_work(recipe: Recipe, count: int, message: str) -> None:

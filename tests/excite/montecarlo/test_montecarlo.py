@@ -20,7 +20,9 @@ from excite.identification.estimators.instrumental import instrumental
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.weighted import weighted
 from excite.identification.observations import Observations
-from excite.montecarlo import repeated as repeated_file
+from excite.montecarlo import chain as chain_file
+from excite.montecarlo import equation_columns as columns_file
+from excite.montecarlo import jax_moments
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise, drawn
 from excite.montecarlo.repeated import repeat_experiment
@@ -28,8 +30,10 @@ from excite.montecarlo.repetition_memory import experiment_prediction
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.butterworth import Butterworth
 from excite.signals.differences import Differences
+from excite.signals.fourier_fit import FourierFit
 from excite.signals.low_pass import decimated
 from excite.signals.savitzky_golay import SavitzkyGolay
+from excite.signals.smoothing_spline import SmoothingSpline
 from regressors.errors import InputError
 from regressors.models.base import Base, base_parameters
 from regressors.models.columns import Terms
@@ -83,6 +87,8 @@ def chains() -> dict[str, Experiment]:
         ),
         "energy": experiment(EnergyModel(robot, Terms(), Window("long")), NOISE, method=SavitzkyGolay(window=0.15)),
         "load": experiment(LoadModel(load, SENSOR), Noise(0.1), method=Differences(), every=2),
+        "spline": experiment(DifferentialModel(robot), NOISE, method=SmoothingSpline(knots=(0.1, 0.2))),
+        "fourier": experiment(DifferentialModel(robot), NOISE, method=FourierFit(3.01, 8)),
     }
 
 
@@ -144,7 +150,7 @@ def test_true_efforts_have_the_integrals_that_windows_show(kind: type[EnergyMode
     np.testing.assert_allclose(found, expected, atol=2e-4 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("name", ["differential", "filtered", "energy", "load"])
+@pytest.mark.parametrize("name", ["differential", "filtered", "energy", "load", "spline", "fourier"])
 def test_repetitions_are_the_chain_done_by_hand(name: str) -> None:
     e = chains()[name]
     found = repeat_experiment(e, 3, seed=11)
@@ -164,7 +170,7 @@ def test_badly_conditioned_columns_are_mixed_first(monkeypatch: pytest.MonkeyPat
         e = chains()[name]
         plain = repeat_experiment(e, 2, seed=11)
         with monkeypatch.context() as patch:
-            patch.setattr(repeated_file, "_WELL", 0.0)
+            patch.setattr(chain_file, "_WELL", 0.0)
             mixed = repeat_experiment(e, 2, seed=11)
         assert np.all(np.abs(mixed.estimates - plain.estimates) <= 1e-6 * plain.predicted)
         np.testing.assert_allclose(mixed.predicted, plain.predicted, rtol=1e-6)
@@ -271,6 +277,54 @@ def test_repetitions_depend_on_the_seed_and_not_on_their_number() -> None:
     assert np.all(np.diff(np.sort(again.estimates, axis=0), axis=0) > 0)  # no repetition is another one again
 
 
+@pytest.mark.parametrize("name", ["differential", "load"])
+def test_repetitions_do_not_depend_on_how_many_rows_are_computed_at_once(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    e = chains()[name]
+    whole = repeat_experiment(e, 3, seed=4)
+    for module in (columns_file, chain_file):
+        monkeypatch.setattr(module, "BLOCK", 37)
+    parts = repeat_experiment(e, 3, seed=4)
+    assert np.all(np.abs(parts.estimates - whole.estimates) <= 1e-9 * whole.predicted)
+    np.testing.assert_allclose(parts.predicted, whole.predicted, rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["differential", "energy"])
+def test_jax_computes_the_same_repetitions_in_batches_of_any_size(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a GPU, but here on whatever JAX has."""
+    e = dataclasses.replace(chains()[name], estimator="instrumental")
+    expected = repeat_experiment(e, 3, seed=4)
+    monkeypatch.setattr(chain_file, "has_gpu", lambda: True)
+    for at_once in (2, 5):
+        monkeypatch.setattr(jax_moments, "_MOST", at_once)
+        assert chain_file.Chain(e).batch == at_once
+        found = repeat_experiment(e, 3, seed=4)
+        assert np.all(np.abs(found.estimates - expected.estimates) <= 1e-7 * expected.predicted)
+        np.testing.assert_allclose(found.predicted, expected.predicted, rtol=1e-7)
+
+
+def test_jax_leaves_what_it_does_not_compute_to_the_processor() -> None:
+    chain = chain_file.Chain(chains()["filtered"])
+    assert jax_moments.JaxMoments.of(chain.sums, chain.columns) is None
+
+
+def test_ctrl_c_keeps_the_repetitions_that_were_completed() -> None:
+    e, last = experiment(DifferentialModel(arm()), TORQUE_NOISE), 3
+
+    def stop(done: int, count: int) -> None:
+        if done == last:
+            raise KeyboardInterrupt
+
+    found, whole = repeat_experiment(e, 9, seed=0, progress=stop), repeat_experiment(e, 9, seed=0)
+    assert (found.count, found.interrupted, whole.interrupted) == (3, True, False)
+    np.testing.assert_array_equal(found.estimates, whole.estimates[:3])
+    last = 1  # no scatter of one
+    with pytest.raises(KeyboardInterrupt):
+        repeat_experiment(e, 9, seed=0, progress=stop)
+
+
 def test_summaries() -> None:
     found = Repetitions(
         ("a",),
@@ -327,7 +381,7 @@ def test_noise_that_cannot_be(value: float) -> None:
         (20_000, {"low_pass": 10.0}, False),
         (3_000_000, {}, False),  # in blocks
         (4_000_000, {"low_pass": 10.0}, True),
-        (9_000_000, {}, True),
+        (12_000_000, {}, True),
         (6_000_000, {"estimator": "instrumental"}, True),
     ],
 )

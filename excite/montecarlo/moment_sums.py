@@ -1,0 +1,132 @@
+"""Second moments of the rows of each equation, summed over blocks of rows that are never held together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from excite.montecarlo.equation_columns import Part
+from regressors.samples import Array, Index
+
+
+@dataclass(frozen=True, eq=False)
+class MomentSums:
+    """How rows become moments of ``[W P, e]``, or of ``[Z P, W P, e]`` with instruments Z; ``e = y - W beta``.
+
+    Parameters
+    ----------
+    used : list of ndarray of int
+        Base parameters of each equation's columns.
+    beta : ndarray, shape (b,)
+        True parameters.
+    change : ndarray, shape (b, b), optional
+        Matrix P by which columns are multiplied; none if not given.
+    instruments : list of ndarray, shape (p_j, m) each, optional
+        Transposed columns of Z.
+    """
+
+    used: list[Index]
+    beta: Array
+    change: Array | None = None
+    instruments: list[Array] | None = None
+
+    @property
+    def front(self) -> int:
+        """Columns of the instruments."""
+        return 0 if self.instruments is None else self.beta.size
+
+    @property
+    def size(self) -> int:
+        """Columns whose moments are summed, with e."""
+        return self.front + self.beta.size + 1
+
+    def of(self, parts: Iterable[Part], y: Array) -> Array:
+        """Moments of all rows, shape (r, k, k).
+
+        Parameters
+        ----------
+        parts : iterable
+            Blocks of rows and the transposed columns of each equation.
+        y : ndarray, shape (m, r)
+        """
+        b = self.beta.size
+        G = np.zeros((len(self.used), self.size, self.size))
+        sums = [np.zeros((used.size + 1, used.size + 1)) for used in self._places]
+        crossed = [np.zeros((used.size, used.size + 1)) for used in self._places]
+        for rows, X in parts:
+            for j, x in enumerate(X):
+                A, e = self._mixed(x, self.used[j]), y[rows, j] - self.beta[self.used[j]] @ x
+                _add(sums[j], A, e)
+                if self.instruments is not None:
+                    Z = self._instruments[j][:, rows]
+                    crossed[j][:, :-1] += Z @ A.T
+                    crossed[j][:, -1] += Z @ e
+        for j, place in enumerate(self._places):
+            last = self.front + np.append(place, b)
+            G[j][np.ix_(last, last)] = sums[j]
+            if self.instruments is not None:
+                G[j][np.ix_(place, last)] = crossed[j]
+                G[j][np.ix_(last, place)] = crossed[j].T
+                G[j][np.ix_(place, place)] = self._of_instruments[j]
+        return G
+
+    def shared(self, parts: Iterable[Part]) -> Array:
+        """Moments of the columns alone, for `with_errors`, shape (r, k, k)."""
+        held = list(parts)
+        rows = held[-1][0].stop
+        G = self.of(held, np.zeros((rows, len(self.used))))
+        G[:, -1, :] = G[:, :, -1] = 0.0
+        return G
+
+    def with_errors(self, shared: Array, parts: Iterable[Part], e: Array) -> Array:
+        """Moments of columns that are those of `shared`, with other errors, shape (r, k, k).
+
+        Parameters
+        ----------
+        shared : ndarray, shape (r, k, k)
+        parts : iterable
+        e : ndarray, shape (m, r)
+        """
+        G = shared.copy()
+        for rows, X in parts:
+            for j, x in enumerate(X):
+                place, error = self._places[j], e[rows, j]
+                c = self._mixed(x, self.used[j]) @ error
+                if self.instruments is not None:
+                    c = np.concatenate([self._instruments[j][:, rows] @ error, c])
+                    place = np.concatenate([place, self.front + place])
+                G[j][place, -1] += c
+                G[j][-1, place] += c
+                G[j][-1, -1] += error @ error
+        return G
+
+    @cached_property
+    def _places(self) -> list[Index]:
+        """Places of each equation's columns among all of them."""
+        return self.used if self.change is None else [np.arange(self.beta.size)] * len(self.used)
+
+    @cached_property
+    def _instruments(self) -> list[Array]:
+        """Transposed columns of ``Z P``."""
+        assert self.instruments is not None
+        return [self._mixed(z, used) for z, used in zip(self.instruments, self.used, strict=True)]
+
+    @cached_property
+    def _of_instruments(self) -> list[Array]:
+        """Moments of the instruments, which are those of every repetition."""
+        return [Z @ Z.T for Z in self._instruments]
+
+    def _mixed(self, x: Array, used: Index) -> Array:
+        return x if self.change is None else self.change[used].T @ x
+
+
+def _add(sums: Array, A: Array, e: Array) -> None:
+    """Add the moments of ``[A', e]``."""
+    c = A @ e
+    sums[:-1, :-1] += A @ A.T
+    sums[:-1, -1] += c
+    sums[-1, :-1] += c
+    sums[-1, -1] += e @ e
