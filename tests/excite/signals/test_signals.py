@@ -95,7 +95,7 @@ def test_the_origin_of_time_does_not_matter(method):
     np.testing.assert_allclose(then.ddq, now.ddq, atol=1e-7 * largest(now.ddq))
 
 
-#: Of second derivatives over steps of 0.01 s by least squares, some hundred times eps / h^2; it depends on the processor.
+#: Rounding of second derivatives by least squares, some hundred times eps / h^2; other processors round otherwise.
 _ROUNDING = 1e-9
 
 
