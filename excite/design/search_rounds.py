@@ -1,9 +1,10 @@
 """Rounds of a search: which starts run next, from the results of earlier ones.
 
 The first round is random. Later ones combine the best motions so far, until a few rounds in a row bring next to
-nothing; then another population begins with random motions. What ends the search is its own estimate of what one more
-population would bring: had each population been left out, how much worse would the best be, on average? The clock, the
-number of workers and the order in which starts end have no say, so that the same seed gives the same motion.
+nothing; then another population begins with random motions. The search ends where three populations have come to the
+same best end, and after a number of rounds at the latest; it estimates what one more population would bring: had each
+one been left out, how much worse would the best be, on average? The clock, the number of workers and the order in which
+starts end have no say, so that the same seed gives the same motion.
 """
 
 from __future__ import annotations
@@ -33,10 +34,8 @@ class RoundSizes:
         Rounds in a row without gain after which the population ends; it ends at once where an earlier one has.
     gain : float
         Relative decrease of the criterion that counts as a gain, and difference that counts as none.
-    worth : float
-        Estimated relative gain of one more population, below which the search ends.
-    populations : int
-        Least number of them.
+    repetitions : int
+        Populations that come to the same end, the best of all, before the search ends.
     rounds : int
         Largest number of rounds after the first, where neither rounds nor a budget are stated.
     """
@@ -45,9 +44,8 @@ class RoundSizes:
     parents: int = 3
     patience: int = 3
     gain: float = 1e-3
-    worth: float = 4e-3
-    populations: int = 2
-    rounds: int = 20
+    repetitions: int = 3
+    rounds: int = 24
 
 
 SIZES = RoundSizes()
@@ -164,5 +162,9 @@ class Rounds:
             return self.count >= self.search.rounds
         if self.search.budget is not None:
             return spent >= self.search.budget
-        enough = len(self.ends) >= self.sizes.populations and self.left < self.sizes.worth
-        return enough or self.count >= self.sizes.rounds
+        return self._found_again() or self.count >= self.sizes.rounds
+
+    def _found_again(self) -> bool:
+        """Whether as many populations as are wanted have come to the same end, the best of all."""
+        ends = np.sort(self.ends)[: self.sizes.repetitions]
+        return ends.size == self.sizes.repetitions and ends[-1] <= (1.0 + self.sizes.gain) * ends[0]
