@@ -34,7 +34,7 @@ Example:
     "criteria",
     multiple=True,
     type=click.Choice(_CRITERIA),
-    help="Criterion to bound; repeatable.  [default: all of them]",
+    help="Criterion to bound; repeatable.  [default: condition]",
 )
 @click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of the search for states.")
 @click.option("--force", is_flag=True, help="Compute the bound again, although DIR has one of the same problem.")
@@ -42,8 +42,8 @@ Example:
 def command(folder: Path, criteria: tuple[str, ...], seed: float, force: bool, parts: tuple[str, ...]) -> None:
     """Bound what any motion within the limits of the design in DIR could reach, and write DIR/bound.json.
 
-    A bound from below on the condition number and on the criteria of D- and E-optimality, over all motions of the
-    family within the limits of the design's problem. 'excite compare' and 'excite report' show it from then on.
+    A bound from below on the condition number, or on the criteria of D- and E-optimality (logdet, sigma-min), over all
+    motions of the family within the limits of the design's problem. 'excite compare' shows it from then on.
     """
     import excite
     from excite.cli.sign_of_life import tell
@@ -51,7 +51,7 @@ def command(folder: Path, criteria: tuple[str, ...], seed: float, force: bool, p
     from excite.files.bound_file import NAME, bound_content, stored_bound
 
     design = excite.load_design(folder, parts)
-    wanted = criteria or _CRITERIA
+    wanted = criteria or _CRITERIA[:1]
     known = None if force else stored_bound(design)
     if known is not None and {each.name for each in known.criteria} >= set(wanted):
         result, files = known, []
@@ -66,7 +66,7 @@ def _summary(result: DesignBound, files: list[Path], read_from: str | None) -> S
     from excite.cli.summary import Summary, compact_table
 
     rows = [
-        (each.described, f"{each.value:.4g}", f"{each.reached:.4g}", f"{each.efficiency:.0%}", each.basis)
+        (each.described, f"{each.value:.4g}", f"{each.reached:.4g}", f"{each.efficiency:.0%}", _basis(each))
         for each in result.criteria
     ]
     return Summary(
@@ -78,6 +78,10 @@ def _summary(result: DesignBound, files: list[Path], read_from: str | None) -> S
         notes=[*([f"read from {read_from}; --force computes it again"] if read_from else []), *result.assumptions],
         files=files,
     )
+
+
+def _basis(bound: CriterionBound) -> str:
+    return f"proven (estimated: {bound.estimate:.4g})" if bound.proven else bound.basis
 
 
 def verdict_of(bound: CriterionBound) -> str:
@@ -101,11 +105,11 @@ def _print(result: DesignBound) -> None:
     from excite.cli.literal_console import console
 
     table = Table()
-    for heading in ("criterion", "bound", "design", "efficiency", "basis", "CPU [s]"):
+    for heading in ("criterion", "bound", "design", "efficiency", "basis", "estimate", "CPU [s]"):
         table.add_column(heading, justify="left" if heading in ("criterion", "basis") else "right", overflow="fold")
     for each in result.criteria:
         row = (each.described, f"{each.value:.4g}", f"{each.reached:.4g}", f"{each.efficiency:.1%}", each.basis)
-        table.add_row(*row, f"{each.cpu_seconds:.1f}")
+        table.add_row(*row, f"{each.estimate:.4g}", f"{each.cpu_seconds:.1f}")
     console().print(table)
     for note in result.assumptions:
         console().print(f"note: {note}", soft_wrap=True)

@@ -18,7 +18,7 @@ from regressors.samples import Array
 
 _DRAWN, _CLIMBING, _ADDED, _STEPS = 8000, 1200, 500, 30
 _FIRST = 2000
-_UNUSED, _KEPT_EARLY, _EARLY = 1e-6, 0.3, 2
+_UNUSED, _KEPT_EARLY, _EARLY = 1e-4, 0.2, 2
 _VIOLATED = 1.0 + 1e-4
 _NEAR = 1.01  # of the largest ratio, where more rounds gain less than half a per cent
 _FEWER = 0.85  # of the steps' lengths from one to the next
@@ -102,9 +102,7 @@ class CuttingPlanes:
             bound = criterion.proven(found.multipliers, factor)
             if best is None or bound > criterion.proven(best.multipliers, best.factor):
                 best = found
-            tell(
-                f"{criterion.described}: round {number + 1}, bound {criterion.proven(best.multipliers, best.factor):.4g}"
-            )
+            tell(f"{criterion.described}: round {number + 1}, {criterion.proven(best.multipliers, best.factor):.4g}")
             if factor < _NEAR:
                 break
             S = np.concatenate([S[self._kept(weights, number, rng)], states[ratios > _VIOLATED][:_ADDED]])

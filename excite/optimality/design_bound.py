@@ -17,15 +17,16 @@ from excite.information.weighting import weighting_of
 from excite.optimality.bounded_criteria import BOUNDED, BoundedCriterion
 from excite.optimality.bounded_problem import bounded_problem_sha256
 from excite.optimality.cutting_planes import CuttingPlanes
+from excite.optimality.dual_certificate import DualCertificate
 from excite.optimality.limited_states import limited_states
-from excite.optimality.moment_conditions import MomentConditions, harmonic_frequencies
+from excite.optimality.moment_conditions import MomentConditions
+from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.state_rows import StateRows, state_rows
 from excite.registry import built_in, instance
 from regressors.errors import UnknownName
 from regressors.numerical import numerical_work
 from regressors.samples import Array
 
-CRITERIA = tuple(BOUNDED)
 _INSTANTS = 40  # of the design's motion, for each harmonic
 _ROUNDS = 8
 
@@ -40,8 +41,10 @@ class CriterionBound:
         ``condition``, ``logdet`` (D-optimality) or ``sigma-min`` (E-optimality), as `excite.Criterion` has them.
     described : str
     value : float
-        The bound: proven for all states if `proven`, otherwise estimated from the states that were looked at.
+        The bound: proven for all states if `proven`, otherwise `estimate`.
     proven : bool
+    estimate : float
+        What the same dual point proves if no state is worse than those that were looked at.
     states : int
         Number of states that were looked at.
     reached : float
@@ -53,6 +56,7 @@ class CriterionBound:
     described: str
     value: float
     proven: bool
+    estimate: float
     states: int
     reached: float
     cpu_seconds: float
@@ -61,6 +65,12 @@ class CriterionBound:
     def efficiency(self) -> float:
         """``value / reached``: 1 where no motion can be better; at least this part of what is possible is reached."""
         return min(1.0, self.value / self.reached)
+
+    @property
+    def sentence(self) -> str:
+        """How far the design is from the best possible, and whether that is proven."""
+        times = self.reached / self.value
+        return f"{self.described} at most {times:.3g} times the best possible (bound {self.value:.4g}, {self.basis})"
 
     @property
     def basis(self) -> str:
@@ -116,7 +126,7 @@ class DesignBound:
 )
 def bound(
     design: DesignedMotion,
-    criteria: Sequence[str] = CRITERIA,
+    criteria: Sequence[str] = ("condition",),
     *,
     rounds: int = _ROUNDS,
     seed: int = 0,
@@ -175,7 +185,8 @@ def cutting_planes(formulation: Formulation, design: DesignedMotion) -> CuttingP
         A motion within the limits.
     """
     blueprint, family = formulation.blueprint, formulation.task.trajectory.family()
-    frequencies = harmonic_frequencies(family.frequencies)
+    harmonics = family.harmonic_frequencies
+    frequencies = np.zeros(0) if harmonics is None else harmonics
     bandwidth = float(frequencies[-1]) if frequencies.size else None
     limits = restricted_limits(formulation.limits, blueprint.motion)
     states = limited_states(limits, blueprint.centre, bandwidth)
@@ -187,7 +198,7 @@ def cutting_planes(formulation: Formulation, design: DesignedMotion) -> CuttingP
 
 def _states_of(design: DesignedMotion, rows: StateRows, count: int) -> Array:
     """States of the design's motion in the moving coordinates, at equal steps over its duration."""
-    inverse = np.linalg.pinv(rows.motion.matrix)
+    inverse = np.asarray(np.linalg.pinv(rows.motion.matrix), dtype=float)
     moving = design.trajectory.carried(inverse, -inverse @ rows.motion.offset)
     samples = moving.samples((np.arange(count) + 0.5) * moving.duration / count)
     return np.hstack([samples.q, samples.dq, samples.ddq])
@@ -204,10 +215,20 @@ def _bound(
 ) -> CriterionBound:
     began = time.process_time()
     relaxed = planes.run(criterion, rounds, np.random.default_rng(seed), tell=progress)
-    value = criterion.proven(relaxed.multipliers, relaxed.factor)
-    seconds = time.process_time() - began
-    reached = _reached(criterion.name, formulation, design)
-    return CriterionBound(criterion.name, criterion.described, value, False, relaxed.looked_at, reached, seconds)
+    estimate = criterion.proven(relaxed.multipliers, relaxed.factor)
+    certificate = DualCertificate(planes.rows, planes.conditions, relaxed.multipliers)
+    factor = ProvenFactor(certificate, planes.states).run(relaxed.factor, seed, progress)
+    value = estimate if factor is None else criterion.proven(relaxed.multipliers, factor)
+    return CriterionBound(
+        name=criterion.name,
+        described=criterion.described,
+        value=value,
+        proven=factor is not None,
+        estimate=estimate,
+        states=relaxed.looked_at,
+        reached=_reached(criterion.name, formulation, design),
+        cpu_seconds=time.process_time() - began,
+    )
 
 
 def _reached(name: str, formulation: Formulation, design: DesignedMotion) -> float:
@@ -220,14 +241,18 @@ def _reached(name: str, formulation: Formulation, design: DesignedMotion) -> flo
 
 def _assumptions(formulation: Formulation, planes: CuttingPlanes) -> tuple[str, ...]:
     """What the relaxation knows of the motions."""
-    names = ("of position, velocity and acceleration", "the mean of every derivative over the closed motion")
-    said = [f"the bound uses the limits {names[0]} of joints and drives, and {names[1]} being zero"]
+    said = [
+        "the bound uses the limits of position, velocity and acceleration of joints and drives, and that derivatives "
+        "have mean zero over a closed motion"
+    ]
     if planes.states.bandwidth is None:
         family = formulation.task.trajectory.name
         said.append(f"motions of the family {family} have no highest frequency, so that none is used")
     else:
         said.append("it uses the harmonics of the motions; at rest at both ends is not used")
     if formulation.nonlinear or formulation.stated:
-        said.append("limits of torques, of the tool and of distances are not used: with them the best is further off")
+        said.append(
+            "limits of torques, of the tool and of distances are not used: with them the best possible is worse, or the same"
+        )
     said.append("the bound is on means over continuous time; sampled criteria differ by the error of sampling")
     return tuple(said)

@@ -38,6 +38,8 @@ class LimitedStates:
         ``N w`` [rad/s]; None for motions without a highest frequency.
     centre : ndarray, shape (k,)
         A pose inside the bounds.
+    speeds : ndarray of bool, shape (m,)
+        Functions whose velocity is limited by itself, such as those of drives.
     """
 
     directions: Array
@@ -47,11 +49,12 @@ class LimitedStates:
     acceleration: Array
     bandwidth: float | None
     centre: Array
+    speeds: NDArray[np.bool_]
 
     @property
     def n(self) -> int:
         """Number of coordinates."""
-        return self.directions.shape[1]
+        return int(self.directions.shape[1])
 
     @property
     def middle(self) -> Array:
@@ -153,11 +156,11 @@ def limited_states(limits: Sequence[LinearConstraint], centre: Array, bandwidth:
             ends = sorted(((lower - offset) / scale, (upper - offset) / scale))
             _tighten(bounds[index], limit.derivative, ends)
     low, high, velocity, acceleration = np.array(bounds, dtype=float).T
-    half = 0.5 * (high - low)
+    half, speeds = 0.5 * (high - low), np.isfinite(velocity)
     if bandwidth is not None:
         velocity = np.minimum(velocity, bandwidth * half)
         acceleration = np.minimum(acceleration, bandwidth * velocity)
-    states = LimitedStates(np.array(D), low, high, velocity, acceleration, bandwidth, centre)
+    states = LimitedStates(np.array(D), low, high, velocity, acceleration, bandwidth, centre, speeds)
     for order in (1, 2):
         if not np.all(np.isfinite(states.extent(order))):
             raise InputError(

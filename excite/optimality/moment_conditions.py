@@ -7,7 +7,6 @@ positive semidefinite P_k: 2 n x 2 n, of the cosines and sines of harmonic k.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,11 +83,9 @@ class MomentConditions:
         states = self.states
         y, dy, ddy = np.split(S, 3, axis=1)
         columns = []
-        for row, V, A, middle, R in zip(
-            states.directions, states.velocity, states.acceleration, states.middle, states.radius, strict=True
-        ):
-            if not (np.isfinite(V) and np.isfinite(A)):
-                continue
+        for index in np.flatnonzero(states.speeds & np.isfinite(states.acceleration)):
+            row, middle, R = states.directions[index], states.middle[index], states.radius[index]
+            V, A = states.velocity[index], states.acceleration[index]
             v, a = dy @ row, ddy @ row
             columns += [np.sign(v) * a / A, np.abs(v) * a / (A * V)]
             if np.isfinite(R) and np.all(self.counted[np.abs(row) > 0]):
@@ -149,8 +146,3 @@ def _embedded(matrices: Array, size: int) -> Array:
     n = matrices.shape[1]
     placed[:, :n, :n] = matrices
     return placed
-
-
-def harmonic_frequencies(frequencies: Sequence[float] | None) -> Array:
-    """Angular frequencies as an array; an empty one where there are none."""
-    return np.zeros(0) if frequencies is None else np.asarray(frequencies, dtype=float)

@@ -65,7 +65,7 @@ class Family(ABC):
         """Short description of its terms, such as ``5 harmonics``."""
 
     @property
-    def frequencies(self) -> Array | None:
+    def harmonic_frequencies(self) -> Array | None:
         """Angular frequencies of its motions' harmonics, ascending [rad/s]; None where motions have other terms too."""
         return None
 

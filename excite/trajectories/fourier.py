@@ -58,7 +58,7 @@ class Fourier(LinearFamily):
         return f"{self.harmonics} harmonics"
 
     @property
-    def frequencies(self) -> Array:
+    def harmonic_frequencies(self) -> Array:
         """``w, 2 w, ..., K w``."""
         return np.asarray(self.omega * np.arange(1.0, self.harmonics + 1.0))
 
