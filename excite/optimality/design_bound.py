@@ -252,7 +252,7 @@ def _assumptions(formulation: Formulation, planes: CuttingPlanes) -> tuple[str, 
         said.append("it uses the harmonics of the motions; at rest at both ends is not used")
     if formulation.nonlinear or formulation.stated:
         said.append(
-            "limits of torques, of the tool and of distances are not used: with them the best possible is worse, or the same"
+            "limits of torques, of the tool and of distances are not used: with them the best possible is no better"
         )
     said.append("the bound is on means over continuous time; sampled criteria differ by the error of sampling")
     return tuple(said)

@@ -107,7 +107,7 @@ class ProvenFactor:
         rng = np.random.default_rng(seed)
         of_Q, of_D = pattern.curvature(grid.axes, rng)
         # |m' E m| <= sum_i e_i m_i^2 with e the sums of rows, since E is symmetric
-        errors = np.tensordot(grid.widths**2 / 8, of_Q + most * of_D, 1).sum(axis=2)
+        errors = np.einsum("na,aij->ni", grid.widths**2 / 8, of_Q + most * of_D)
         lower, upper, of_h = pattern.matrices(grid.corners, rng)
         V, A = (each[pattern.functions] for each in (self.states.velocity, self.states.acceleration))
         bandwidth = self.states.bandwidth
@@ -124,10 +124,12 @@ class ProvenFactor:
         """Corners of all cells that hold positions within the limits."""
         states, counted = self.states, self.certificate.conditions.counted
         axes = [states.middle[i] - states.radius[i] * np.cos(np.linspace(0.0, np.pi, _CELLS + 1)) for i in positions]
+        if not axes:
+            return _Grid(np.zeros((1, 0)), np.zeros((1, 0)), np.ones((1, functions.size)), np.zeros((0, 0)))
         beside = [np.maximum(*(np.pad(np.diff(axis), ends) for ends in ((0, 1), (1, 0)))) for axis in axes]
         z = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         widths = np.stack(np.meshgrid(*beside, indexing="ij"), axis=-1).reshape(-1, len(axes))
-        inverse = np.linalg.inv(states.directions[positions][:, counted])
+        inverse = np.asarray(np.linalg.inv(states.directions[positions][:, counted]), dtype=float)
         known = np.isfinite(states.radius) & ~np.any(states.directions[:, ~counted] != 0.0, axis=1)
         of_z = states.directions[:, counted] @ inverse
         distance = np.abs(z @ of_z.T - states.middle) - widths @ np.abs(of_z).T

@@ -112,10 +112,16 @@ class SignPattern:
         return M
 
     def curvature(self, axes: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Bounds on the second derivatives along axes, columns of a matrix, of ``<F, lower> + c' h`` and of ``<F, upper>``, shape (counted, |m|, |m|) each.
+        """Bounds on second derivatives of ``<F, lower> + c' h`` and of ``<F, upper>``, shape (axes, |m|, |m|) each.
 
         From the Fourier coefficients over full turns, which are exact for trigonometric polynomials; c' h is
         quadratic in p.
+
+        Parameters
+        ----------
+        axes : ndarray, shape (counted, counted)
+            The steps of the positions along each axis, in its columns.
+        rng : numpy Generator
 
         Raises
         ------
@@ -123,6 +129,9 @@ class SignPattern:
             Random positions do not agree with these polynomials.
         """
         n = int(self.certificate.conditions.counted.sum())
+        if not n:
+            size = self.matrices(np.zeros((1, 0)), rng)[0].shape
+            return np.zeros((0, *size[1:])), np.zeros((0, *size[1:]))
         count = 2 * _DEGREE + 1
         angles = 2 * np.pi * np.arange(count) / count
         grid = np.stack(np.meshgrid(*[angles] * n, indexing="ij"), axis=-1).reshape(-1, n)
@@ -157,4 +166,4 @@ class SignPattern:
         other = np.stack([h[3 + 3 * i] - 2 * h[1 + 3 * i] + h[0] for i in range(n)])
         if np.abs(second - other).max() > 1e-8 * max(1.0, float(np.abs(h).max())):
             raise NotPolynomial
-        return np.abs(second)
+        return np.asarray(np.abs(second))
