@@ -1,6 +1,6 @@
 """How near designs of the IRp-6 come to the best possible: bounds by what they take into account, and the proven one.
 
-    .venv/bin/python benchmarks/bound.py
+.venv/bin/python benchmarks/bound.py
 """
 
 from __future__ import annotations
