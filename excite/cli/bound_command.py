@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,6 +58,8 @@ def command(folder: Path, criteria: tuple[str, ...], seed: float, force: bool, p
         result, files = known, []
     else:
         result = excite.bound(design, wanted, seed=int(seed), progress=tell)
+        others = () if known is None else (each for each in known.criteria if each.name not in wanted)
+        result = replace(result, criteria=(*result.criteria, *others))
         files = result.save(folder if folder.suffix != ".json" else folder.parent)
     summary = _summary(result, files, None if files else NAME)
     show(summary, lambda: bound_content(result), lambda: _print(result))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from excite.design.designed_motion import DesignedMotion
 from excite.optimality.bounded_problem import bounded_problem_sha256
-from excite.optimality.design_bound import CriterionBound, DesignBound
+from excite.optimality.design_bound import CriterionBound, DesignBound, reached_by
 from excite.storage.atomic import read_json, write_json
 from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
@@ -65,6 +65,7 @@ def bound_content(bound: DesignBound) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "problem": bound.problem,
+        "coefficients": bound.coefficients,
         "criteria": criteria,
         "assumptions": list(bound.assumptions),
     }
@@ -95,4 +96,7 @@ def stored_bound(design: DesignedMotion) -> DesignBound | None:
         assumptions = tuple(map(str, content["assumptions"]))
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} is damaged: {error}; remove it, and run `excite bound` again") from error
-    return DesignBound(design.name, problem, criteria, assumptions)
+    coefficients = design.coefficients_sha256
+    if content.get("coefficients") != coefficients:  # another motion of the same problem
+        criteria = tuple(replace(each, reached=reached_by(design, each.name)) for each in criteria)
+    return DesignBound(design.name, problem, criteria, assumptions, coefficients)

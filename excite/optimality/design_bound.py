@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.blueprint import restricted_limits
 from excite.design.designed_motion import DesignedMotion
 from excite.design.formulation import Formulation, formulate
+from excite.information.target import target_of
 from excite.information.weighting import weighting_of
 from excite.optimality.bounded_criteria import BOUNDED, BoundedCriterion
 from excite.optimality.bounded_problem import bounded_problem_sha256
@@ -92,12 +93,15 @@ class DesignBound:
     criteria : tuple of CriterionBound
     assumptions : tuple of str
         What the bounds take into account, and what not.
+    coefficients : str
+        Hash of the coefficients of the design's motion.
     """
 
     name: str
     problem: str | None
     criteria: tuple[CriterionBound, ...]
     assumptions: tuple[str, ...]
+    coefficients: str = ""
 
     def __repr__(self) -> str:
         """One line per criterion."""
@@ -166,7 +170,8 @@ def bound(
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)
         found = tuple(_bound(each, planes, formulation, design, rounds, seed, progress) for each in chosen)
-    return DesignBound(design.name, bounded_problem_sha256(design), found, _assumptions(formulation, planes))
+    problem, said = bounded_problem_sha256(design), _assumptions(formulation, planes)
+    return DesignBound(design.name, problem, found, said, design.coefficients_sha256)
 
 
 def _criterion(name: str) -> BoundedCriterion:
@@ -226,14 +231,22 @@ def _bound(
         proven=factor is not None,
         estimate=estimate,
         states=relaxed.looked_at,
-        reached=_reached(criterion.name, formulation, design),
+        reached=reached_by(design, criterion.name),
         cpu_seconds=time.process_time() - began,
     )
 
 
-def _reached(name: str, formulation: Formulation, design: DesignedMotion) -> float:
-    """Criterion of the design's motion, sampled at its rate."""
-    target, task = formulation.target, formulation.task
+def reached_by(design: DesignedMotion, name: str) -> float:
+    """Criterion of a design's motion, sampled at its rate.
+
+    Parameters
+    ----------
+    design : DesignedMotion
+    name : str
+        Of the criterion.
+    """
+    task = design.task
+    target = target_of(design.robot, task)
     samples = design.trajectory.samples(target.model.times(design.trajectory.duration, task.output.rate))
     M = weighting_of(target, task).matrix(target.model.assemble(samples)[:, target.base.index])
     return float(instance("criterion", name).value(M))

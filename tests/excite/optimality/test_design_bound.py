@@ -43,7 +43,7 @@ def test_bound_of_one_joint_is_proven_and_below_every_motion(folder: Path) -> No
 
 def test_a_bound_is_read_again_for_the_same_problem_only(folder: Path) -> None:
     one = load_design(folder)
-    bound = known(str(folder), bounded_problem_sha256(one))
+    bound = replace(known(str(folder), bounded_problem_sha256(one)), coefficients=one.coefficients_sha256)
     assert bound.save(folder) == [folder / NAME]
     assert stored_bound(one) == bound
     for change in ({"velocity": 0.5}, {"harmonics": 4}, {"friction": False}, {"base": "pivoted"}):
@@ -51,6 +51,14 @@ def test_a_bound_is_read_again_for_the_same_problem_only(folder: Path) -> None:
         assert stored_bound(other) is None
     searched = replace(one, task=one.task.changed(starts=7, seed=3, criterion="logdet"))
     assert stored_bound(searched) == bound
+
+
+def test_another_motion_of_the_same_problem_is_judged_by_itself(folder: Path) -> None:
+    one = load_design(folder)
+    replace(known(str(folder), bounded_problem_sha256(one)), coefficients="other").save(folder)
+    stored = stored_bound(one)
+    assert stored is not None
+    assert stored.criteria[0].reached == pytest.approx(one.condition_number)
 
 
 def test_a_file_of_the_user_is_not_replaced(tmp_path: Path) -> None:
