@@ -228,6 +228,20 @@ def choose_model() -> str:
     return table(head, rows, "benchmarks/identification/results/models_compared.json")
 
 
+def bounds() -> str:
+    """What each condition adds to the bound on the IRp-6's condition number."""
+    study = result("results/bound")
+    rows = []
+    for each in study["bounds"]:
+        value = each.get("proven", each["estimate"])
+        of_design = percent(value / study["condition_number"])
+        known = "all of these, proven" if "proven" in each else f"{each['known']}, estimated"
+        rows.append((known, f"{value:.2f}", of_design, f"{each['cpu_seconds']:.0f}"))
+    bound = f"bound; the design has {study['condition_number']:.2f}"
+    head = ("what the relaxation knows", bound, "efficiency", "CPU s")
+    return table(head, rows, "benchmarks/results/bound.json")
+
+
 def choose_criterion() -> str:
     """What designing for one criterion costs in the others, in two robots."""
     studies = result("results/criteria")["studies"]
@@ -289,6 +303,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "paper-figure-15": paper_figure_15,
     "paper-motions": paper_motions,
     "paper-verification": paper_verification,
+    "bound": bounds,
     "choose-model": choose_model,
     "choose-criterion": choose_criterion,
     "interval-coverage": interval_coverage,

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
     from excite.logs.recordings.recording_reading import read_recording
+    from excite.optimality.design_bound import DesignBound, bound
     from excite.payload.calibrate_gains import CalibratedGains, calibrate_gains
     from excite.payload.identify_payload import identify_payload
     from excite.payload.known_gains import KnownGains
@@ -123,6 +124,7 @@ _PLACES = {
     "Criterion": "excite.information.criteria",
     "Degradation": "excite.simulation.degradation.degradation",
     "Design": "excite.design.design",
+    "DesignBound": "excite.optimality.design_bound",
     "DifferentialModel": "regressors.models.differential",
     "EnergyModel": "regressors.models.energy",
     "Estimate": "excite.identification.estimate",
@@ -182,6 +184,7 @@ _PLACES = {
     "Window": "regressors.models.windows",
     "base_parameters": "regressors.models.base",
     "built_in_names": "regressors.readers.library",
+    "bound": "excite.optimality.design_bound",
     "compare": "excite.design.comparison",
     "degrade": "excite.simulation.degradation.degrade",
     "design_trajectory": "excite.design.optimisation",
@@ -237,6 +240,7 @@ __all__ = [
     "Criterion",
     "Degradation",
     "Design",
+    "DesignBound",
     "DifferentialModel",
     "EnergyModel",
     "Estimate",
@@ -300,6 +304,7 @@ __all__ = [
     "Waypoints",
     "Window",
     "base_parameters",
+    "bound",
     "built_in_names",
     "calibrate_gains",
     "compare",

@@ -109,6 +109,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     # what `save` calls, by the kind of object that is saved
     "writer": {
+        "bound": "excite.files.bound_file:save_bound",
         "design": "excite.files.design_folder:save_design",
         "result": "excite.files.result_json:save_result",
         "verification": "excite.files.verification_json:save_verification",

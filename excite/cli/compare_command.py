@@ -17,6 +17,7 @@ from excite.registry import MODELS, WINDOWS
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
     from excite.design.comparison import Judgement
+    from excite.optimality.design_bound import DesignBound
 
 _ROWS = {
     "condition_number": "cond, left-to-right base",
@@ -67,6 +68,7 @@ def command(designs: tuple[Path, ...], model: str | None, window: str | None, pa
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
+    from excite.files.bound_file import stored_bound
 
     read = []
     for folder in designs:
@@ -76,7 +78,7 @@ def command(designs: tuple[Path, ...], model: str | None, window: str | None, pa
     judgements = excite.compare(read, model, window)
     verdicts = _verdicts(judgements)
     show(
-        _summary(judgements, verdicts),
+        _summary(judgements, verdicts, [text for each in read for text in _bounds(stored_bound(each))]),
         lambda: [{"verdict": text, **_plain(j)} for text, j in zip(verdicts, judgements, strict=True)],
         lambda: _print(judgements),
     )
@@ -111,7 +113,12 @@ def _verdicts(judgements: Sequence[Judgement]) -> list[str]:
     return sentences
 
 
-def _summary(judgements: Sequence[Judgement], verdicts: Sequence[str]) -> Summary:
+def _bounds(bound: DesignBound | None) -> list[str]:
+    """How near a design comes to the best possible, where that was bounded."""
+    return [] if bound is None else [f"{bound.name}: {each.sentence}" for each in bound.criteria]
+
+
+def _summary(judgements: Sequence[Judgement], verdicts: Sequence[str], bounds: Sequence[str]) -> Summary:
     from excite.cli.summary import Summary, compact_table
 
     goals = _goals(judgements)
@@ -124,6 +131,7 @@ def _summary(judgements: Sequence[Judgement], verdicts: Sequence[str]) -> Summar
             f"{first.robot}, {first.model} model, {first.parameters} base parameters; criterion of the first design: "
             f"{first.minimised}",
             *compact_table("design", "cond(W)", "criterion", "lasts", "tightest limit used", "limits", rows=rows),
+            *bounds,
         ],
         notes=[*(note for note in _notes(judgements) if note != _UNLIKE), *_unchecked(judgements)],
         next_steps=["--verbose shows every convention of the condition number, and every metric"],

@@ -33,9 +33,10 @@ _COMMANDS = {
     "payload": "Measure what a robot holds: design the motion, calibrate gains, identify.",
     "report": "Write one HTML page on designs, identifications and verifications, with a 3D player.",
     "compare": "Compare candidate designs by the same metrics.",
+    "bound": "Bound the criteria of all motions within the limits: how far a design is from the best possible.",
 }
 _GROUPS = {
-    "Design a motion": ("robots", "design", "plan", "compare", "export"),
+    "Design a motion": ("robots", "design", "plan", "compare", "bound", "export"),
     "From logs to parameters": ("simulate", "logs", "identify", "verify", "study"),
     "Friction and payload": ("friction", "payload"),
     "Share results": ("report",),

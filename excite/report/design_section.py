@@ -11,6 +11,7 @@ from excite.design.design import Design
 from excite.design.designed_motion import DesignedMotion
 from excite.design.stored_design import StoredDesign
 from excite.design.unchecked import Unchecked, kept_text
+from excite.files.bound_file import stored_bound
 from excite.files.design_folder import design_content
 from excite.information.metrics import CONVENTIONS
 from excite.report.drawings import drawn
@@ -76,7 +77,7 @@ def design_section(design: DesignedMotion, prefix: str, robot_file: str | None =
         asked=asked(content["task"], _ASKED),
         assumed=(*unchecked, *content["notes"]),
         notes=missing,
-        tables=(_conditions(content), *_limits(content), _predictions(content)),
+        tables=(_conditions(content), *_bounds(design), *_limits(content), _predictions(content)),
         figures=figures,
         motion=motion,
         facts=facts(content["provenance"], robot=content["robot"]["name"], robot_sha256=content["robot"]["sha256"]),
@@ -140,6 +141,25 @@ def _conditions(content: Mapping[str, Any]) -> ReportTable:
         f"Minimised: {content['minimised']}.",
         "criteria",
     )
+
+
+def _bounds(design: DesignedMotion) -> list[ReportTable]:
+    """How near the design comes to the best possible, where ``excite bound`` has been run on it."""
+    bound = stored_bound(design)
+    if bound is None:
+        return []
+    rows = tuple(
+        (
+            ReportCell(each.described),
+            number(each.value),
+            number(each.reached),
+            percent(each.efficiency),
+            ReportCell(each.basis),
+        )
+        for each in bound.criteria
+    )
+    head = ("criterion", "bound", "design", "efficiency", "the bound is")
+    return [ReportTable("Distance from the best possible", head, rows, f"{'; '.join(bound.assumptions)}.", "bound")]
 
 
 def _limits(content: Mapping[str, Any]) -> list[ReportTable]:

@@ -64,6 +64,11 @@ class Family(ABC):
     def described(self) -> str:
         """Short description of its terms, such as ``5 harmonics``."""
 
+    @property
+    def harmonic_frequencies(self) -> Array | None:
+        """Angular frequencies of its motions' harmonics, ascending [rad/s]; None where motions have other terms too."""
+        return None
+
     def grid(self, count: int) -> Array:
         """Grid of ``count`` equal steps over the duration, without the last instant [s]."""
         return np.linspace(0.0, self.duration, count, endpoint=False)

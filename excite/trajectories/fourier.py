@@ -57,6 +57,11 @@ class Fourier(LinearFamily):
         """Number of harmonics, as text."""
         return f"{self.harmonics} harmonics"
 
+    @property
+    def harmonic_frequencies(self) -> Array:
+        """``w, 2 w, ..., K w``."""
+        return np.asarray(self.omega * np.arange(1.0, self.harmonics + 1.0))
+
     def _rest_basis(self) -> Array:
         """Orthonormal coefficients (c, a_1 .. a_K, b_1 .. b_K) of motions at rest at t = 0, shape (2K+1, size).
 

@@ -1,0 +1,271 @@
+"""Bounds on the criteria of all motions within the limits of a design's problem, and how near the design comes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from excite.design.blueprint import restricted_limits
+from excite.design.designed_motion import DesignedMotion
+from excite.design.formulation import Formulation, formulate
+from excite.information.target import target_of
+from excite.information.weighting import weighting_of
+from excite.optimality.bounded_criteria import BOUNDED, BoundedCriterion
+from excite.optimality.bounded_problem import bounded_problem_sha256
+from excite.optimality.cutting_planes import CuttingPlanes
+from excite.optimality.dual_certificate import DualCertificate
+from excite.optimality.limited_states import limited_states
+from excite.optimality.moment_conditions import MomentConditions
+from excite.optimality.proven_factor import ProvenFactor
+from excite.optimality.state_rows import StateRows, state_rows
+from excite.registry import built_in, instance
+from regressors.errors import UnknownName
+from regressors.numerical import numerical_work
+from regressors.samples import Array
+
+_INSTANTS = 40  # of the design's motion, for each harmonic
+_ROUNDS = 8
+
+
+@dataclass(frozen=True)
+class CriterionBound:
+    """Lower bound on one criterion, smaller is better, over all motions of the problem.
+
+    Parameters
+    ----------
+    name : str
+        ``condition``, ``logdet`` (D-optimality) or ``sigma-min`` (E-optimality), as `excite.Criterion` has them.
+    described : str
+    value : float
+        The bound: proven for all states if `proven`, otherwise `estimate`.
+    proven : bool
+    estimate : float
+        What the same dual point proves if no state is worse than those that were looked at.
+    states : int
+        Number of states that were looked at.
+    reached : float
+        Criterion of the design.
+    cpu_seconds : float
+    """
+
+    name: str
+    described: str
+    value: float
+    proven: bool
+    estimate: float
+    states: int
+    reached: float
+    cpu_seconds: float
+
+    @property
+    def efficiency(self) -> float:
+        """``value / reached``: 1 where no motion can be better; at least this part of what is possible is reached."""
+        return min(1.0, self.value / self.reached)
+
+    @property
+    def sentence(self) -> str:
+        """How far the design is from the best possible, and whether that is proven."""
+        times = self.reached / self.value
+        return f"{self.described} at most {times:.3g} times the best possible (bound {self.value:.4g}, {self.basis})"
+
+    @property
+    def basis(self) -> str:
+        """``proven``, or ``estimated from N states``."""
+        return "proven" if self.proven else f"estimated from {self.states:,} states"
+
+
+@dataclass(frozen=True, repr=False)
+class DesignBound:
+    """Bounds on criteria over all motions within the limits of a design.
+
+    Parameters
+    ----------
+    name : str
+        Of the design.
+    problem : str or None
+        Hash of the robot, the model, the family, the objective and the limits; None where parts of your own make it
+        unknown.
+    criteria : tuple of CriterionBound
+    assumptions : tuple of str
+        What the bounds take into account, and what not.
+    coefficients : str
+        Hash of the coefficients of the design's motion.
+    """
+
+    name: str
+    problem: str | None
+    criteria: tuple[CriterionBound, ...]
+    assumptions: tuple[str, ...]
+    coefficients: str = ""
+
+    def __repr__(self) -> str:
+        """One line per criterion."""
+        lines = (f"{each.name} >= {each.value:.4g} ({each.basis}), {each.efficiency:.0%}" for each in self.criteria)
+        return f"<DesignBound of {self.name}: {'; '.join(lines)}>"
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write ``bound.json`` into the folder of a design.
+
+        Parameters
+        ----------
+        folder : path
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written to, or holds a file of this name that is something else.
+        """
+        files: list[Path] = built_in("writer", "bound")(self, folder)
+        return files
+
+
+@numerical_work(
+    "the bound",
+    "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot",
+)
+def bound(
+    design: DesignedMotion,
+    criteria: Sequence[str] = ("condition",),
+    *,
+    rounds: int = _ROUNDS,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda _: None,
+) -> DesignBound:
+    """Bound criteria from below over all motions of a design's family within the limits of its problem.
+
+    M is a mean over the states that a motion passes, ``M = E[Y(s)'Y(s)]``. Any measure over admissible states that
+    fulfils conditions which every motion fulfils takes the place of the motion; the best measure is a semidefinite
+    programme, and its dual proves a bound [Lasserre 2001; Boyd, Vandenberghe 2004, section 7.5].
+
+    Parameters
+    ----------
+    design : Design or StoredDesign
+        A motion that was designed, with its task.
+    criteria : sequence of str
+        Of ``condition``, ``logdet`` and ``sigma-min``.
+    rounds : int
+        Largest number of rounds of cutting planes.
+    seed : int
+    progress : callable, optional
+        Takes a sentence on the progress.
+
+    Returns
+    -------
+    DesignBound
+
+    Raises
+    ------
+    InputError
+        The model integrates over time windows, a coordinate has no limit of its acceleration, or an unknown criterion.
+    ConicSolverError
+        The relaxation could not be solved.
+    """
+    chosen = [_criterion(name) for name in criteria]
+    with threadpool_limits(1):
+        formulation = formulate(design.robot, design.task)
+        planes = cutting_planes(formulation, design)
+        found = tuple(_bound(each, planes, formulation, design, rounds, seed, progress) for each in chosen)
+    problem, said = bounded_problem_sha256(design), _assumptions(formulation, planes)
+    return DesignBound(design.name, problem, found, said, design.coefficients_sha256)
+
+
+def _criterion(name: str) -> BoundedCriterion:
+    if name not in BOUNDED:
+        raise UnknownName("criterion", name, BOUNDED)
+    return BOUNDED[name]
+
+
+def cutting_planes(formulation: Formulation, design: DesignedMotion) -> CuttingPlanes:
+    """The relaxation of a design problem.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    design : DesignedMotion
+        A motion within the limits.
+    """
+    blueprint, family = formulation.blueprint, formulation.task.trajectory.family()
+    harmonics = family.harmonic_frequencies
+    frequencies = np.zeros(0) if harmonics is None else harmonics
+    bandwidth = float(frequencies[-1]) if frequencies.size else None
+    limits = restricted_limits(formulation.limits, blueprint.motion)
+    states = limited_states(limits, blueprint.centre, bandwidth)
+    rows = state_rows(formulation)
+    counted = rows.positions_that_count() & np.isfinite(states.extent(0))
+    motion = _states_of(design, rows, _INSTANTS * family.richness)
+    return CuttingPlanes(rows, states, MomentConditions(states, counted, frequencies), motion)
+
+
+def _states_of(design: DesignedMotion, rows: StateRows, count: int) -> Array:
+    """States of the design's motion in the moving coordinates, at equal steps over its duration."""
+    inverse = np.asarray(np.linalg.pinv(rows.motion.matrix), dtype=float)
+    moving = design.trajectory.carried(inverse, -inverse @ rows.motion.offset)
+    samples = moving.samples((np.arange(count) + 0.5) * moving.duration / count)
+    return np.hstack([samples.q, samples.dq, samples.ddq])
+
+
+def _bound(
+    criterion: BoundedCriterion,
+    planes: CuttingPlanes,
+    formulation: Formulation,
+    design: DesignedMotion,
+    rounds: int,
+    seed: int,
+    progress: Callable[[str], None],
+) -> CriterionBound:
+    began = time.process_time()
+    relaxed = planes.run(criterion, rounds, np.random.default_rng(seed), tell=progress)
+    estimate = criterion.proven(relaxed.multipliers, relaxed.factor)
+    certificate = DualCertificate(planes.rows, planes.conditions, relaxed.multipliers)
+    factor = ProvenFactor(certificate, planes.states).run(relaxed.factor, seed, progress)
+    value = estimate if factor is None else criterion.proven(relaxed.multipliers, factor)
+    return CriterionBound(
+        name=criterion.name,
+        described=criterion.described,
+        value=value,
+        proven=factor is not None,
+        estimate=estimate,
+        states=relaxed.looked_at,
+        reached=reached_by(design, criterion.name),
+        cpu_seconds=time.process_time() - began,
+    )
+
+
+def reached_by(design: DesignedMotion, name: str) -> float:
+    """Criterion of a design's motion, sampled at its rate.
+
+    Parameters
+    ----------
+    design : DesignedMotion
+    name : str
+        Of the criterion.
+    """
+    task = design.task
+    target = target_of(design.robot, task)
+    samples = design.trajectory.samples(target.model.times(design.trajectory.duration, task.output.rate))
+    M = weighting_of(target, task).matrix(target.model.assemble(samples)[:, target.base.index])
+    return float(instance("criterion", name).value(M))
+
+
+def _assumptions(formulation: Formulation, planes: CuttingPlanes) -> tuple[str, ...]:
+    """What the relaxation knows of the motions."""
+    said = [
+        "the bound uses the limits of position, velocity and acceleration of joints and drives, and that derivatives "
+        "have mean zero over a closed motion"
+    ]
+    if planes.states.bandwidth is None:
+        family = formulation.task.trajectory.name
+        said.append(f"motions of the family {family} have no highest frequency, so that none is used")
+    else:
+        said.append("it uses the harmonics of the motions; at rest at both ends is not used")
+    if formulation.nonlinear or formulation.stated:
+        said.append(
+            "limits of torques, of the tool and of distances are not used: with them the best possible is no better"
+        )
+    said.append("the bound is on means over continuous time; sampled criteria differ by the error of sampling")
+    return tuple(said)
