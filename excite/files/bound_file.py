@@ -9,6 +9,8 @@ from typing import Any
 from excite.design.designed_motion import DesignedMotion
 from excite.optimality.bounded_problem import bounded_problem_sha256
 from excite.optimality.design_bound import CriterionBound, DesignBound, reached_by
+from excite.optimality.sensitivity import Sensitivity, SensitivityRow
+from excite.registry import name_of
 from excite.storage.atomic import read_json, write_json
 from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
@@ -61,6 +63,7 @@ def bound_content(bound: DesignBound) -> dict[str, Any]:
     ----------
     bound : DesignBound
     """
+    changes = bound.sensitivity
     criteria = [{**asdict(each), "efficiency": each.efficiency, "basis": each.basis} for each in bound.criteria]
     return {
         "schema": SCHEMA,
@@ -68,6 +71,7 @@ def bound_content(bound: DesignBound) -> dict[str, Any]:
         "coefficients": bound.coefficients,
         "criteria": criteria,
         "assumptions": list(bound.assumptions),
+        "sensitivity": None if changes is None else {**asdict(changes), "meaning": changes.meaning},
     }
 
 
@@ -94,9 +98,21 @@ def stored_bound(design: DesignedMotion) -> DesignBound | None:
         fields = CriterionBound.__dataclass_fields__
         criteria = tuple(CriterionBound(**{name: each[name] for name in fields}) for each in content["criteria"])
         assumptions = tuple(map(str, content["assumptions"]))
+        changes = _stored_sensitivity(content.get("sensitivity"))
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} is damaged: {error}; remove it, and run `excite bound` again") from error
     coefficients = design.coefficients_sha256
     if content.get("coefficients") != coefficients:  # another motion of the same problem
         criteria = tuple(replace(each, reached=reached_by(design, each.name)) for each in criteria)
-    return DesignBound(design.name, problem, criteria, assumptions, coefficients)
+        changes = None
+    if changes is not None and changes.criterion != str(name_of(design.task.objective.criterion)):
+        changes = None
+    return DesignBound(design.name, problem, criteria, assumptions, coefficients, changes)
+
+
+def _stored_sensitivity(content: Any) -> Sensitivity | None:
+    """What changes of the problem would bring; None where a file has nothing of it."""
+    if content is None:
+        return None
+    rows = tuple(SensitivityRow(row["change"], row["value"], row["gain"]) for row in content["rows"])
+    return Sensitivity(content["criterion"], content["reference"], rows, content["cpu_seconds"])

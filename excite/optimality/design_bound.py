@@ -22,6 +22,7 @@ from excite.optimality.dual_certificate import DualCertificate
 from excite.optimality.limited_states import limited_states
 from excite.optimality.moment_conditions import MomentConditions
 from excite.optimality.proven_factor import ProvenFactor
+from excite.optimality.sensitivity import Sensitivity, sensitivity
 from excite.optimality.state_rows import StateRows, state_rows
 from excite.registry import built_in, instance
 from regressors.errors import UnknownName
@@ -95,6 +96,8 @@ class DesignBound:
         What the bounds take into account, and what not.
     coefficients : str
         Hash of the coefficients of the design's motion.
+    sensitivity : Sensitivity, optional
+        What more harmonics, more time or looser limits would bring; None where it is not known of this motion.
     """
 
     name: str
@@ -102,6 +105,7 @@ class DesignBound:
     criteria: tuple[CriterionBound, ...]
     assumptions: tuple[str, ...]
     coefficients: str = ""
+    sensitivity: Sensitivity | None = None
 
     def __repr__(self) -> str:
         """One line per criterion."""
@@ -141,6 +145,7 @@ def bound(
     M is a mean over the states that a motion passes, ``M = E[Y(s)'Y(s)]``. Any measure over admissible states that
     fulfils conditions which every motion fulfils takes the place of the motion; the best measure is a semidefinite
     programme, and its dual proves a bound [Lasserre 2001; Boyd, Vandenberghe 2004, section 7.5].
+    Beside the bounds, see `excite.optimality.sensitivity.sensitivity` for what changes of the problem would bring.
 
     Parameters
     ----------
@@ -169,9 +174,10 @@ def bound(
     with threadpool_limits(1):
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)
+        changes = sensitivity(design, progress)
         found = tuple(_bound(each, planes, formulation, design, rounds, seed, progress) for each in chosen)
     problem, said = bounded_problem_sha256(design), _assumptions(formulation, planes)
-    return DesignBound(design.name, problem, found, said, design.coefficients_sha256)
+    return DesignBound(design.name, problem, found, said, design.coefficients_sha256, changes)
 
 
 def _criterion(name: str) -> BoundedCriterion:

@@ -1,0 +1,309 @@
+"""What more harmonics, more time or looser limits would bring, found by improving a design's motion."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from constraints.bounds.certificate import LimitUse, limit_uses
+from excite.design.blueprint import grid_instants, restricted_limits
+from excite.design.design_memory import check_richness
+from excite.design.designed_motion import DesignedMotion
+from excite.design.formulation import Formulation, formulate
+from excite.design.grid_constraint import GridConstraint
+from excite.design.initial_guesses import shrunk
+from excite.design.problem import Problem
+from excite.design.solvers.solver import Solver
+from excite.registry import instance, name_of
+from excite.tasks.task import Task
+from excite.tasks.trajectory_choice import TrajectoryChoice
+from regressors.errors import InputError
+from regressors.numerical import numerical_work
+from regressors.samples import Array
+
+_RICHER, _LONGER, _LOOSER = 2, 1.5, 1.2
+_USED = 0.99  # of a limit, above which it may hold the motion back
+_SETTLED = 1e-3  # relative improvement by one more refinement, below which a motion has settled
+_REFINEMENTS = 6
+_SMALLER = (1.0, 1 - 1e-6, 1 - 1e-4, 0.999, 0.99, 0.95)
+_SAME = 1e-9  # of the extent of a motion: difference up to which another family has it too
+_INSTANTS = 1001
+
+
+@dataclass(frozen=True)
+class SensitivityRow:
+    """One change of a design's problem, and what was found to come of it.
+
+    Parameters
+    ----------
+    change : str
+    value : float
+        Criterion of the motion after the change.
+    gain : float
+        ``1 - value / reference``: 0.1 where the criterion becomes 10 % lower; negative where it becomes higher.
+    """
+
+    change: str
+    value: float
+    gain: float
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Changes of a design's problem, those that bring most first.
+
+    Parameters
+    ----------
+    criterion : str
+        The one that the design minimises.
+    reference : float
+        Criterion of the design's motion, refined without a change; at most that of the design.
+    rows : tuple of SensitivityRow
+    cpu_seconds : float
+    """
+
+    criterion: str
+    reference: float
+    rows: tuple[SensitivityRow, ...]
+    cpu_seconds: float
+
+    @property
+    def meaning(self) -> str:
+        """What the gains are."""
+        return (
+            "gains are those found by improving this motion after one change at a time, not of the bound, and are a "
+            "lower estimate: a search from scratch may find more"
+        )
+
+
+@numerical_work(
+    "the sensitivity",
+    "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot",
+)
+def sensitivity(design: DesignedMotion, progress: Callable[[str], None] = lambda _: None) -> Sensitivity:
+    """Change a design's problem in one respect at a time, and improve its motion in the new problem.
+
+    The changes are twice the harmonics (of families with another option that makes them richer, that one), 1.5 times
+    the period, and each limit of joints and drives that the motion uses to more than 99 %, looser by 20 % of half its
+    range. The motion is first refined without a change until that brings less than 0.1 %. Every gain is relative to the
+    same refinement once more, so that it is not that of a longer search.
+
+    Parameters
+    ----------
+    design : Design or StoredDesign
+    progress : callable, optional
+        Takes a sentence on the progress.
+
+    Returns
+    -------
+    Sensitivity
+
+    Raises
+    ------
+    InputError
+        See `excite.design.formulation.formulate`.
+    """
+    began = time.process_time()
+    with threadpool_limits(1), np.errstate(all="ignore"):
+        change = ProblemChange.of(design, progress)
+        rows = []
+        for name, criterion_after in change.every():
+            progress(f"trying {name}")
+            value = criterion_after()
+            if value is not None:
+                rows.append(SensitivityRow(name, value, change.gain(value)))
+    rows.sort(key=lambda row: -row.gain)
+    criterion = str(name_of(design.task.objective.criterion))
+    return Sensitivity(criterion, change.reference, tuple(rows), time.process_time() - began)
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemChange:
+    """Changes of one design problem.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    solver : Solver
+    x : ndarray
+        A motion of the moving coordinates that refinement without a change has settled at.
+    reference : float
+        Criterion after one more refinement.
+    """
+
+    formulation: Formulation
+    solver: Solver
+    x: Array
+    reference: float
+
+    @classmethod
+    def of(cls, design: DesignedMotion, progress: Callable[[str], None] = lambda _: None) -> ProblemChange:
+        """Refine the motion of a design without a change."""
+        formulation = formulate(design.robot, design.task)
+        problem, motion = formulation.problem, formulation.blueprint.motion
+        solver: Solver = instance("solver", design.task.search.solver)
+        inverse = np.asarray(np.linalg.pinv(motion.matrix), dtype=float)
+        x = design.trajectory.carried(inverse, -inverse @ motion.offset).x
+        value = problem.exact_value(x)
+        progress("refining the motion")
+        for _ in range(_REFINEMENTS):
+            before, (x, value) = value, best_of(problem, solver, x, value)
+            if value > (1.0 - _SETTLED) * before:
+                break
+        return cls(formulation, solver, x, best_of(problem, solver, x, value)[1])
+
+    def gain(self, value: float) -> float:
+        """``1 - value / reference``."""
+        return 1.0 - value / self.reference
+
+    def every(self) -> Iterator[tuple[str, Callable[[], float | None]]]:
+        """All changes: what each is, and a call that returns the criterion after it, None where it is impossible."""
+        choice = self.formulation.task.trajectory
+        option, count = choice.richness
+        yield f"{_RICHER * count} {option} instead of {count}", self.richer
+        longer, as_fast = _LONGER * choice.period, math.ceil(_LONGER * count)
+        yield f"{longer:g} s instead of {choice.period:g} s", self.longer
+        if as_fast > count:
+            yield f"{longer:g} s instead of {choice.period:g} s, with {as_fast} {option}", partial(self.longer, as_fast)
+        for use in self.uses():
+            if use.use > _USED:
+                yield f"{use.label} limit looser by 20 %", partial(self.looser, use.label)
+
+    def uses(self) -> list[LimitUse]:
+        """Use of each limit of joints and drives by the motion."""
+        trajectory = self.formulation.problem.information.trajectory(self.x)
+        return [use for limit in self.formulation.limits for use in limit_uses(limit, trajectory.extrema(limit))]
+
+    def looser(self, label: str, factor: float = _LOOSER) -> float:
+        """Criterion with the range of one limit about its middle enlarged by a factor.
+
+        Parameters
+        ----------
+        label : str
+            Of one function of joints or drives, such as ``joint q1 velocity``.
+        factor : float
+        """
+        problem = self.formulation.problem
+        linear = tuple(_loosened(limit, label, factor) for limit in problem.limits.linear)
+        changed = replace(problem, limits=replace(problem.limits, linear=linear))
+        return best_of(changed, self.solver, self.x, self.reference)[1]
+
+    def richer(self) -> float | None:
+        """Criterion with twice the harmonics, or what the family has instead."""
+        option, count = self.formulation.task.trajectory.richness
+        problem = self._problem(**{option: _RICHER * count})
+        start = None if problem is None else same_motion(self.formulation.problem, self.x, problem)
+        if problem is None or start is None:
+            return None
+        family, blueprint = problem.family, self.formulation.blueprint
+        # as many instants per harmonic as the reference has, so that the bounds on the grid are as tight
+        grid = family.on_grid(_RICHER * grid_instants(self.formulation.problem.family.richness))
+        limits = restricted_limits(self.formulation.limits, blueprint.motion)
+        linear = tuple(GridConstraint.on_coordinates(limit, grid) for limit in limits)
+        problem = replace(problem, limits=replace(problem.limits, linear=linear))
+        return best_of(problem, self.solver, start, self.reference)[1]
+
+    def longer(self, richness: int | None = None) -> float | None:
+        """Criterion of motions that last 1.5 times as long.
+
+        Parameters
+        ----------
+        richness : int, optional
+            Number of harmonics, or what the family has instead; the design's if not given.
+        """
+        choice = self.formulation.task.trajectory
+        option, count = choice.richness
+        problem = self._problem(period=_LONGER * choice.period, **{option: richness or count})
+        start = None if problem is None else same_motion(self.formulation.problem, self.x, problem)
+        if problem is None or start is None:
+            return None
+        return best_of(problem, self.solver, start)[1]
+
+    def _problem(self, **options: Any) -> Problem | None:
+        """The problem with other options of the family; None where it cannot be had with them."""
+        formulation = self.formulation
+        task = formulation.task.changed(trajectory=_choice(formulation.task, **options))
+        try:
+            check_richness(task)
+            return replace(formulation.blueprint, task=task).problem(formulation.nonlinear, formulation.stated)
+        except InputError:
+            return None
+
+
+def _choice(task: Task, **options: Any) -> TrajectoryChoice:
+    """The choice of family with other options; a family object becomes its class."""
+    choice = task.trajectory
+    own = choice.trajectory
+    kind: Any = own if isinstance(own, str | type) else type(own)
+    return replace(choice, trajectory=kind, **options)
+
+
+def _loosened(limit: GridConstraint, label: str, factor: float) -> GridConstraint:
+    """The constraint with the bounds of one of its functions, if it has it, further from their middle."""
+    mine = np.array([each == label for each in limit.function.constraint.labels])
+    if not mine.any():
+        return limit
+    extra = np.where(mine, 0.5 * (factor - 1.0) * (limit.upper - limit.lower), 0.0)
+    scale = np.where(mine, factor * limit.scale, limit.scale)
+    return replace(limit, lower=limit.lower - extra, upper=limit.upper + extra, scale=scale)
+
+
+def same_motion(problem: Problem, x: Array, other: Problem) -> Array | None:
+    """The x of the same motion, over the whole duration, in the family of another problem; None if that has it not.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : ndarray
+    other : Problem
+        Its duration may be another one: the motion keeps its shape.
+    """
+    u = np.linspace(0.0, 1.0, _INSTANTS)
+    wanted = problem.family.motion(x, u * problem.family.duration, 0)
+    time_there = u * other.family.duration
+    starts = [other.family.nearest(time_there, wanted)]
+    if x.shape == starts[0].shape:
+        starts.append(x)
+    errors = [float(np.abs(other.family.motion(start, time_there, 0) - wanted).max()) for start in starts]
+    return starts[int(np.argmin(errors))] if min(errors) <= _SAME * float(np.ptp(wanted, axis=0).max()) else None
+
+
+def best_of(problem: Problem, solver: Solver, x: Array, value: float = np.inf) -> tuple[Array, float]:
+    """The best of a motion and of what a solver makes of it, and its criterion as results report it.
+
+    The solver goes on from the motion twice: in the last stage of the criterion, and through all of them, where it may
+    leave a local minimum.
+
+    Parameters
+    ----------
+    problem : Problem
+    solver : Solver
+    x : ndarray
+    value : float
+        Criterion of x if it keeps the limits.
+    """
+    ends = [(x, value)]
+    for improve in (solver.refine, lambda limited, start: solver.solve(limited, [start])):
+        limited, start = problem, _inside(problem, x)
+        found = improve(limited, start).x
+        while solver.takes_nonlinear_limits and (more := limited.with_broken(found)) is not limited:
+            limited, start = more, _inside(more, x)
+            found = improve(limited, start).x
+        ends += [(each, problem.exact_value(each)) for each in (start, found)]
+    return min(ends, key=lambda end: end[1])
+
+
+def _inside(problem: Problem, x: Array) -> Array:
+    """The motion, as little smaller as the limits on the grid require."""
+    for part in _SMALLER:
+        smaller = x if part == 1.0 else problem.drawn(x, part)
+        if problem.violation(smaller) <= 0.0 and problem.nonlinear_hold(smaller):
+            return smaller
+    return shrunk(problem, problem.drawn(x, min(1.0, 0.999 * problem.reach(x))))
