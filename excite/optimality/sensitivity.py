@@ -93,7 +93,8 @@ def sensitivity(design: DesignedMotion, progress: Callable[[str], None] = lambda
     The changes are twice the harmonics (of families with another option that makes them richer, that one), 1.5 times
     the period, and each limit of joints and drives that the motion uses to more than 99 %, looser by 20 % of half its
     range. The motion is first refined without a change until that brings less than 0.1 %. Every gain is relative to the
-    same refinement once more, so that it is not that of a longer search.
+    same refinement once more, so that it is not that of a longer search; motions of 1.5 times the period begin at three
+    motions, since this one is none of them.
 
     Parameters
     ----------
@@ -112,12 +113,12 @@ def sensitivity(design: DesignedMotion, progress: Callable[[str], None] = lambda
     """
     began = time.process_time()
     with threadpool_limits(1), np.errstate(all="ignore"):
-        change = ProblemChange.of(design, progress)
+        change = ProblemChanges.of(design, progress)
         rows = []
-        for name, criterion_after in change.every():
+        for name, made in change.every():
             progress(f"trying {name}")
-            value = criterion_after()
-            if value is not None:
+            if (changed := made()) is not None:
+                _, value = changed.best(change.solver)
                 rows.append(SensitivityRow(name, value, change.gain(value)))
     rows.sort(key=lambda row: -row.gain)
     criterion = str(name_of(design.task.objective.criterion))
@@ -125,7 +126,30 @@ def sensitivity(design: DesignedMotion, progress: Callable[[str], None] = lambda
 
 
 @dataclass(frozen=True, eq=False)
-class ProblemChange:
+class ChangedProblem:
+    """A problem after a change, and where improvement begins.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : tuple of ndarray
+        One or more.
+    known : float
+        Criterion of a motion that keeps the limits after the change too; infinite where there is none.
+    """
+
+    problem: Problem
+    starts: tuple[Array, ...]
+    known: float = np.inf
+
+    def best(self, solver: Solver) -> tuple[Array, float]:
+        """The best motion found, and its criterion; where nothing better is found than what is known, that."""
+        ends = (best_of(self.problem, solver, start, self.known) for start in self.starts)
+        return min(ends, key=lambda end: end[1])
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemChanges:
     """Changes of one design problem.
 
     Parameters
@@ -144,7 +168,7 @@ class ProblemChange:
     reference: float
 
     @classmethod
-    def of(cls, design: DesignedMotion, progress: Callable[[str], None] = lambda _: None) -> ProblemChange:
+    def of(cls, design: DesignedMotion, progress: Callable[[str], None] = lambda _: None) -> ProblemChanges:
         """Refine the motion of a design without a change."""
         formulation = formulate(design.robot, design.task)
         problem, motion = formulation.problem, formulation.blueprint.motion
@@ -163,8 +187,8 @@ class ProblemChange:
         """``1 - value / reference``."""
         return 1.0 - value / self.reference
 
-    def every(self) -> Iterator[tuple[str, Callable[[], float | None]]]:
-        """All changes: what each is, and a call that returns the criterion after it, None where it is impossible."""
+    def every(self) -> Iterator[tuple[str, Callable[[], ChangedProblem | None]]]:
+        """All changes: what each is, and a call that makes it, None where it is impossible."""
         choice = self.formulation.task.trajectory
         option, count = choice.richness
         yield f"{_RICHER * count} {option} instead of {count}", self.richer
@@ -172,17 +196,17 @@ class ProblemChange:
         yield f"{longer:g} s instead of {choice.period:g} s", self.longer
         if as_fast > count:
             yield f"{longer:g} s instead of {choice.period:g} s, with {as_fast} {option}", partial(self.longer, as_fast)
-        for use in self.uses():
+        for use in self.uses(self.x):
             if use.use > _USED:
                 yield f"{use.label} limit looser by 20 %", partial(self.looser, use.label)
 
-    def uses(self) -> list[LimitUse]:
-        """Use of each limit of joints and drives by the motion."""
-        trajectory = self.formulation.problem.information.trajectory(self.x)
+    def uses(self, x: Array) -> list[LimitUse]:
+        """Use of each limit of joints and drives by a motion, over continuous time."""
+        trajectory = self.formulation.problem.information.trajectory(x)
         return [use for limit in self.formulation.limits for use in limit_uses(limit, trajectory.extrema(limit))]
 
-    def looser(self, label: str, factor: float = _LOOSER) -> float:
-        """Criterion with the range of one limit about its middle enlarged by a factor.
+    def looser(self, label: str, factor: float = _LOOSER) -> ChangedProblem:
+        """The range of one limit about its middle enlarged by a factor.
 
         Parameters
         ----------
@@ -191,27 +215,24 @@ class ProblemChange:
         factor : float
         """
         problem = self.formulation.problem
-        linear = tuple(_loosened(limit, label, factor) for limit in problem.limits.linear)
-        changed = replace(problem, limits=replace(problem.limits, linear=linear))
-        return best_of(changed, self.solver, self.x, self.reference)[1]
+        linear = tuple(loosened(limit, label, factor) for limit in problem.limits.linear)
+        return ChangedProblem(_with_linear(problem, linear), (self.x,), self.reference)
 
-    def richer(self) -> float | None:
-        """Criterion with twice the harmonics, or what the family has instead."""
+    def richer(self) -> ChangedProblem | None:
+        """Twice the harmonics, or what the family has instead."""
         option, count = self.formulation.task.trajectory.richness
-        problem = self._problem(**{option: _RICHER * count})
-        start = None if problem is None else same_motion(self.formulation.problem, self.x, problem)
-        if problem is None or start is None:
+        changed = self._problem(**{option: _RICHER * count})
+        start = None if changed is None else same_motion(self.formulation.problem, self.x, changed)
+        if changed is None or start is None:
             return None
-        family, blueprint = problem.family, self.formulation.blueprint
         # as many instants per harmonic as the reference has, so that the bounds on the grid are as tight
-        grid = family.on_grid(_RICHER * grid_instants(self.formulation.problem.family.richness))
-        limits = restricted_limits(self.formulation.limits, blueprint.motion)
+        grid = changed.family.on_grid(_RICHER * grid_instants(self.formulation.problem.family.richness))
+        limits = restricted_limits(self.formulation.limits, self.formulation.blueprint.motion)
         linear = tuple(GridConstraint.on_coordinates(limit, grid) for limit in limits)
-        problem = replace(problem, limits=replace(problem.limits, linear=linear))
-        return best_of(problem, self.solver, start, self.reference)[1]
+        return ChangedProblem(_with_linear(changed, linear), (start,), self.reference)
 
-    def longer(self, richness: int | None = None) -> float | None:
-        """Criterion of motions that last 1.5 times as long.
+    def longer(self, richness: int | None = None) -> ChangedProblem | None:
+        """Motions that last 1.5 times as long, begun with the same shape, and with the same speed and a rest.
 
         Parameters
         ----------
@@ -220,11 +241,20 @@ class ProblemChange:
         """
         choice = self.formulation.task.trajectory
         option, count = choice.richness
-        problem = self._problem(period=_LONGER * choice.period, **{option: richness or count})
-        start = None if problem is None else same_motion(self.formulation.problem, self.x, problem)
-        if problem is None or start is None:
+        changed = self._problem(period=_LONGER * choice.period, **{option: richness or count})
+        if changed is None:
             return None
-        return best_of(problem, self.solver, start)[1]
+        stretched = same_motion(self.formulation.problem, self.x, changed)
+        own_speed = (self._with_rest(changed, after) for after in (0.0, 1.0))
+        return ChangedProblem(changed, (*(() if stretched is None else (stretched,)), *own_speed))
+
+    def _with_rest(self, longer: Problem, after: float) -> Array:
+        """The motion nearest to this one at its own speed, before or after (0 or 1) a rest for the rest of the time."""
+        short = self.formulation.problem.family
+        time_there = np.linspace(0.0, longer.family.duration, _INSTANTS)
+        begin = after * (longer.family.duration - short.duration)
+        q = short.motion(self.x, np.clip(time_there - begin, 0.0, short.duration), 0)
+        return longer.family.nearest(time_there, q)
 
     def _problem(self, **options: Any) -> Problem | None:
         """The problem with other options of the family; None where it cannot be had with them."""
@@ -245,14 +275,26 @@ def _choice(task: Task, **options: Any) -> TrajectoryChoice:
     return replace(choice, trajectory=kind, **options)
 
 
-def _loosened(limit: GridConstraint, label: str, factor: float) -> GridConstraint:
-    """The constraint with the bounds of one of its functions, if it has it, further from their middle."""
+def loosened(limit: GridConstraint, label: str, factor: float) -> GridConstraint:
+    """The constraint with the bounds of one of its functions, if it has it, further from their middle.
+
+    Parameters
+    ----------
+    limit : GridConstraint
+    label : str
+        Of the function.
+    factor : float
+    """
     mine = np.array([each == label for each in limit.function.constraint.labels])
     if not mine.any():
         return limit
     extra = np.where(mine, 0.5 * (factor - 1.0) * (limit.upper - limit.lower), 0.0)
     scale = np.where(mine, factor * limit.scale, limit.scale)
     return replace(limit, lower=limit.lower - extra, upper=limit.upper + extra, scale=scale)
+
+
+def _with_linear(problem: Problem, linear: tuple[GridConstraint, ...]) -> Problem:
+    return replace(problem, limits=replace(problem.limits, linear=linear))
 
 
 def same_motion(problem: Problem, x: Array, other: Problem) -> Array | None:
@@ -287,7 +329,7 @@ def best_of(problem: Problem, solver: Solver, x: Array, value: float = np.inf) -
     solver : Solver
     x : ndarray
     value : float
-        Criterion of x if it keeps the limits.
+        Criterion of x, or of a motion near it, that keeps the limits.
     """
     ends = [(x, value)]
     for improve in (solver.refine, lambda limited, start: solver.solve(limited, [start])):
