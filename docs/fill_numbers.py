@@ -242,6 +242,20 @@ def bounds() -> str:
     return table(head, rows, "benchmarks/results/bound.json")
 
 
+def sensitivities() -> str:
+    """What changes of the IRp-6's and the Panda's problems bring, found beside the design and from scratch."""
+    rows = []
+    for study in result("results/sensitivity")["robots"]:
+        name = {"irp6": "IRp-6", "panda": "Panda"}[study["robot"]]
+        for row in study["rows"]:
+            if row["from_scratch"] is None and row["gain"] < 0.01:
+                continue
+            searched = "" if row["from_scratch"] is None else percent(1 - row["from_scratch"] / study["reference"])
+            rows.append((name, row["change"].replace("panda_joint", ""), percent(row["gain"]), searched))
+    head = ("robot", "change", "gain, improving the motion", "gain, searching from scratch")
+    return table(head, rows, "benchmarks/results/sensitivity.json")
+
+
 def choose_criterion() -> str:
     """What designing for one criterion costs in the others, in two robots."""
     studies = result("results/criteria")["studies"]
@@ -304,6 +318,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "paper-motions": paper_motions,
     "paper-verification": paper_verification,
     "bound": bounds,
+    "sensitivity": sensitivities,
     "choose-model": choose_model,
     "choose-criterion": choose_criterion,
     "interval-coverage": interval_coverage,

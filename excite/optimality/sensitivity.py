@@ -79,7 +79,7 @@ class Sensitivity:
         """What the gains are."""
         return (
             "gains are those found by improving this motion after one change at a time, not of the bound, and are a "
-            "lower estimate: a search from scratch may find more"
+            "lower estimate: a search from scratch may find more, also where a gain is negative"
         )
 
 
@@ -259,8 +259,8 @@ class ProblemChanges:
     def _problem(self, **options: Any) -> Problem | None:
         """The problem with other options of the family; None where it cannot be had with them."""
         formulation = self.formulation
-        task = formulation.task.changed(trajectory=_choice(formulation.task, **options))
         try:
+            task = formulation.task.changed(trajectory=_choice(formulation.task, **options))
             check_richness(task)
             return replace(formulation.blueprint, task=task).problem(formulation.nonlinear, formulation.stated)
         except InputError:

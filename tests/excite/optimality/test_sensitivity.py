@@ -125,6 +125,13 @@ def test_a_poorer_family_does_not_have_the_motion(change: ProblemChanges) -> Non
     assert same_motion(change.formulation.problem, change.x, of_other_options(change, harmonics=2)) is None
 
 
+def test_harmonics_that_the_samples_cannot_tell_apart_are_left_out(change: ProblemChanges) -> None:
+    task = change.formulation.task.changed(rate=2.0)
+    coarse = replace(change, formulation=replace(change.formulation, task=task))
+    assert coarse.richer() is None
+    assert coarse.longer() is not None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_rows_of_every_linear_family_are_sorted_and_richer_motions_are_no_worse(family: str) -> None:
