@@ -14,6 +14,7 @@ from excite.design.unchecked import Unchecked, kept_text
 from excite.files.bound_file import stored_bound
 from excite.files.design_folder import design_content
 from excite.information.metrics import CONVENTIONS
+from excite.optimality.sensitivity import Sensitivity
 from excite.report.drawings import drawn
 from excite.report.player_motion import player_motion
 from excite.report.player_shapes import matches
@@ -159,7 +160,23 @@ def _bounds(design: DesignedMotion) -> list[ReportTable]:
         for each in bound.criteria
     )
     head = ("criterion", "bound", "design", "efficiency", "the bound is")
-    return [ReportTable("Distance from the best possible", head, rows, f"{'; '.join(bound.assumptions)}.", "bound")]
+    said = _sentence("; ".join(bound.assumptions))
+    table = ReportTable("Distance from the best possible", head, rows, said, "bound")
+    return [table, *_changes(bound.sensitivity)]
+
+
+def _changes(changes: Sensitivity | None) -> list[ReportTable]:
+    """What changes of the problem would bring, where it is known."""
+    if changes is None:
+        return []
+    rows = tuple((ReportCell(row.change), number(row.value), percent(row.gain)) for row in changes.rows)
+    head = ("change of the problem", changes.criterion, "gain")
+    said = _sentence(f"{changes.meaning}; without a change it is {changes.reference:.4g}")
+    return [ReportTable("What would bring more", head, rows, said, "sensitivity")]
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _limits(content: Mapping[str, Any]) -> list[ReportTable]:

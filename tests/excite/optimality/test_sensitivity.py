@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import excite
 from constraints.bounds.certificate import limit_uses
+from excite.cli.main import cli
 from excite.design.formulation import formulate
 from excite.design.problem import Problem
 from excite.files.bound_file import NAME, stored_bound
@@ -96,6 +98,13 @@ def test_richer_and_longer_motions_keep_the_limits_at_every_instant(change: Prob
         assert value == pytest.approx(changed.problem.exact_value(x), rel=1e-12)
 
 
+def test_richer_motions_have_limits_as_tight_on_their_grid(change: ProblemChanges) -> None:
+    richer = change.richer()
+    assert richer is not None
+    for limit, same in zip(change.formulation.problem.limits.linear, richer.problem.limits.linear, strict=True):
+        np.testing.assert_allclose(limit.upper, same.upper, rtol=1e-12)
+
+
 def test_looser_bounds_are_those_of_a_task_with_looser_limits() -> None:
     task = excite.Task("irp6").changed(joints=("q2", "q3"), period=5.0, harmonics=3)
     robot = excite.load_robot("irp6")
@@ -174,6 +183,22 @@ def test_it_is_stored_and_read_back_for_the_same_motion_only(one: excite.Design,
     assert stored_bound(design).sensitivity is None  # type: ignore[union-attr]
     replace(bound, sensitivity=replace(bound.sensitivity, criterion="logdet")).save(folder)  # type: ignore[type-var]
     assert stored_bound(design).sensitivity is None  # type: ignore[union-attr]
+
+
+def test_the_command_adds_it_to_a_file_without_it_and_shows_it(one: excite.Design, tmp_path: Path) -> None:
+    folder = tmp_path / "one"
+    one.save(folder)
+    replace(stored(one, folder), sensitivity=None).save(folder)
+    shown = CliRunner().invoke(cli, ["bound", str(folder)])
+    assert shown.exit_code == 0, shown.output
+    assert "6 harmonics instead of 3" in shown.output
+    assert "not of the bound" in " ".join(shown.output.split())
+    bound = stored_bound(load_design(folder))
+    assert bound is not None
+    assert bound.criteria[0].value == 10.0
+    assert bound.sensitivity is not None
+    read = json.loads(CliRunner().invoke(cli, ["bound", str(folder), "--json"]).stdout)
+    assert [row["gain"] for row in read["sensitivity"]["rows"]] == [row.gain for row in bound.sensitivity.rows]
 
 
 def test_a_file_without_it_is_read_and_a_damaged_one_named(one: excite.Design, tmp_path: Path) -> None:
