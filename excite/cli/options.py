@@ -385,7 +385,9 @@ class PartName(click.ParamType[str]):
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         """The built-in names, and the form of others."""
-        return f"[{'|'.join(self.names)}|MODULE:NAME]"
+        from excite.registry import ADDRESS_FORMS
+
+        return f"[{'|'.join((*self.names, *ADDRESS_FORMS.get(self.kind, ())))}|MODULE:NAME]"
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Built-in names that begin so."""
@@ -393,9 +395,9 @@ class PartName(click.ParamType[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Check the name and return it."""
-        from excite.registry import is_own
+        from excite.registry import is_addressed, is_own
 
-        if value not in self.names and not is_own(str(value)):
+        if value not in self.names and not is_addressed(self.kind, str(value)) and not is_own(str(value)):
             near = get_close_matches(str(value), self.names, 1)
             meant = f"; did you mean {near[0]}?" if near else ""
             self.fail(

@@ -36,7 +36,7 @@ Progress = Callable[[StartResult], None]
 _log = logging.getLogger(__name__)
 
 
-def _pickled(*content: Any) -> bytes:
+def pickled(*content: Any) -> bytes:
     """A blueprint and more, pickled for other processes, with classes of the user's script by value.
 
     Raises
@@ -77,7 +77,7 @@ def run_in_pool(formulation: Formulation, indices: Sequence[int], folder: Path, 
         Processes end again and again, and no start does.
     """
     search = formulation.task.search
-    content = _pickled(formulation.blueprint, formulation.identity.origin)
+    content = pickled(formulation.blueprint, formulation.identity.origin)
     count = min(search.workers or os.cpu_count() or 1, len(indices))
     with environment_of_workers():
         workers = Workers(content, search.seed, folder, count)

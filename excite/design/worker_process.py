@@ -41,9 +41,7 @@ def prepare(content: bytes) -> None:
         The pickled blueprint, and the origin of the starts.
     """
     global _prepared, _failure
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
-    _end_with_parent()
+    belong_to_parent()
     try:
         blueprint: Blueprint
         blueprint, origin = cloudpickle.loads(content)
@@ -69,6 +67,13 @@ def work(seed: int, index: int, folder: Path) -> StartResult:
         raise NotPreparedError(_failure)
     problem, method, origin = _prepared
     return optimise_start(problem, method, seed, index, folder, origin=origin)
+
+
+def belong_to_parent() -> None:
+    """Leave signals to the parent process, and end with it."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    _end_with_parent()
 
 
 def _end_with_parent() -> None:
