@@ -153,11 +153,11 @@ def _included(written: list[Values], include: list[Values]) -> Iterator[_Chosen]
 
 def _check_names(document: Document, names: list[str]) -> None:
     if not names:
-        raise document.error([((), "has no cell: state options in `grid`, or cells in `include`")])
+        raise document.error([((), "has no cell: state options in 'grid', or cells in 'include'")])
     known: set[str] = set()
     for name in names:
         if not name or name.casefold() in known:  # some file systems do not tell the cases of letters apart
-            what = f"has two cells named {shortened(name)}; give one of them another `name`" if name else "has no option"
+            what = f"has two cells named {shortened(name)}; give one of them another 'name'" if name else "has no option"
             raise document.error([(("include",), what)])
         known.add(name.casefold())
 
@@ -165,7 +165,7 @@ def _check_names(document: Document, names: list[str]) -> None:
 def _task(path: Path, name: str, options: dict[str, Any]) -> Task:
     robot = options.get("robot")
     if robot is None:
-        raise InputError(f"{path}: cell {name} has no robot; state one in `common` or `grid`")
+        raise InputError(f"{path}: cell {name} has no robot; state one in 'common' or 'grid'")
     if robot not in built_in_names():
         options["robot"] = str(path.parent / robot)
     try:

@@ -11,10 +11,13 @@ from typing import Any
 
 from excite.campaigns.cell import Cell
 from excite.campaigns.cell_folder import CELLS, read_record, stored_design
+from excite.files.stored import complete, stored_content
 from excite.registry import name_of
-from excite.storage.atomic import read_json, replacing, write_json
+from excite.storage.atomic import replacing, write_json
+from excite.storage.commit import read_settled
+from excite.storage.destination import Destination
+from excite.storage.manifest import check_files
 from excite.storage.result_folder import replace_result
-from regressors.errors import InputError
 
 SCHEMA = "excite.campaign/1"
 KIND = "campaign"
@@ -95,6 +98,14 @@ class CampaignTable:
         return tuple(dict.fromkeys(option for row in self.rows for option in row.options))
 
     @property
+    def often_varied(self) -> tuple[str, ...]:
+        """Options that most cells state, and not all alike."""
+        stated = {name: [row.options[name] for row in self.rows if name in row.options] for name in self.varied}
+        return tuple(
+            name for name, values in stated.items() if 2 * len(values) > len(self.rows) and len(set(values)) > 1
+        )
+
+    @property
     def groups(self) -> dict[int, tuple[CampaignRow, ...]]:
         """Designed rows by group, each sorted by condition number."""
         made = sorted((row for row in self.rows if row.group), key=lambda row: (row.group, row.condition))
@@ -132,13 +143,15 @@ def load_campaign(folder: str | Path) -> CampaignTable:
     """
     path = Path(folder)
     path = path if path.suffix == ".json" else path / JSON
-    content = read_json(path)
-    if content.get("schema") != SCHEMA:
-        raise InputError(f"{path}: expected schema {SCHEMA}, given {content.get('schema')!r}")
-    try:
+    return read_settled(Destination(path.parent), lambda: _loaded(path))
+
+
+def _loaded(path: Path) -> CampaignTable:
+    content = stored_content(path, SCHEMA)
+    if path.name == JSON:
+        check_files(path.parent, KIND, (JSON,))
+    with complete(path, "campaign"):
         return CampaignTable(tuple(CampaignRow(**row) for row in content["rows"]))
-    except (KeyError, TypeError) as error:
-        raise InputError(f"{path} is not the complete table of a campaign: {error}") from error
 
 
 def campaign_table(cells: Iterable[Cell], folder: Path) -> CampaignTable:
