@@ -126,9 +126,7 @@ def _product(grid: Mapping[str, Values], exclude: list[dict[str, str]]) -> Itera
             yield cell_name(cell), cell, {name: grid[name][label] for name, label in cell.items()}
 
 
-def _excluded(
-    document: Document, grid: Mapping[str, Values], number: int, combination: Values
-) -> dict[str, str]:
+def _excluded(document: Document, grid: Mapping[str, Values], number: int, combination: Values) -> dict[str, str]:
     """Labels of a combination that is left out."""
     if not combination:
         raise document.error([(("exclude", number), "names no option of the grid")])
@@ -157,7 +155,9 @@ def _check_names(document: Document, names: list[str]) -> None:
     known: set[str] = set()
     for name in names:
         if not name or name.casefold() in known:  # some file systems do not tell the cases of letters apart
-            what = f"has two cells named {shortened(name)}; give one of them another 'name'" if name else "has no option"
+            what = (
+                f"has two cells named {shortened(name)}; give one of them another 'name'" if name else "has no option"
+            )
             raise document.error([(("include",), what)])
         known.add(name.casefold())
 

@@ -139,6 +139,8 @@ def run_campaign(
 
 
 def _cells(given: str | Path | Mapping[str, Task] | Sequence[Cell]) -> list[Cell]:
+    if not isinstance(given, str | Path) and not given:
+        raise InputError("a campaign needs at least one cell; none is given")
     if isinstance(given, str | Path):
         return read_campaign_file(given)
     if not isinstance(given, Mapping):
@@ -180,9 +182,10 @@ def cells_left(cells: Sequence[Cell], folder: Path, *, replace: bool = False, sh
         where = str(place_of_cell) if shares_disk else ""
         work.append((cell, CellWork(pickled_task(cell.task), wanted, where, fresh=not same)))
     if others and not replace:
+        count = "1 cell of the same name has" if len(others) == 1 else f"{len(others)} cells of the same names have"
         raise InputError(
-            f"{folder} holds {len(others)} cell(s) of the same name with other options or versions, such as "
-            f"{listed_names(others[:_SHOWN])}; `replace` runs them again, or choose another `folder`"
+            f"in {folder}, {count} other options or versions: {listed_names(others[:_SHOWN])}; `replace` runs "
+            "them again, or choose another `folder`"
         )
     return CellsLeft(tuple(done), tuple(work))
 

@@ -53,7 +53,7 @@ def run_and_write(
     tell("reading the campaign")
     cells = read_campaign_file(file)
     interrupted = False
-    with result_folder(out), one_interrupt():
+    with result_folder(out), one_interrupt() as interruption:
         try:
             with progress_of_cells() as (begin, progress):
 
@@ -67,6 +67,7 @@ def run_and_write(
                     cells, out, executor=executor, workers=workers, replace=force, progress=progress, left=left
                 )
         except KeyboardInterrupt:
+            interruption.caught()
             interrupted, table = True, _saved(out)
             say("excite: interrupted; finished cells are saved, and the same command continues with the others")
         files = _write(table, out, figures, report=report and not interrupted)

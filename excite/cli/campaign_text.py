@@ -37,8 +37,11 @@ def campaign_summary(table: CampaignTable, files: Sequence[Path], out: Path) -> 
         facts=[
             *([alike or apart] if groups else []),
             *compact_table(
-                *(options or ("cell",)), *_HEADINGS, rows=[(*_place(row, options), *_numbers(row)) for row in shown],
-                left=max(1, len(options)), most=_ROWS,
+                *(options or ("cell",)),
+                *_HEADINGS,
+                rows=[(*_place(row, options), *_numbers(row)) for row in shown],
+                left=max(1, len(options)),
+                most=_ROWS,
             ),
             *([f"{len(table.rows) - len(shown)} more cells: {out / TABLE}"] * (len(table.rows) > len(shown))),
         ],  # fmt: skip

@@ -121,7 +121,14 @@ def progress_of_cells() -> Iterator[tuple[Callable[[int, int], None], Callable[[
     if verbosity().verbose or not can_move(sys.stderr):
         yield (lambda _, left: say(f"excite: {left} cells to run") if left else None), _lines_of_cells()
         return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     from excite.cli.literal_console import console_of_progress
 

@@ -23,6 +23,7 @@ _CONNECT = 10.0  # [s]
 _LOOK = 1.0  # seconds between two looks at a cluster that sends nothing
 _PATIENCE = 10.0  # seconds without a worker after which that is said
 _AHEAD = 1000  # units that are on their way at a time
+_TALKATIVE = ("distributed", "tornado")
 _one_at_a_time = threading.Lock()
 _log = logging.getLogger(__name__)
 
@@ -89,8 +90,9 @@ class _Units:
                     self._submit(following, units[following])
                 yield index, result
         finally:
-            with suppress(Exception):
-                self._client.cancel(list(self._running))
+            if self._client.status == "running":  # else it would wait for the scheduler that went away
+                with suppress(Exception):
+                    self._client.cancel(list(self._running))
 
     def _submit(self, index: int, unit: Any) -> None:
         future = self._client.submit(_on_worker, self._work, self._common, unit, pure=False)
@@ -186,18 +188,17 @@ def _cluster(address: DaskAddress, workers: int | None) -> Iterator[dict[str, An
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Keep Dask's own reports of lost connections from the terminal; what matters of them is said here."""
-    logger = logging.getLogger("distributed")
-    logger.addFilter(_nothing)
-    loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict if name.startswith("distributed")]
-    before = [(each, each.disabled) for each in loggers]
+    with suppress(ImportError):
+        import distributed  # noqa: F401  # which makes the handlers
+    loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict if name.startswith(_TALKATIVE)]
+    handlers = [handler for logger in loggers for handler in logger.handlers]
+    for handler in handlers:
+        handler.addFilter(_nothing)
     try:
-        for each in loggers:
-            each.disabled = True
         yield
     finally:
-        logger.removeFilter(_nothing)
-        for each, was in before:
-            each.disabled = was
+        for handler in handlers:
+            handler.removeFilter(_nothing)
 
 
 def _nothing(_: logging.LogRecord) -> bool:
