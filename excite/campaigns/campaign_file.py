@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
+from types import GenericAlias
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel
 
 from excite.campaigns.cell import Cell, cell_name, value_name
 from excite.files.task_file import beside, option_types, options_schema, task_from_options
@@ -23,7 +24,6 @@ MOST_CELLS = 10_000
 _WHERE = ("executor", "workers")  # options that say where a single design runs: given for the whole campaign
 _LONGEST_LABEL = 40
 _NAME = "name"
-_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 Values = Mapping[str, Any]
 _Chosen = tuple[str, dict[str, str], dict[str, Any]]
 
@@ -81,18 +81,21 @@ def _schema(document: Document) -> type[BaseModel]:
     given = content.get("grid") if isinstance(content, dict) else None
     given = given if isinstance(given, dict) else {}
     labelled = {name for name, values in given.items() if isinstance(values, dict)}
-    several: dict[str, Any] = {
-        name: dict[str, kind] if name in labelled else list[kind] for name, kind in types.items()
+    several = {
+        name: GenericAlias(dict, (str, kind)) if name in labelled else _list_of(kind) for name, kind in types.items()
     }
-    one: Any = str | bool | int | float | list[Any]
-    known: Any = create_model("Combination", __config__=_CONFIG, **{name: (one | None, None) for name in given})
-    fields: dict[str, Any] = {
-        "common": (options_schema("Common", types) | None, None),
-        "grid": (options_schema("Grid", several) | None, None),
-        "exclude": (list[known] | None, None),
-        "include": (list[options_schema("Included", {**types, _NAME: str})] | None, None),  # type: ignore[misc]
+    one = str | bool | int | float | list[Any]
+    sections = {
+        "common": options_schema("Common", types),
+        "grid": options_schema("Grid", several),
+        "exclude": _list_of(options_schema("Combination", dict.fromkeys(given, one))),
+        "include": _list_of(options_schema("Included", {**types, _NAME: str})),
     }
-    return create_model("Campaign", __config__=_CONFIG, **fields)
+    return options_schema("Campaign", sections)
+
+
+def _list_of(kind: Any) -> GenericAlias:
+    return GenericAlias(list, (kind,))
 
 
 def _given(document: Document, key: str, otherwise: Any) -> Any:

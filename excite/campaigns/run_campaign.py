@@ -86,8 +86,8 @@ def run_campaign(
 ) -> CampaignTable:
     """Design every cell of a campaign, and write the table of all.
 
-    Every cell is a folder ``cells/NAME`` as `Design.save` writes it, complete as soon as the cell ends. A cell without a
-    feasible motion, or that fails, does not stop the others. The same call again continues: finished cells of the same
+    Every cell is a folder ``cells/NAME`` as `Design.save` writes it, complete as soon as the cell ends. A cell that has
+    no feasible motion, or fails, does not stop the others. The same call again continues: finished cells of the same
     problem are not computed again, nor are the finished starts of others, except those that were on Dask.
 
     Parameters

@@ -31,20 +31,13 @@ def campaign_summary(table: CampaignTable, files: Sequence[Path], out: Path) -> 
     apart = f"{len(groups)} groups; only cells of the same group have comparable numbers, at the top the best of each"
     shown = [row for rows in groups.values() for row in rows[: max(1, _ROWS // len(groups))]][:_ROWS]
     options = table.often_varied if len(table.often_varied) <= _MOST_OPTIONS else ()
+    rows = [(*_place(row, options), *_numbers(row)) for row in shown]
+    best = compact_table(*(options or ("cell",)), *_HEADINGS, rows=rows, left=max(1, len(options)), most=_ROWS)
+    more = len(table.rows) - len(shown)
     return Summary(
         verdict=verdict,
         holds=table.holds,
-        facts=[
-            *([alike or apart] if groups else []),
-            *compact_table(
-                *(options or ("cell",)),
-                *_HEADINGS,
-                rows=[(*_place(row, options), *_numbers(row)) for row in shown],
-                left=max(1, len(options)),
-                most=_ROWS,
-            ),
-            *([f"{len(table.rows) - len(shown)} more cells: {out / TABLE}"] * (len(table.rows) > len(shown))),
-        ],  # fmt: skip
+        facts=[*([alike or apart] * bool(groups)), *best, *([f"{more} more cells: {out / TABLE}"] * (more > 0))],
         notes=[f"{row.cell}: {row.status}: {row.reason}" for row in table.rows if row.reason],
         files=files,
         next_steps=[_next(table, out)],

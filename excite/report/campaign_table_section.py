@@ -21,14 +21,14 @@ def campaign_table_section(table: CampaignTable, prefix: str) -> ReportSection:
     from excite.plots.campaign_plot import campaign_figure
 
     made, told = table.counts.get(DESIGNED, 0), table.counts
-    others = ", ".join(f"{count} {status}" for status, count in told.items() if status != DESIGNED)
+    others = "".join(f"; {count} {status}" for status, count in told.items() if status != DESIGNED)
     figures, left_out = drawn({"Condition numbers by each option": lambda: campaign_figure(table)}, prefix)
     reasons = [f"{row.cell}: {row.status}: {row.reason}" for row in table.rows if row.reason]
     more = len(reasons) - _REASONS
     return ReportSection(
         kind="campaign",
         title=f"{len(table.rows)} cells of a campaign",
-        verdict=f"{made} of {len(table.rows)} cells have a design within their limits{f'; {others}' if others else ''}.",
+        verdict=f"{made} of {len(table.rows)} cells have a design within their limits{others}.",
         holds=table.holds,
         assumed=(
             "numbers are comparable within a group: the same robot, model, moving joints and base parameters",
@@ -43,8 +43,8 @@ def campaign_table_section(table: CampaignTable, prefix: str) -> ReportSection:
 def _best(table: CampaignTable) -> ReportTable:
     rows = tuple(
         (
-            number(group), ReportCell(rows[0].cell), number(rows[0].condition, state="best"), number(rows[-1].condition),
-            number(len(rows)),
+            number(group), ReportCell(rows[0].cell), number(rows[0].condition, state="best"),
+            number(rows[-1].condition), number(len(rows)),
         )
         for group, rows in table.groups.items()
     )  # fmt: skip
@@ -55,8 +55,8 @@ def _best(table: CampaignTable) -> ReportTable:
 def _cells(table: CampaignTable) -> ReportTable:
     varied = table.varied
     columns = (
-        "cell", *varied, "status", "group", "condition number", "criterion", "duration [s]", "tightest limit", "its use",
-        "CPU [s]", "reason",
+        "cell", *varied, "status", "group", "condition number", "criterion", "duration [s]", "tightest limit",
+        "its use", "CPU [s]", "reason",
     )  # fmt: skip
     rows = tuple(_row(row, varied) for row in table.rows)
     return ReportTable("All cells", columns, rows, name="campaign-cells")

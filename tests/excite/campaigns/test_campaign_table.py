@@ -15,7 +15,7 @@ from campaign_cells import copies
 import excite
 from excite.campaigns.campaign_table import CampaignTable, campaign_table
 from excite.campaigns.cell import Cell
-from excite.campaigns.cell_folder import CELLS, CellRecord, read_record, write_record
+from excite.campaigns.cell_folder import CELLS, read_record, write_record
 from excite.campaigns.run_campaign import cells_left
 from excite.cli.campaign_text import campaign_summary
 from excite.cli.summary import show

@@ -1,4 +1,4 @@
-"""Starts on a real Dask scheduler with two worker processes: as serial ones, with a worker lost, without a scheduler."""
+"""Starts on a real Dask scheduler with two worker processes: as serial ones; a worker, then the scheduler, is lost."""
 
 from __future__ import annotations
 
@@ -129,5 +129,5 @@ def test_nothing_at_the_address_is_one_line(
     problem: Formulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("excite.executors.dask_cluster._CONNECT", 0.3)
-    with pytest.raises(InputError, match="no Dask scheduler answers at dask://127.0.0.1:9:"):
+    with pytest.raises(InputError, match=r"no Dask scheduler answers at dask://127\.0\.0\.1:9:"):
         DaskStarts("dask://127.0.0.1:9")(problem, range(1), tmp_path, lambda _: None)
