@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
+import string
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from excite.tasks.task import Task
 
 _LONGEST_VALUE, _LONGEST_NAME = 32, 160  # characters
+_SAFE = frozenset(string.ascii_letters + string.digits + "_.+-")
 _DIGITS = 8  # of a hash in a name
 
 
@@ -57,8 +58,16 @@ def value_name(value: Any) -> str:
         text = "+".join(map(_plain, value))
     else:
         text = _plain(value)
-    safe = re.sub(r"[^\w.+-]+", "-", text, flags=re.ASCII).strip("-.")[:_LONGEST_VALUE]
+    safe = "".join(letter if letter in _SAFE else "-" for letter in text).strip("-.")[:_LONGEST_VALUE]
     return safe if safe == text else f"{safe}-{_hash(text)}".strip("-")
+
+
+def is_cell_name(name: str) -> bool:
+    """True for a name that folders of any system may have, and that is no option and not hidden."""
+    parts = name.split(",")
+    return 0 < len(name) <= _LONGEST_NAME and all(
+        value_name(each) == each for part in parts for each in part.split("=")
+    )
 
 
 def _plain(value: Any) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from excite.campaigns.campaign_file import read_campaign_file
 from excite.campaigns.campaign_table import CampaignTable, campaign_table
-from excite.campaigns.cell import Cell, value_name
+from excite.campaigns.cell import Cell, is_cell_name
 from excite.campaigns.cell_design import CellResult, CellWork, design_cell, pickled_task
 from excite.campaigns.cell_folder import (
     CELLS,
@@ -24,7 +24,7 @@ from excite.campaigns.cell_folder import (
 )
 from excite.campaigns.cell_identity import cell_identities
 from excite.design.problem_identity import PACKAGES
-from excite.executors.choice import unit_executor
+from excite.executors.unit_executors import unit_executor
 from excite.executors.unit_executor import LostUnit, UnitExecutor
 from excite.storage.atomic import writing
 from excite.storage.result_folder import result_folder
@@ -145,8 +145,8 @@ def _cells(given: str | Path | Mapping[str, Task] | Sequence[Cell]) -> list[Cell
         return read_campaign_file(given)
     if not isinstance(given, Mapping):
         return list(given)
-    if bad := [name for name in given if value_name(name) != name]:
-        raise InputError(f"names of cells are letters, digits and . _ + -, given {shortened(bad[0])}")
+    if bad := [name for name in given if not is_cell_name(name)]:
+        raise InputError(f"names of cells are letters, digits and . _ + - = and commas, given {shortened(bad[0])}")
     return [Cell(name, task) for name, task in given.items()]
 
 

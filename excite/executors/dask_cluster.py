@@ -169,7 +169,9 @@ def _cluster(address: DaskAddress, workers: int | None) -> Iterator[dict[str, An
     """What the client is given; of a cluster on this machine, the cluster."""
     if not address.is_local:
         if address.file is not None and not address.file.is_file():
-            raise InputError(f"no Dask scheduler file {address.file}; 'dask scheduler --scheduler-file' writes it")
+            raise InputError(
+                f"no Dask scheduler file {address.file}; a scheduler that is started with its name writes it"
+            )
         yield {"address": address.scheduler} if address.file is None else {"scheduler_file": str(address.file)}
         return
     from distributed import LocalCluster

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from excite.cli.options import PartName
-from excite.executors.choice import unit_executor
+from excite.executors.unit_executors import unit_executor
 from excite.executors.dask_address import DaskAddress, dask_address
 from excite.executors.dask_cluster import DaskCluster
 from excite.executors.in_processes import InProcesses
