@@ -24,8 +24,8 @@ from excite.campaigns.cell_folder import (
 )
 from excite.campaigns.cell_identity import cell_identities
 from excite.design.problem_identity import PACKAGES
-from excite.executors.unit_executors import unit_executor
 from excite.executors.unit_executor import LostUnit, UnitExecutor
+from excite.executors.unit_executors import unit_executor
 from excite.storage.atomic import writing
 from excite.storage.result_folder import result_folder
 from excite.tasks.task import Task

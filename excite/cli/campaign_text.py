@@ -8,7 +8,7 @@ from pathlib import Path
 from excite.campaigns.campaign_table import DESIGNED, TABLE, CampaignRow, CampaignTable
 from excite.cli.summary import Summary, compact_table
 
-_ROWS = 16
+_ROWS = 12
 _MOST_OPTIONS = 5  # as columns of their own; of more, the name of the cell
 _HEADINGS = ("group", "cond(W)", "criterion", "lasts", "limit used", "status")
 

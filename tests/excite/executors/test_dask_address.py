@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from excite.cli.options import PartName
-from excite.executors.unit_executors import unit_executor
 from excite.executors.dask_address import DaskAddress, dask_address
 from excite.executors.dask_cluster import DaskCluster
 from excite.executors.in_processes import InProcesses
 from excite.executors.unit_executor import InThisProcess
+from excite.executors.unit_executors import unit_executor
 from excite.registry import EXECUTORS, check_name
 from excite.tasks.search import Search
 from regressors.errors import InputError, UnknownName
