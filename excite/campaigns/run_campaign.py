@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -24,6 +25,7 @@ from excite.campaigns.cell_folder import (
 )
 from excite.campaigns.cell_identity import cell_identities
 from excite.design.problem_identity import PACKAGES
+from excite.errors import LostWorkersError
 from excite.executors.unit_executor import LostUnit, UnitExecutor
 from excite.executors.unit_executors import unit_executor
 from excite.storage.atomic import writing
@@ -117,9 +119,10 @@ def run_campaign(
     InputError
         A file that cannot be used, a folder with other cells under the same names or in use, or Dask not reachable.
     LostWorkersError
-        Worker processes end again and again, or the Dask scheduler went away; the same call continues.
+        Worker processes end again and again, or the Dask scheduler went away; the same call continues. The table is
+        written, with the cells that are not run.
     KeyboardInterrupt
-        The table is written, with the cells that are not run.
+        Likewise.
     """
     folder, chosen = Path(folder), _cells(cells)
     units = unit_executor(executor, workers)
@@ -132,9 +135,15 @@ def run_campaign(
             left(todo)
         try:
             _run(units, todo, folder, progress or (lambda _: None))
-        finally:
-            table = campaign_table(chosen, folder)
-            table.save(folder)
+        except (KeyboardInterrupt, LostWorkersError):
+            campaign_table(chosen, folder).save(folder)
+            raise
+        except InputError:
+            with suppress(OSError):  # as there are no cells in it
+                (folder / CELLS).rmdir()
+            raise
+        table = campaign_table(chosen, folder)
+        table.save(folder)
     return table
 
 

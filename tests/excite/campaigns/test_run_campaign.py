@@ -217,3 +217,13 @@ def test_folders_are_put_in_place_whole(tmp_path: Path) -> None:
     clear_cells(cells)
     assert {path.name for path in cells.iterdir()} == {"one"}
     assert packed(cells / "one") == {"c.txt": b"3"}
+
+
+def test_nothing_is_left_where_no_scheduler_answers(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("excite.executors.dask_cluster._CONNECT", 0.3)
+    for command in (("design", "irp6", "--harmonics", "3"), ("campaign", "run", "campaign.yaml")):
+        ended = here.run(*command, "--out", "out", "--executor", "dask://127.0.0.1:9")
+        assert ended.returncode == 2
+        assert ended.stderr.splitlines()[-1].startswith("excite: no Dask scheduler answers at dask://127.0.0.1:9: ")
+        assert not (here.cwd / "out").exists()
