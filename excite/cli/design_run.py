@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from excite.cli.figure_options import FigureChoice
@@ -23,6 +24,7 @@ from excite.files.resumed_search import holds_unfinished_design, resume_search
 from excite.storage.result_folder import result_folder
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
+from regressors.errors import InputError
 
 _ENDED = "Ctrl-C ends it, and the best so far is saved"
 
@@ -61,7 +63,7 @@ def design_and_write(
         tell("looking for the best motion")
         with one_interrupt() as interruption:
             ready = ready_workers(formulation) if _left(kept) else nullcontext()
-            with ready, progress_of_starts(kept) as progress:
+            with ready, progress_of_starts(kept) as progress, _nothing_left(kept):
                 design = solve(robot, formulation, kept, progress, at_end=interruption.ignore)
             tell("writing and drawing")
             files = write_design(design, out, figures.formats)
@@ -70,6 +72,17 @@ def design_and_write(
 
                 files = [*write_figures(design, out, **figures.how), *files]
     return design, files
+
+
+@contextmanager
+def _nothing_left(kept: KeptStarts) -> Iterator[None]:
+    """Remove the folder of starts where there is none since the executor cannot be used."""
+    try:
+        yield
+    except InputError:
+        with suppress(OSError):
+            kept.folder.rmdir()
+        raise
 
 
 def _print_what_is_known(formulation: Formulation, task: Task, kept: KeptStarts, notes: tuple[str, ...]) -> None:

@@ -235,7 +235,7 @@ def _solver(design: Design) -> dict[str, Any]:
         "starts": [
             {
                 "index": start.index,
-                "value": start.value,
+                "value": _finite(start.value),
                 "status": start.status,
                 "iterations": len(start.history),
                 "evaluations": start.evaluations,

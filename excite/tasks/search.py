@@ -98,6 +98,12 @@ class Search:
         return RANDOM_STARTS if self.starts is None else self.starts
 
     @property
+    def extent(self) -> str:
+        """Starts, rounds and budget as text: searches of another extent may come to another motion."""
+        given = {"starts": self.starts, "rounds": self.rounds, "budget": self.budget}
+        return " ".join(f"{name}={value}" for name, value in given.items() if value is not None) or "adaptive"
+
+    @property
     def adaptive(self) -> bool:
         """Whether rounds follow the random starts, and the best motion of all is refined."""
         return self.starts is None or self.rounds is not None or self.budget is not None
