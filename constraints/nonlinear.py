@@ -6,16 +6,17 @@ it between samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from constraints.constraint import OTHER, Constraint
 from regressors.models.model import evaluate_samples
 from regressors.models.partial import PartialMotion
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 from regressors.symbolic.intervals import IntervalFunction
 from regressors.symbolic.kinematics import sparse
 from regressors.symbolic.vectorised import VectorisedFunction
@@ -121,6 +122,53 @@ class NonlinearConstraint(Constraint):
         values = np.zeros(self.function.shape)
         values[self.function.row, self.function.column] = self.function.interpreted(pose[:, None], zero, zero)[:, 0]
         return values[:, 0]
+
+    @cached_property
+    def derivatives(self) -> tuple[int, ...]:
+        """Those of position (0), velocity (1) and acceleration (2) that the functions depend on."""
+        return tuple(sorted(set((self.jacobian.column // self.joints).tolist()))) or (0,)
+
+    @cached_property
+    def varies(self) -> NDArray[np.bool_]:
+        """Which functions depend on the motion, shape (k,)."""
+        return np.isin(np.arange(len(self.lower)), self.jacobian.row)
+
+    def at_instants(self, motion: Sequence[Array]) -> Array:
+        """Values of g, shape (k, N), of position, velocity and acceleration, each of shape (n, N).
+
+        The layout of a search, which evaluates one motion after the other.
+        """
+        nonzeros, count = self.function(*motion), len(self.lower)
+        if len(nonzeros) == count:
+            return nonzeros
+        values = np.zeros((count, nonzeros.shape[1]))
+        values[self.function.row] = nonzeros
+        return values
+
+    def slopes_at_instants(self, motion: Sequence[Array]) -> Callable[[Index, Index, Index], Array]:
+        """``dg / d(q, dq, ddq)`` of a motion as in `at_instants`.
+
+        Returns
+        -------
+        callable
+            From numbers of functions and of instants, shape (rows,) each, and numbers of columns, shape (c,): the
+            derivatives, shape (rows, c).
+        """
+        nonzeros = self.jacobian(*motion)
+        padded = np.concatenate([nonzeros, np.zeros((1, nonzeros.shape[1]))])
+
+        def slopes(function: Index, instant: Index, columns: Index) -> Array:
+            return np.asarray(padded[self._nonzero[function[:, None], columns], instant[:, None]])
+
+        return slopes
+
+    @cached_property
+    def _nonzero(self) -> Index:
+        """Number of the Jacobian's nonzero at each place, and one more where there is none, shape (k, 3 n)."""
+        row, column = self.jacobian.row, self.jacobian.column
+        places = np.full((len(self.lower), 3 * self.joints), row.size)
+        places[row, column] = np.arange(row.size)
+        return places
 
     def slopes(self, samples: Samples) -> Array:
         """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import daqp
 import numpy as np
 
-from excite.design.grid_constraint import GridConstraint
 from excite.design.problem import Problem
 from excite.design.smooth_objective import ObjectivePoint
 from excite.design.solvers.linear_rows import LinearRows, peaks
+from excite.design.solvers.nonlinear_rows import NearRows
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array, Index
 
@@ -29,8 +29,6 @@ _FLAT = 1e-10  # predicted change of the objective that counts as zero
 _RIDGE = 1e-9  # of the largest curvature: keeps the quadratic programme well conditioned
 _STEEPEST = 1e100  # a gradient beyond it is of a motion that identifies next to nothing
 _ROUNDS = 8
-_TANGENT_NEAR = 0.4  # instants where a nonlinear limit is used beyond this fraction are linearised
-_TANGENT_SLACK = 1e-6
 _RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
 
 
@@ -198,24 +196,24 @@ class _Step:
         linear = self.linear
         at = linear.values(x) if linear is not None else np.zeros((1, 1))
         rows = peaks(np.abs(at), _NEAR)
-        linearised = [_Linearised(limit, x) for limit in self.nonlinear]
+        near = NearRows(self.nonlinear, x) if self.nonlinear else None
         d = np.zeros(g.size)
         self.whole = False
         for _ in range(_ROUNDS):
-            A, lower, upper = self._programme(at, rows, linearised)
+            A, lower, upper = self._programme(at, rows, near)
             d, _, flag, _ = daqp.solve(H, g, A, upper, lower, np.zeros(len(upper), dtype=np.int32))
             if flag < 0:
                 return None
             use = np.abs(at + linear.changes(d)) if linear is not None else at
-            broken = [limit.broken(d) for limit in linearised]
+            broken = near is not None and near.broken(d)
             self.whole = float(use.max()) <= 1.0
-            if self.whole and not any(broken):
+            if self.whole and not broken:
                 break
             rows = np.union1d(rows, peaks(use, _INSIDE))
         return np.asarray(d)
 
-    def _programme(self, at: Array, rows: Index, linearised: list[_Linearised]) -> tuple[Array, Array, Array]:
-        parts = [limit.rows() for limit in linearised]
+    def _programme(self, at: Array, rows: Index, near: NearRows | None) -> tuple[Array, Array, Array]:
+        parts = [near.rows()] if near is not None else []
         if self.linear is not None:
             here = at.ravel()[rows]
             parts.append((self.linear.rows(rows), np.minimum(-_INSIDE - here, 0.0), np.maximum(_INSIDE - here, 0.0)))
@@ -223,33 +221,3 @@ class _Step:
             return parts[0]
         A, lower, upper = zip(*parts, strict=True)
         return np.concatenate(A), np.concatenate(lower), np.concatenate(upper)
-
-
-class _Linearised:
-    """One nonlinear limit linearised about an iterate; rows of the programme are added when needed."""
-
-    def __init__(self, limit: GridConstraint, x: Array) -> None:
-        self.limit, self.values = limit, limit.values(x)
-        use = limit.uses(self.values)
-        self.active = np.flatnonzero(np.any(use > _TANGENT_NEAR, axis=0))
-        self.tangent = limit.tangent(x, self.active)
-        self.chosen = np.zeros((self.values.shape[0], self.active.size), dtype=bool)
-        self.chosen.ravel()[peaks(use[:, self.active], _NEAR)] = True
-
-    def broken(self, d: Array) -> bool:
-        """Whether a step violates the limit at instants that are not rows yet; if so, add them."""
-        new = self.values[:, self.active] + self.tangent.changes(d)
-        more = np.zeros_like(self.chosen)
-        more.ravel()[peaks(self.limit.uses(new), 1.0 + _TANGENT_SLACK)] = True
-        fresh = bool(np.any(more & ~self.chosen))
-        self.chosen |= more
-        return fresh
-
-    def rows(self) -> tuple[Array, Array, Array]:
-        """Rows of the programme with their bounds."""
-        function, instant = np.nonzero(self.chosen)
-        value = self.values[function, self.active[instant]]
-        reserve = self.limit.reserve[function]
-        upper = np.maximum(self.limit.upper[function] - reserve - value, 0.0)
-        lower = np.minimum(self.limit.lower[function] + reserve - value, 0.0)
-        return self.tangent.rows(function, instant), lower, upper
