@@ -119,7 +119,7 @@ class NumberOr(Number):
         if value == self.word:
             return value
         try:
-            number = number_of(value) if isinstance(value, str) else value
+            number = _number_of(_quantity(self.quantity, param), value) if isinstance(value, str) else value
         except ValueError:
             self.fail(f"expected {self.word} or a number, given {shown(value)}", param, ctx)
         return super().convert(number, param, ctx)

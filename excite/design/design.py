@@ -11,6 +11,7 @@ from constraints.collision.geometry import World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
+from excite.design.rung import Rung
 from excite.design.start_results import StartResult
 from excite.design.unchecked import Unchecked
 from excite.information.metrics import PredictedAccuracy
@@ -71,6 +72,8 @@ class Design(DesignedMotion):
         of the notes says so.
     further_starts : int
         Number of starts beside `starts`.
+    rungs : tuple of Rung
+        Numbers of harmonics that a search tried which chose it, in order; none otherwise.
     shape : World, optional
         Shape of the robot by which self-collision was checked, where it is that of the robot's own file.
     """
@@ -96,6 +99,7 @@ class Design(DesignedMotion):
     unchecked: tuple[Unchecked, ...] = ()
     nearly_unidentifiable: tuple[NearlyUnidentifiable, ...] = ()
     further_starts: int = 0
+    rungs: tuple[Rung, ...] = ()
 
     @property
     def number_of_starts(self) -> int:

@@ -243,6 +243,7 @@ def _solver(design: Design) -> dict[str, Any]:
             for start in design.starts
         ],
         **({"further_starts": design.further_starts} if design.further_starts else {}),
+        **({"harmonics": [vars(rung) for rung in design.rungs]} if design.rungs else {}),
     }
 
 

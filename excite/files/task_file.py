@@ -21,7 +21,7 @@ from excite.tasks.option import Kind, options_of
 from excite.tasks.options_of_model import options_of_model
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.task import PARTS, Task
-from excite.tasks.values import EXPECTED, MARGINS, NONE
+from excite.tasks.values import COUNTS, EXPECTED, MARGINS, NONE
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.input_files import read_text
@@ -83,6 +83,7 @@ _TYPES: Mapping[Kind, Any] = {
     "payload": _NUMBERS | str,
     "mount": Annotated[list[_NUMBER], _THREE] | Literal[*MOUNTS],
     "margin": _NUMBER | Literal[*MARGINS],
+    "count": Annotated[int, Strict()] | Literal[*COUNTS],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
     "drives": Annotated[Any, AfterValidator(_drives)],
     "parameters": dict[str, _NUMBER],
