@@ -24,7 +24,7 @@ from regressors.robot.robot import Robot
 
 _NUMBERS = (FEWEST, 7, 10, 14, 20, 30)  # harmonics
 _LEAST = 0.02  # part of the criterion that a step must bring
-_STARTS = 2  # of each search that begins with a motion: the motion itself, and one mixed with a random motion
+_STARTS = 1  # of each search that begins with a motion
 
 Prepare = Callable[[Formulation, bool], KeptStarts]
 Solve = Callable[[Formulation, KeptStarts], Design]

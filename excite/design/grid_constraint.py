@@ -15,7 +15,7 @@ from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_functions import GridFunction, JointFunction, LinearFunction, Slopes
 from excite.design.grid_joints import GridJoints, LastResult
-from excite.design.sampled_use import SampledUse, sampled_use
+from excite.design.sampled_use import BoundsCheck, SampledUse, sampled_use
 from excite.trajectories.motion_at_instants import GridMotion, MotionTangent
 from regressors.samples import Array, Index
 
@@ -120,7 +120,11 @@ class GridConstraint:
 
     def holds(self, x: Array) -> bool:
         """True if every value is within the bounds, as far as a search looks, see `sampled_use`."""
-        return bool(self.sampled(x).use.max(initial=-np.inf) <= 1.0)
+        return self._check(x)
+
+    @cached_property
+    def _check(self) -> BoundsCheck:
+        return BoundsCheck(self)
 
     def change(self, value: Array, step: Array, end: Array) -> Array:
         """Change of the values by a step that leaves the shape unchanged, shape (k, N).

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from constraints.linear import LinearConstraint
-from constraints.nonlinear import NonlinearConstraint
-from constraints.stacked import StackedConstraint
+from constraints.nonlinear import NonlinearConstraint, StackedConstraint
 from excite.design.grid_constraint import GridConstraint
 from excite.design.grid_joints import GridJoints
 from excite.trajectories.motion_at_instants import GridMotion

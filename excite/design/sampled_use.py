@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from excite.design.grid_constraint import GridConstraint
 
 _COARSE = 4  # every so many instants of the grid
+_FEW = 8  # instants that are asked first
 _NEAR = 0.95  # of a bound
 _RISE = 0.25  # of the second difference: twice what a parabola rises above the larger one of its values
 
@@ -38,6 +39,31 @@ class SampledUse:
     instants: Index
     values: Array
     use: Array
+
+
+class BoundsCheck:
+    """Whether a limit holds, asked first where it was last broken: a search shortens a step until none is.
+
+    Parameters
+    ----------
+    limit : GridConstraint
+    """
+
+    def __init__(self, limit: GridConstraint) -> None:
+        self._limit = limit
+        self._broken: Index = np.zeros(0, dtype=np.intp)
+
+    def __call__(self, x: Array) -> bool:
+        """True if every value is within the bounds."""
+        limit = self._limit
+        if self._broken.size and np.any(limit.uses(limit.function.values(x, self._broken)) > 1.0):
+            return False
+        sampled = limit.sampled(x)
+        use = sampled.use.max(axis=0, initial=-np.inf)
+        if not np.any(use > 1.0):
+            return True
+        self._broken = sampled.instants[np.argsort(-use)[: min(_FEW, int(np.sum(use > 1.0)))]]
+        return False
 
 
 def sampled_use(limit: GridConstraint, x: Array) -> SampledUse:

@@ -50,6 +50,13 @@ def _filed(value: object) -> object:
     return value
 
 
+def _count(value: object) -> object:
+    """A whole number, or a word for one that is chosen."""
+    if value in COUNTS or (isinstance(value, int) and not isinstance(value, bool)):
+        return value
+    raise ValueError(f"should be {EXPECTED['count']}, given {described(value)}")
+
+
 def _drives(value: object) -> object:
     """True, false, or names or numbers of drives; one of them without brackets, all and none likewise."""
     if isinstance(value, bool):
@@ -83,7 +90,7 @@ _TYPES: Mapping[Kind, Any] = {
     "payload": _NUMBERS | str,
     "mount": Annotated[list[_NUMBER], _THREE] | Literal[*MOUNTS],
     "margin": _NUMBER | Literal[*MARGINS],
-    "count": Annotated[int, Strict()] | Literal[*COUNTS],
+    "count": Annotated[Any, AfterValidator(_count)],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
     "drives": Annotated[Any, AfterValidator(_drives)],
     "parameters": dict[str, _NUMBER],

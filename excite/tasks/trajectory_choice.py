@@ -54,7 +54,7 @@ class TrajectoryChoice:
     bandwidth: float | None = option(
         None,
         "number",
-        "Highest frequency that the controller follows, for --harmonics auto [Hz].",
+        "Highest frequency that the controller follows, which bounds automatic harmonics [Hz].",
         metavar="HZ",
         late=True,
     )

@@ -10,8 +10,7 @@ from constraints.collision.collision_limits import collision_limits
 from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, World
 from constraints.limits.tool import tool_box, tool_speed
 from constraints.limits.torque import torque_limits
-from constraints.nonlinear import NonlinearConstraint
-from constraints.stacked import StackedConstraint
+from constraints.nonlinear import NonlinearConstraint, StackedConstraint
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in

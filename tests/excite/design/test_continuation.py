@@ -13,6 +13,7 @@ import excite
 from excite.design import continuation
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
 from excite.design.start_results import read_starts
+from excite.files.task_file import read_task_file, task_from_options
 from excite.tasks.task import Task
 from excite.trajectories.fourier import Fourier
 from regressors.errors import InputError
@@ -114,6 +115,16 @@ def test_an_interruption_ends_it_with_the_best_so_far(interrupted: str, monkeypa
 def test_what_cannot_be_continued_is_refused(options: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         SMALL.changed(**options)
+
+
+def test_a_task_file_may_leave_the_number_open(tmp_path: Path) -> None:
+    (tmp_path / "task.yaml").write_text("harmonics: auto\nbandwidth: 1.5\n", encoding="utf-8")
+    task = task_from_options({"robot": "irp6", **read_task_file(tmp_path / "task.yaml")})
+    assert task.trajectory.grows
+    assert task.trajectory.bandwidth == 1.5
+    (tmp_path / "task.yaml").write_text("harmonics: 0\n", encoding="utf-8")
+    with pytest.raises(InputError, match="harmonics"):
+        read_task_file(tmp_path / "task.yaml")
 
 
 @pytest.mark.parametrize("family", ["fourier", "cosine", "fourier-quintic"])
