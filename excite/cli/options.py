@@ -118,10 +118,12 @@ class NumberOr(Number):
         """Convert the text of the option."""
         if value == self.word:
             return value
+        quantity = _quantity(self.quantity, param)
         try:
-            number = number_of(value) if isinstance(value, str) else value
+            number = _number_of(quantity, value) if isinstance(value, str) else value
         except ValueError:
-            self.fail(f"expected {self.word} or a number, given {shown(value)}", param, ctx)
+            expected = "a whole number" if QUANTITIES[quantity].whole else "a number"
+            self.fail(f"expected {self.word} or {expected}, given {shown(value)}", param, ctx)
         return super().convert(number, param, ctx)
 
 

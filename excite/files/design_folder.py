@@ -245,6 +245,7 @@ def _solver(design: Design) -> dict[str, Any]:
         ],
         **({"further_starts": design.further_starts} if design.further_starts else {}),
         **({"search": asdict(design.search)} if design.search is not None else {}),
+        **({"harmonics": [vars(rung) for rung in design.rungs]} if design.rungs else {}),
     }
 
 

@@ -21,7 +21,7 @@ from excite.tasks.option import Kind, options_of
 from excite.tasks.options_of_model import options_of_model
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.task import PARTS, Task
-from excite.tasks.values import EXPECTED, MARGINS, NONE
+from excite.tasks.values import COUNTS, EXPECTED, MARGINS, NONE
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.input_files import read_text
@@ -48,6 +48,13 @@ def _filed(value: object) -> object:
     if not isinstance(value, str | dict):
         raise ValueError(f"should be the name of a file or its content, given {described(value)}")
     return value
+
+
+def _count(value: object) -> object:
+    """A whole number, or a word for one that is chosen."""
+    if value in COUNTS or (isinstance(value, int) and not isinstance(value, bool)):
+        return value
+    raise ValueError(f"should be {EXPECTED['count']}, given {described(value)}")
 
 
 def _drives(value: object) -> object:
@@ -83,6 +90,7 @@ _TYPES: Mapping[Kind, Any] = {
     "payload": _NUMBERS | str,
     "mount": Annotated[list[_NUMBER], _THREE] | Literal[*MOUNTS],
     "margin": _NUMBER | Literal[*MARGINS],
+    "count": Annotated[Any, AfterValidator(_count)],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
     "drives": Annotated[Any, AfterValidator(_drives)],
     "parameters": dict[str, _NUMBER],

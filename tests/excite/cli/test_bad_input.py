@@ -117,7 +117,7 @@ OPTIONS = (
         "'--harmonics': must be a whole number from 1 to 1000, given 0",
     ),
     irp6("--harmonics 1", "harmonics: 1 are too few for a motion at rest at both ends; expected 2 or more"),
-    irp6("--harmonics 2.5", "'--harmonics': expected a whole number, given '2.5'", HELP),
+    irp6("--harmonics 2.5", "'--harmonics': expected auto or a whole number, given '2.5'", HELP),
     irp6("--harmonics 500", "10 s at 100 Hz is 1000 samples, too few for 500 harmonics; expected a rate above 100 Hz"),
     irp6("--period -1", "'--period': must be a number from 0.001 to 100000 s, given -1"),
     irp6("--period 0", "'--period': must be a number from 0.001 to 100000 s, given 0"),
