@@ -63,7 +63,7 @@ class Search:
     rounds: int | None = option(
         None,
         "integer",
-        "Rounds that combine the best motions after the random starts.  [default: as many as pay; none with --starts]",
+        "Rounds that combine the best motions after the random starts.  [default: as many as pay; none with a number of starts]",
         metavar="N",
         late=True,
     )

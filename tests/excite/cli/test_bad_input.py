@@ -66,7 +66,7 @@ COMMANDS = (
     plain(
         "desing irp6 --out out",
         "no command named 'desing'; did you mean design? available: robots, design, ",
-        "compare; see 'excite --help'",
+        "compare, bound; see 'excite --help'",
     ),
     plain("--bogus", "No such option", "--bogus", "see 'excite --help'"),
     plain("design", "Missing argument 'ROBOT'", HELP),
@@ -144,7 +144,7 @@ OPTIONS = (
     irp6("--trajectory circle", "'--trajectory': 'circle' is not", "fourier", HELP),
     irp6("--criterion best", "'--criterion': 'best' is not", "condition", HELP),
     irp6("--solver magic", "'--solver': 'magic' is not one of sqp, ipopt, slsqp, nor module:Name of your own", HELP),
-    irp6("--executor cloud", "'--executor': 'cloud' is not one of process, serial, nor module:Name of your own", HELP),
+    irp6("--executor cloud", "'--executor': 'cloud' is not one of process, serial, dask://HOST:PORT, dask-file:PATH, dask-local[:N], nor module", HELP),
     irp6("--format xml", "'--format': 'xml' is not one of 'text', 'json'", HELP),
     irp6("--tip tool0", "--base and --tip choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none"),
     irp6(
@@ -186,7 +186,7 @@ TASKS = (
     task("harmonics: 3\nharmonics: 4\n", "task.yaml: harmonics (line 1): is given twice, again in line 2"),
     task("", "task.yaml: expected a mapping of fields, given nothing"),
     task("- 3\n", "task.yaml: expected a mapping of fields, given a list of 1"),
-    task("harmonics: many\n", "task.yaml: harmonics (line 1): should be a valid integer", "given 'many'"),
+    task("harmonics: many\n", "task.yaml: harmonics (line 1): should be a whole number, or auto", "given 'many'"),
     task("period: .nan\n", "task.yaml: period (line 1): should be a finite number, given nan"),
     task("limits: {velocity: .inf}\n", "task.yaml: limits.velocity[1] (line 1): should be a finite number, given inf"),
     task("limits: {velocity: fast}\n", "task.yaml: limits.velocity (line 1): should be a valid list, given 'fast'"),
