@@ -6,16 +6,17 @@ it between samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from constraints.constraint import OTHER, Constraint
 from regressors.models.model import evaluate_samples
 from regressors.models.partial import PartialMotion
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 from regressors.symbolic.intervals import IntervalFunction
 from regressors.symbolic.kinematics import sparse
 from regressors.symbolic.vectorised import VectorisedFunction
@@ -122,6 +123,106 @@ class NonlinearConstraint(Constraint):
         values[self.function.row, self.function.column] = self.function.interpreted(pose[:, None], zero, zero)[:, 0]
         return values[:, 0]
 
+    @cached_property
+    def derivatives(self) -> tuple[int, ...]:
+        """Those of position (0), velocity (1) and acceleration (2) that the functions depend on."""
+        return tuple(sorted(set((self.jacobian.column // self.joints).tolist()))) or (0,)
+
+    @cached_property
+    def varies(self) -> NDArray[np.bool_]:
+        """Which functions depend on the motion, shape (k,)."""
+        return np.isin(np.arange(len(self.lower)), self.jacobian.row)
+
+    def at_instants(self, motion: Sequence[Array]) -> Array:
+        """Values of g, shape (k, N), of position, velocity and acceleration, each of shape (n, N).
+
+        The layout of a search, which evaluates one motion after the other.
+        """
+        nonzeros, count = self.function(*motion), len(self.lower)
+        if len(nonzeros) == count:
+            return nonzeros
+        values = np.zeros((count, nonzeros.shape[1]))
+        values[self.function.row] = nonzeros
+        return values
+
+    def slopes_at_instants(self, motion: Sequence[Array]) -> Callable[[Index, Index, Index], Array]:
+        """``dg / d(q, dq, ddq)`` of a motion as in `at_instants`.
+
+        Returns
+        -------
+        callable
+            From numbers of functions and of instants, shape (rows,) each, and numbers of columns, shape (c,): the
+            derivatives, shape (rows, c).
+        """
+        nonzeros = self.jacobian(*motion)
+        padded = np.concatenate([nonzeros, np.zeros((1, nonzeros.shape[1]))])
+
+        def slopes(function: Index, instant: Index, columns: Index) -> Array:
+            return np.asarray(padded[self._nonzero[function[:, None], columns], instant[:, None]])
+
+        return slopes
+
+    @cached_property
+    def _nonzero(self) -> Index:
+        """Number of the Jacobian's nonzero at each place, and one more where there is none, shape (k, 3 n)."""
+        row, column = self.jacobian.row, self.jacobian.column
+        places = np.full((len(self.lower), 3 * self.joints), row.size)
+        places[row, column] = np.arange(row.size)
+        return places
+
     def slopes(self, samples: Samples) -> Array:
         """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""
         return evaluate_samples(self.jacobian, samples)
+
+
+class StackedConstraint(NonlinearConstraint):
+    """The functions of several constraints on the same coordinates, which share the robot's kinematics.
+
+    Parameters
+    ----------
+    parts : sequence of NonlinearConstraint
+        At least one.
+    """
+
+    def __init__(self, parts: Sequence[NonlinearConstraint]) -> None:
+        self.parts = tuple(parts)
+        self._first = np.cumsum([0, *(len(part.lower) for part in parts)])
+        super().__init__(
+            parts[0].joints,
+            lambda q, dq, ddq: ca.vertcat(*(part.expression(q, dq, ddq) for part in parts)),
+            np.concatenate([part.lower for part in parts]),
+            np.concatenate([part.upper for part in parts]),
+            np.concatenate([part.scale for part in parts]),
+            tuple(label for part in parts for label in part.labels),
+            tuple(unit for part in parts for unit in part.units),
+            self._shown,
+        )
+
+    def _shown(self, values: Array) -> Array:
+        split = np.split(values, self._first[1:-1], axis=-1)
+        return np.concatenate([part.shown(own) for part, own in zip(self.parts, split, strict=True)], axis=-1)
+
+    @cached_property
+    def derivatives(self) -> tuple[int, ...]:
+        """Those that a part depends on."""
+        return tuple(sorted({order for part in self.parts for order in part.derivatives}))
+
+    @cached_property
+    def varies(self) -> NDArray[np.bool_]:
+        """Which functions depend on the motion, shape (k,)."""
+        return np.concatenate([part.varies for part in self.parts])
+
+    def slopes_at_instants(self, motion: Sequence[Array]) -> Callable[[Index, Index, Index], Array]:
+        """The same of each part, at those of the instants that its functions are asked for."""
+
+        def slopes(function: Index, instant: Index, columns: Index) -> Array:
+            found = np.zeros((function.size, columns.size))
+            owner = np.searchsorted(self._first, function, side="right") - 1
+            for k in np.flatnonzero(np.bincount(owner, minlength=len(self.parts))):
+                (rows,) = np.nonzero(owner == k)
+                used, place = np.unique(instant[rows], return_inverse=True)
+                of_part = self.parts[k].slopes_at_instants([part[:, used] for part in motion])
+                found[rows] = of_part(function[rows] - self._first[k], place, columns)
+            return found
+
+        return slopes

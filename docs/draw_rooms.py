@@ -8,6 +8,7 @@ others, in grey. The more imports, the thicker the arrow; one that points up is 
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import tomllib
 from collections import Counter
@@ -182,6 +183,9 @@ def main(arguments: list[str]) -> None:
         figure = draw(rooms())
         metadata = {"Date": None, "Creator": None} if out.suffix == ".svg" else None
         figure.savefig(out, metadata=metadata, facecolor="white", dpi=110)
+    if out.suffix == ".svg":  # a hundredth of a point is enough
+        text = out.read_text(encoding="utf-8")
+        out.write_text(re.sub(r"\d+\.\d{3,}", lambda found: f"{float(found[0]):.2f}", text), encoding="utf-8")
 
 
 if __name__ == "__main__":

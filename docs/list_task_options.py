@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from excite.cli.task_options import flag_of
-from excite.registry import BUILT_IN
+from excite.registry import ADDRESS_FORMS, BUILT_IN
 from excite.tasks.limit_choice import OF_JOINTS
 from excite.tasks.option import Option, options_of
 from excite.tasks.task import PARTS
@@ -39,7 +39,7 @@ def flag(name: str, option: Option) -> str:
 
 def values(option: Option) -> str:
     """What an option takes."""
-    names = option.choices or (tuple(BUILT_IN[option.part]) if option.part else ())
+    names = option.choices or ((*BUILT_IN[option.part], *ADDRESS_FORMS.get(option.part, ())) if option.part else ())
     return ", ".join(f"`{name}`" for name in names) if names else EXPECTED[option.kind].replace("|", "or")
 
 

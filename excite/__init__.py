@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from constraints.limits.tool import ToolBox, ToolSpeed
     from constraints.limits.torque import TorqueLimit
     from constraints.nonlinear import NonlinearConstraint
+    from excite.campaigns.campaign_table import CampaignTable, load_campaign
+    from excite.campaigns.run_campaign import run_campaign
     from excite.design.campaign import plan_campaign
     from excite.design.comparison import compare
     from excite.design.design import Design
@@ -117,6 +119,7 @@ _PLACES = {
     "BSpline": "excite.trajectories.bspline",
     "Belief": "excite.tasks.objective",
     "Collisions": "constraints.collision.collision_limits",
+    "CampaignTable": "excite.campaigns.campaign_table",
     "Column": "regressors.models.columns",
     "BrokenLimitError": "excite.errors",
     "ConicSolverError": "excite.errors",
@@ -194,6 +197,7 @@ _PLACES = {
     "fit_friction": "excite.friction.fit.fit_friction",
     "guess_mapping": "excite.logs.guess.log_guess",
     "identify": "excite.identification.identify",
+    "load_campaign": "excite.campaigns.campaign_table",
     "load_design": "excite.files.design_json",
     "load_result": "excite.files.result_json",
     "load_robot": "regressors.readers.library",
@@ -204,6 +208,7 @@ _PLACES = {
     "read_mapping": "excite.logs.mapping",
     "read_recording": "excite.logs.recordings.recording_reading",
     "read_world": "excite.files.world_file",
+    "run_campaign": "excite.campaigns.run_campaign",
     "simulate": "excite.simulation.simulate",
     "study_over_time": "excite.timecourse.study_over_time",
     "verify": "excite.verification.verify",
@@ -233,6 +238,7 @@ __all__ = [
     "Belief",
     "BrokenLimitError",
     "CalibratedGains",
+    "CampaignTable",
     "Collisions",
     "Column",
     "ConicSolverError",
@@ -318,6 +324,7 @@ __all__ = [
     "guess_mapping",
     "identify",
     "identify_payload",
+    "load_campaign",
     "load_design",
     "load_result",
     "load_robot",
@@ -328,6 +335,7 @@ __all__ = [
     "read_mapping",
     "read_recording",
     "read_world",
+    "run_campaign",
     "simulate",
     "study_over_time",
     "verify",

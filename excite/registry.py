@@ -137,6 +137,16 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
 }
 
+# parts whose names go on with an address, by how the names begin: they are called with the whole name
+ADDRESSED: Mapping[str, Mapping[str, str]] = {
+    "executor": {
+        "dask://": "excite.executors.dask_starts:DaskStarts",
+        "dask-file:": "excite.executors.dask_starts:DaskStarts",
+        "dask-local": "excite.executors.dask_starts:DaskStarts",
+    },
+}
+ADDRESS_FORMS = {"executor": ("dask://HOST:PORT", "dask-file:PATH", "dask-local[:N]")}
+
 MODELS, TRAJECTORIES, CRITERIA = (tuple(BUILT_IN[kind]) for kind in ("model", "trajectory", "criterion"))
 SOLVERS, EXECUTORS, SIGNALS, ESTIMATORS = (
     tuple(BUILT_IN[kind]) for kind in ("solver", "executor", "signals", "estimator")
@@ -210,7 +220,11 @@ def built_in(kind: str, name: str) -> Any:
     """
     if name not in BUILT_IN[kind]:
         raise UnknownName(kind, name, BUILT_IN[kind])
-    module, _, attribute = BUILT_IN[kind][name].partition(":")
+    return _attribute(BUILT_IN[kind][name])
+
+
+def _attribute(place: str) -> Any:
+    module, _, attribute = place.partition(":")
     return getattr(import_module(module), attribute)
 
 
@@ -220,10 +234,15 @@ def is_own(name: str) -> bool:
     return bool(colon) and all(part.isidentifier() for part in (*module.split("."), *attribute.split(".")))
 
 
+def is_addressed(kind: str, name: str) -> bool:
+    """True for a name with an address, such as ``dask://HOST:PORT``."""
+    return any(name.startswith(begin) for begin in ADDRESSED.get(kind, ()))
+
+
 def check_name(kind: str, name: str) -> None:
-    """Raise `UnknownName` for a name that is neither built in nor of the form ``module:Name``."""
-    if name not in BUILT_IN[kind] and not is_own(name):
-        raise UnknownName(kind, name, (*BUILT_IN[kind], "or module:Name of your own"))
+    """Raise `UnknownName` for a name that is neither built in, nor has an address, nor is ``module:Name``."""
+    if name not in BUILT_IN[kind] and not is_addressed(kind, name) and not is_own(name):
+        raise UnknownName(kind, name, (*BUILT_IN[kind], *ADDRESS_FORMS.get(kind, ()), "or module:Name of your own"))
 
 
 def own(kind: str, name: str) -> Any:
@@ -277,6 +296,9 @@ def part(kind: str, given: Any) -> Any:
         raise given.missing()
     if not isinstance(given, str):
         return given
+    for begin, place in ADDRESSED.get(kind, {}).items():
+        if given.startswith(begin):
+            return _attribute(place)(given)
     return own(kind, given) if is_own(given) else built_in(kind, given)
 
 

@@ -101,7 +101,9 @@ class Imposed:
 
     def changes(self, x: Array, d: Array, instants: Array) -> Array:
         """Jacobian at x times a direction d, at some instants, shape (k, instants)."""
-        return self._limit.tangent(x, instants).changes(d.ravel())
+        shape = self._limit.lower.size, instants.size
+        function, place = (i.ravel() for i in np.indices(shape))
+        return (self._limit.tangent(x, instants).rows(function, place) @ d.ravel()).reshape(shape)
 
     def rows(self, x: Array, functions: Array, instants: Array) -> Array:
         """Rows of the Jacobian at x of one function each at one instant each, shape (rows, x.size)."""

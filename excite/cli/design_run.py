@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from excite.cli.figure_options import FigureChoice
@@ -11,6 +12,7 @@ from excite.cli.messages import in_options
 from excite.cli.progress import progress_of_starts
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark
+from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
 from excite.design.design_memory import TYPICAL_STARTS, search_seconds
 from excite.design.formulation import Formulation, formulate
@@ -23,7 +25,10 @@ from excite.files.resumed_search import holds_unfinished_design, resume_search
 from excite.storage.result_folder import result_folder
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
 
+_SearchUntil = Callable[[Callable[[], None]], Design]  # of what is called when only saving remains
 _ENDED = "Ctrl-C ends it, and the best so far is saved"
 
 
@@ -55,14 +60,17 @@ def design_and_write(
     with result_folder(out):
         names = [*data_files(task), *figure_files(task, figures.formats)]
         check_no_design(out, names, replace=force or holds_unfinished_design(out))
-        formulation = formulate(robot, task)
-        kept = resume_search(out, formulation, replace=force, fresh=fresh)
-        _print_what_is_known(formulation, task, kept, notes)
+        if task.trajectory.grows:
+            begin = _harmonics_search(robot, task, out, notes, force=force, fresh=fresh)
+        else:
+            formulation = formulate(robot, task)
+            kept = resume_search(out, formulation, replace=force, fresh=fresh)
+            _print_what_is_known(formulation, kept, notes)
+            begin = _plain_search(robot, formulation, kept)
         tell("looking for the best motion")
         with one_interrupt() as interruption:
-            ready = ready_workers(formulation) if _left(kept) else nullcontext()
-            with ready, progress_of_starts(kept) as progress:
-                design = solve(robot, formulation, kept, progress, at_end=interruption.ignore)
+            design = begin(interruption.ignore)
+            interruption.ignore()
             tell("writing and drawing")
             files = write_design(design, out, figures.formats)
             if figures:
@@ -72,13 +80,51 @@ def design_and_write(
     return design, files
 
 
-def _print_what_is_known(formulation: Formulation, task: Task, kept: KeptStarts, notes: tuple[str, ...]) -> None:
+@contextmanager
+def _nothing_left(kept: KeptStarts) -> Iterator[None]:
+    """Remove the folder of starts where there is none since the executor cannot be used."""
+    try:
+        yield
+    except InputError:
+        with suppress(OSError):
+            kept.folder.rmdir()
+        raise
+
+
+def _plain_search(robot: Robot, formulation: Formulation, kept: KeptStarts) -> _SearchUntil:
+    def begin(at_end: Callable[[], None]) -> Design:
+        ready = ready_workers(formulation) if _left(kept) else nullcontext()
+        with ready, progress_of_starts(kept) as progress, _nothing_left(kept):
+            return solve(robot, formulation, kept, progress, at_end=at_end)
+
+    return begin
+
+
+def _harmonics_search(
+    robot: Robot, task: Task, out: Path, notes: tuple[str, ...], *, force: bool, fresh: bool
+) -> _SearchUntil:
+    """A search that chooses the number of harmonics; only the first of its numbers continues an earlier run."""
+
+    def prepared(formulation: Formulation, other: bool) -> KeptStarts:
+        kept = resume_search(out, formulation, replace=force, fresh=fresh or other)
+        if not other:
+            _print_what_is_known(formulation, kept, notes)
+        return kept
+
+    def solved(formulation: Formulation, kept: KeptStarts) -> Design:
+        tell(f"looking for the best motion of {formulation.task.trajectory.harmonics} harmonics")
+        return _plain_search(robot, formulation, kept)(lambda: None)
+
+    return lambda _: design_with_harmonics(robot, task, prepared, solved)
+
+
+def _print_what_is_known(formulation: Formulation, kept: KeptStarts, notes: tuple[str, ...]) -> None:
     """Print on stderr what was assumed, what an earlier run has left, and how long the search will take."""
     for note in (*notes, *formulation.notes):
         remark(f"excite: note: {in_options(note)}")
     for found in kept.notes:
         remark(f"excite: {found}")
-    announce("the search", search_seconds(formulation.target, task, _left(kept)), _ENDED)
+    announce("the search", search_seconds(formulation.target, formulation.task, _left(kept)), _ENDED)
 
 
 def _left(kept: KeptStarts) -> int:

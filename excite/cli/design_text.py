@@ -142,6 +142,8 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(Text(_kept(design), style="" if design.feasible else "bold red"), soft_wrap=True)
     out.print(_starts(design))
+    if design.harmonics_trials:
+        out.print(_rungs(design))
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
     out.print(f"next: {_NEXT}", soft_wrap=True)
 
@@ -155,6 +157,16 @@ def _starts(design: Design) -> Table:
         began = f"{start.history[0]:.4g}" if start.history else "-"
         row = (str(start.index), began, f"{start.value:.4g}", str(len(start.history)), f"{start.cpu:.1f}")
         table.add_row(*row, start.status)
+    return table
+
+
+def _rungs(design: Design) -> Table:
+    """What each number of harmonics brought, where the search chose it."""
+    table = Table(title="harmonics", title_justify="left")
+    for heading in ("harmonics", "criterion", "CPU s"):
+        table.add_column(heading, justify="right")
+    for trial in design.harmonics_trials:
+        table.add_row(str(trial.harmonics), f"{trial.value:.5g}", f"{trial.cpu_seconds:.1f}")
     return table
 
 

@@ -23,6 +23,7 @@ _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
     "design": "Find the motion that identifies a robot's parameters best, and write it.",
     "plan": "Propose the shortest campaign of partial motions that identifies every parameter.",
+    "campaign": "Design for every combination of options that a campaign file states.",
     "export": "Write a design as a motion that a controller plays, or a result as a model.",
     "simulate": "Simulate the motion of a design, and write what the robot would measure.",
     "logs": "Show what a recording holds, and write the mapping that reads it.",
@@ -36,7 +37,7 @@ _COMMANDS = {
     "bound": "Bound the criteria of all motions within the limits: how far a design is from the best possible.",
 }
 _GROUPS = {
-    "Design a motion": ("robots", "design", "plan", "compare", "bound", "export"),
+    "Design a motion": ("robots", "design", "plan", "campaign", "compare", "bound", "export"),
     "From logs to parameters": ("simulate", "logs", "identify", "verify", "study"),
     "Friction and payload": ("friction", "payload"),
     "Share results": ("report",),

@@ -21,6 +21,7 @@ _TYPED: Mapping[str, str] = {
 _COMMANDS: Mapping[str, str] = {
     "design_trajectory": "'excite design'",
     "plan_campaign": "'excite plan'",
+    "run_campaign": "'excite campaign run'",
     "identify": "'excite identify'",
     "simulate": "'excite simulate'",
     "verify": "'excite verify'",

@@ -118,10 +118,12 @@ class NumberOr(Number):
         """Convert the text of the option."""
         if value == self.word:
             return value
+        quantity = _quantity(self.quantity, param)
         try:
-            number = number_of(value) if isinstance(value, str) else value
+            number = _number_of(quantity, value) if isinstance(value, str) else value
         except ValueError:
-            self.fail(f"expected {self.word} or a number, given {shown(value)}", param, ctx)
+            expected = "a whole number" if QUANTITIES[quantity].whole else "a number"
+            self.fail(f"expected {self.word} or {expected}, given {shown(value)}", param, ctx)
         return super().convert(number, param, ctx)
 
 
@@ -376,16 +378,21 @@ class PartName(click.ParamType[str]):
         Kind of part in the registry.
     names : tuple of str
         Names of the built-in parts.
+    own : bool
+        Whether user-defined parts can be given.
     """
 
     name = "part"
 
-    def __init__(self, kind: str, names: tuple[str, ...]) -> None:
-        self.kind, self.names = kind, names
+    def __init__(self, kind: str, names: tuple[str, ...], *, own: bool = True) -> None:
+        from excite.registry import ADDRESS_FORMS
+
+        self.kind, self.names, self.own = kind, names, own
+        self.forms = (*names, *ADDRESS_FORMS.get(kind, ()))
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         """The built-in names, and the form of others."""
-        return f"[{'|'.join(self.names)}|MODULE:NAME]"
+        return f"[{'|'.join((*self.forms, *(['MODULE:NAME'] if self.own else [])))}]"
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Built-in names that begin so."""
@@ -393,15 +400,15 @@ class PartName(click.ParamType[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Check the name and return it."""
-        from excite.registry import is_own
+        from excite.registry import is_addressed, is_own
 
-        if value not in self.names and not is_own(str(value)):
+        name = str(value)
+        if name not in self.names and not is_addressed(self.kind, name) and not (self.own and is_own(name)):
             near = get_close_matches(str(value), self.names, 1)
             meant = f"; did you mean {near[0]}?" if near else ""
-            self.fail(
-                f"{value!r} is not one of {', '.join(self.names)}, nor module:Name of your own{meant}", param, ctx
-            )
-        return str(value)
+            own = ", nor module:Name of your own" if self.own else ""
+            self.fail(f"{value!r} is not one of {', '.join(self.forms)}{own}{meant}", param, ctx)
+        return name
 
 
 def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:

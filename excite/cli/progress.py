@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -16,6 +17,7 @@ from excite.cli.terminal import can_move
 from excite.cli.verbosity import verbosity
 
 if TYPE_CHECKING:
+    from excite.campaigns.run_campaign import CellProgress
     from excite.design.kept_starts import KeptStarts
     from excite.design.start_results import StartResult
 
@@ -79,6 +81,66 @@ def _lines(kept: KeptStarts) -> Callable[[StartResult], None]:
         elif better:
             something_is_shown()
             say(f"start {done}{of_all}: best so far {best:.4g}")
+
+    return report
+
+
+@contextmanager
+def progress_of_cells() -> Iterator[tuple[Callable[[int, int], None], Callable[[CellProgress], None]]]:
+    """Report finished cells of a campaign, in lines at most every two seconds where there is no terminal.
+
+    Yields
+    ------
+    begin : callable
+        To be called with the number of cells that are done, and of those that are left.
+    report : callable
+        To be called with each cell that has ended.
+    """
+    if verbosity().quiet:
+        yield (lambda _, __: None), (lambda _: None)
+        return
+    if verbosity().verbose or not can_move(sys.stderr):
+        yield (lambda _, left: say(f"excite: {left} cells to run") if left else None), _lines_of_cells()
+        return
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    from excite.cli.literal_console import console_of_progress
+
+    columns = (
+        TextColumn("designing"), BarColumn(), MofNCompleteColumn(), TextColumn("cells, last {task.fields[last]}"),
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    something_is_shown()
+    with Progress(*columns, console=console_of_progress()) as bar:
+        task = bar.add_task("cells", total=None, last="-")
+        yield (
+            lambda done, left: bar.update(task, total=done + left, completed=done),
+            lambda ended: bar.update(task, completed=ended.done, last=_of_cell(ended)),
+        )
+
+
+def _of_cell(ended: CellProgress) -> str:
+    return f"{ended.cell}: {ended.status}" if ended.status else f"{ended.cell}: {ended.condition or math.inf:.4g}"
+
+
+def _lines_of_cells() -> Callable[[CellProgress], None]:
+    shown = 0.0
+
+    def report(ended: CellProgress) -> None:
+        nonlocal shown
+        now = time.monotonic()
+        if verbosity().verbose or now - shown > _BETWEEN or ended.done == ended.total:
+            shown = now
+            something_is_shown()
+            because = f", {ended.reason}" if ended.reason and verbosity().verbose else ""
+            say(f"cell {ended.done} of {ended.total}: {_of_cell(ended)}{because}")
 
     return report
 

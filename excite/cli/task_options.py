@@ -15,6 +15,7 @@ from excite.cli.options import (
     Mount,
     Names,
     Number,
+    NumberOr,
     Numbers,
     PartName,
     PayloadOption,
@@ -26,11 +27,13 @@ from excite.cli.options import (
 from excite.registry import BUILT_IN
 from excite.tasks.option import Kind, Option, options_of
 from excite.tasks.task import PARTS, PLACE
+from excite.tasks.values import AUTO
 
 Command = Callable[..., Any]
 _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
     "integer": Number,
     "number": Number,
+    "count": lambda quantity: NumberOr(AUTO, quantity),
     "numbers": Numbers,
     "triple": Triple,
     "poses": Numbers,

@@ -11,6 +11,7 @@ from constraints.collision.geometry import World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
+from excite.design.harmonics_trial import HarmonicsTrial
 from excite.design.search_rounds import SearchSummary
 from excite.design.start_results import StartResult
 from excite.design.unchecked import Unchecked
@@ -74,6 +75,8 @@ class Design(DesignedMotion):
         Number of starts beside `starts`.
     search : SearchSummary, optional
         Rounds of the search, and its estimate of what more of them would bring.
+    harmonics_trials : tuple of HarmonicsTrial
+        Numbers of harmonics that a search tried which chose it, in order; none otherwise.
     shape : World, optional
         Shape of the robot by which self-collision was checked, where it is that of the robot's own file.
     """
@@ -100,6 +103,7 @@ class Design(DesignedMotion):
     nearly_unidentifiable: tuple[NearlyUnidentifiable, ...] = ()
     further_starts: int = 0
     search: SearchSummary | None = None
+    harmonics_trials: tuple[HarmonicsTrial, ...] = ()
 
     @property
     def number_of_starts(self) -> int:

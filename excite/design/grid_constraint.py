@@ -7,14 +7,16 @@ for functions that are linear in the motion; by a reserve, which the design's ce
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
-from excite.design.grid_functions import GridFunction, JointFunction, LinearFunction
+from excite.design.grid_functions import GridFunction, JointFunction, LinearFunction, Slopes
+from excite.design.grid_joints import GridJoints, LastResult
+from excite.design.sampled_use import BoundsCheck, SampledUse, sampled_use
 from excite.trajectories.motion_at_instants import GridMotion, MotionTangent
-from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index
 
 _RESERVE = 0.005  # of a function's scale, kept in reserve for the time between the instants of the grid
@@ -23,26 +25,22 @@ _CURVATURE = 0.01  # of the scale: reserve for the curvature along a step
 
 @dataclass(frozen=True, eq=False)
 class ConstraintTangent:
-    """k functions at T instants of a grid, linearised about one x.
+    """Functions at T instants of a grid, linearised about one x.
 
     Parameters
     ----------
-    slopes : ndarray, shape (T, k, derivatives, n)
-        Derivatives with respect to the motion of the n coordinates.
+    slopes : callable
+        Derivatives with respect to the motion, see `excite.design.grid_functions.Slopes`.
     motion : MotionTangent
         The motion, linearised about x.
     """
 
-    slopes: Array
+    slopes: Slopes
     motion: MotionTangent
 
-    def changes(self, step: Array) -> Array:
-        """Changes by a flat step of x, shape (k, T)."""
-        return np.asarray(np.einsum("tkdn,tdn->kt", self.slopes, self.motion.changes(step)))
-
     def rows(self, function: Index, place: Index) -> Array:
-        """Derivatives with respect to the flat x, one function at one instant per row, shape (rows, x.size)."""
-        return self.motion.rows(self.slopes[place, function], place)
+        """Derivatives with respect to the flat x, one function at one of the instants per row, shape (rows, x.size)."""
+        return self.motion.rows(self.slopes(function, place), place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,35 +76,42 @@ class GridConstraint:
         centre = middle - constraint.offset
         lower, upper = centre - half, centre + half
         scale = np.asarray(0.5 * (upper - lower))
-        return cls(LinearFunction(constraint), grid, lower, upper, scale, np.zeros_like(lower))
+        return cls(LinearFunction(constraint, grid), grid, lower, upper, scale, np.zeros_like(lower))
 
     @classmethod
-    def on_joints(cls, constraint: NonlinearConstraint, grid: GridMotion, motion: PartialMotion) -> GridConstraint:
+    def on_joints(cls, constraint: NonlinearConstraint, joints: GridJoints) -> GridConstraint:
         """Make one from a constraint on torques, the tool or distances, as a function of all joints."""
         scale, kept = constraint.scale, _RESERVE * constraint.scale
         lower, upper = constraint.lower + kept, constraint.upper - kept
-        return cls(JointFunction(constraint, motion), grid, lower, upper, scale, _CURVATURE * scale)
+        return cls(JointFunction(constraint, joints), joints.grid, lower, upper, scale, _CURVATURE * scale)
 
     @property
     def linear(self) -> bool:
         """Whether its functions are linear in x, so that one tangent is exact everywhere."""
         return self.function.linear and self.grid.linear
 
+    @cached_property
+    def sampled(self) -> LastResult[SampledUse]:
+        """The functions at the instants that a search looks at, as a function of x, see `sampled_use`."""
+        return LastResult(lambda x: sampled_use(self, x))
+
     def values(self, x: Array) -> Array:
         """Values of the k functions at the N instants, shape (k, N)."""
-        return self.function.values(x, self.grid)
+        return self.function.values(x)
 
     def tangent(self, x: Array, instants: Index | None = None) -> ConstraintTangent:
         """The functions at all or some instants, linearised about x."""
         if instants is None:
             instants = np.arange(self.values(x).shape[1])
-        slopes = self.function.slopes(x, self.grid, instants)
+        slopes = self.function.slopes(x, instants)
         return ConstraintTangent(slopes, self.grid.tangent(x, self.function.derivatives, instants))
 
     def uses(self, values: Array) -> Array:
         """Use of the bounds by each value, shape (k, N): 1 at a bound, more beyond, 0 one scale away from both."""
-        above, below = self.upper[:, None] - values, values - self.lower[:, None]
-        return np.asarray(1.0 - np.minimum(above, below) / self.scale[:, None])
+        room = self.upper[:, None] - values
+        np.minimum(room, values - self.lower[:, None], out=room)
+        room /= self.scale[:, None]
+        return np.asarray(np.subtract(1.0, room, out=room))
 
     def excess(self, values: Array) -> float:
         """Largest excess over a bound, relative to the scale; <= 0 inside."""
@@ -114,9 +119,12 @@ class GridConstraint:
         return float(beyond.max(initial=-np.inf))
 
     def holds(self, x: Array) -> bool:
-        """True if every value is within the bounds."""
-        values = self.values(x)
-        return bool(np.all(values <= self.upper[:, None]) and np.all(values >= self.lower[:, None]))
+        """True if every value is within the bounds, as far as a search looks, see `sampled_use`."""
+        return self._check(x)
+
+    @cached_property
+    def _check(self) -> BoundsCheck:
+        return BoundsCheck(self)
 
     def change(self, value: Array, step: Array, end: Array) -> Array:
         """Change of the values by a step that leaves the shape unchanged, shape (k, N).

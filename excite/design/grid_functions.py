@@ -1,21 +1,26 @@
-"""Limited functions of the moving coordinates' motion on a grid: linear ones, and those of the joints."""
+"""Limited functions of a motion on a grid: linear ones of the moving coordinates, and those of the joints."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
+from excite.design.grid_joints import GridJoints
 from excite.trajectories.motion_at_instants import GridMotion
-from regressors.models.partial import PartialMotion
-from regressors.samples import Array, Index, Samples
+from regressors.samples import Array, Index
+
+#: Derivatives of one function at one of the instants per row, shape (rows, derivatives, n), from the numbers of both.
+Slopes = Callable[[Index, Index], Array]
 
 
 class GridFunction(ABC):
-    """k functions of the motion y of n coordinates at one instant.
+    """k functions of the motion y of n coordinates at each of N instants.
 
     Attributes
     ----------
@@ -33,13 +38,18 @@ class GridFunction(ABC):
     def derivatives(self) -> tuple[int, ...]:
         """Derivatives of y that they depend on, 0 for position to 3 for jerk."""
 
+    @property
     @abstractmethod
-    def values(self, x: Array, grid: GridMotion) -> Array:
-        """Values at all N instants, shape (k, N)."""
+    def varies(self) -> NDArray[np.bool_]:
+        """Which of them depend on the motion at all, shape (k,)."""
 
     @abstractmethod
-    def slopes(self, x: Array, grid: GridMotion, instants: Index) -> Array:
-        """Derivatives with respect to the `derivatives` of y at some instants, shape (T, k, derivatives, n)."""
+    def values(self, x: Array, instants: Index | slice | None = None) -> Array:
+        """Values at all N instants or some, shape (k, N)."""
+
+    @abstractmethod
+    def slopes(self, x: Array, instants: Index) -> Slopes:
+        """Derivatives with respect to the `derivatives` of y at some instants."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +59,11 @@ class LinearFunction(GridFunction):
     Parameters
     ----------
     constraint : LinearConstraint
+    grid : GridMotion
     """
 
     constraint: LinearConstraint
+    grid: GridMotion
     linear = True
 
     @property
@@ -59,14 +71,19 @@ class LinearFunction(GridFunction):
         """The limited derivative."""
         return (self.constraint.derivative,)
 
-    def values(self, x: Array, grid: GridMotion) -> Array:
-        """Values at all N instants, shape (k, N)."""
-        return grid.combined(x, self.constraint.matrix, self.constraint.derivative)
+    @property
+    def varies(self) -> NDArray[np.bool_]:
+        """All with an entry in A."""
+        return np.asarray(self.constraint.matrix.any(axis=1))
 
-    def slopes(self, x: Array, grid: GridMotion, instants: Index) -> Array:
-        """The matrix, for every instant."""
-        A = self.constraint.matrix
-        return np.broadcast_to(A[:, None, :], (instants.size, len(A), 1, A.shape[1]))
+    def values(self, x: Array, instants: Index | slice | None = None) -> Array:
+        """Values at all N instants or some, shape (k, N)."""
+        values = self.grid.combined(x, self.constraint.matrix, self.constraint.derivative)
+        return values if instants is None else values[:, instants]
+
+    def slopes(self, x: Array, instants: Index) -> Slopes:
+        """Rows of the matrix, for every instant."""
+        return lambda function, _: self.constraint.matrix[function][:, None, :]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,29 +94,37 @@ class JointFunction(GridFunction):
     ----------
     constraint : NonlinearConstraint
         k functions of all joints.
-    motion : PartialMotion
-        Map from the moving coordinates to the joints.
+    joints : GridJoints
+        Motion of all joints on the grid.
     """
 
     constraint: NonlinearConstraint
-    motion: PartialMotion
+    joints: GridJoints
     linear = False
 
     @property
     def derivatives(self) -> tuple[int, ...]:
-        """Position, velocity and acceleration."""
-        return (0, 1, 2)
+        """Those of position, velocity and acceleration that they depend on."""
+        return self.constraint.derivatives
 
-    def _samples(self, x: Array, grid: GridMotion, instants: Index | None = None) -> Samples:
-        q, dq, ddq = (grid.values(x, d, instants) @ self.motion.matrix.T for d in self.derivatives)
-        return Samples(np.arange(float(len(q))), q + self.motion.offset, dq, ddq, np.zeros_like(q))
+    @property
+    def varies(self) -> NDArray[np.bool_]:
+        """Those with a nonzero in the Jacobian."""
+        return self.constraint.varies
 
-    def values(self, x: Array, grid: GridMotion) -> Array:
-        """Values at all N instants, shape (k, N)."""
-        return self.constraint.values(self._samples(x, grid)).T
+    def values(self, x: Array, instants: Index | slice | None = None) -> Array:
+        """Values at all N instants or some, shape (k, N)."""
+        return self.constraint.at_instants(self.joints(x, instants))
 
-    def slopes(self, x: Array, grid: GridMotion, instants: Index) -> Array:
-        """Derivatives with respect to position, velocity and acceleration of the moving coordinates."""
-        slopes = self.constraint.slopes(self._samples(x, grid, instants))
-        parts = slopes.reshape(instants.size, slopes.shape[1], 3, self.constraint.joints)
-        return parts if self.motion.complete else np.asarray(parts @ self.motion.matrix)
+    def slopes(self, x: Array, instants: Index) -> Slopes:
+        """Derivatives with respect to the moving coordinates' position, velocity and acceleration, where used."""
+        of_joints = self.constraint.slopes_at_instants(self.joints(x, instants))
+        n, motion = self.constraint.joints, self.joints.motion
+        orders = np.array(self.derivatives)
+
+        def slopes(function: Index, place: Index) -> Array:
+            columns = (orders[:, None] * n + np.arange(n)).ravel()
+            parts = of_joints(function, place, columns).reshape(function.size, orders.size, n)
+            return parts if motion.complete else np.asarray(parts @ motion.matrix)
+
+        return slopes

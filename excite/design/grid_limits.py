@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from constraints.linear import LinearConstraint
-from constraints.nonlinear import NonlinearConstraint
+from constraints.nonlinear import NonlinearConstraint, StackedConstraint
 from excite.design.grid_constraint import GridConstraint
+from excite.design.grid_joints import GridJoints
 from excite.trajectories.motion_at_instants import GridMotion
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array
@@ -27,11 +28,14 @@ class GridLimits:
         On torques, the tool and distances.
     stated : tuple of GridConstraint
         On torques by default, left out until a motion breaks them.
+    together : tuple of GridConstraint
+        The nonlinear ones as a search evaluates them: those that were asked for as one.
     """
 
     linear: tuple[GridConstraint, ...]
     nonlinear: tuple[GridConstraint, ...] = ()
     stated: tuple[GridConstraint, ...] = ()
+    together: tuple[GridConstraint, ...] = ()
 
     @classmethod
     def imposed(
@@ -56,10 +60,13 @@ class GridLimits:
         stated : sequence of NonlinearConstraint
             On the joints, by default.
         """
+        joints = GridJoints(grid, motion)
+        each = tuple(GridConstraint.on_joints(limit, joints) for limit in nonlinear)
         return cls(
             tuple(GridConstraint.on_coordinates(limit, grid) for limit in linear),
-            tuple(GridConstraint.on_joints(limit, grid, motion) for limit in nonlinear),
-            tuple(GridConstraint.on_joints(limit, grid, motion) for limit in stated),
+            each,
+            tuple(GridConstraint.on_joints(limit, joints) for limit in stated),
+            each if len(each) < 2 else (GridConstraint.on_joints(StackedConstraint(nonlinear), joints),),
         )
 
     def with_broken(self, x: Array) -> GridLimits:
@@ -68,7 +75,7 @@ class GridLimits:
         if not broken:
             return self
         kept = tuple(limit for limit in self.stated if limit not in broken)
-        return GridLimits(self.linear, (*self.nonlinear, *broken), kept)
+        return GridLimits(self.linear, (*self.nonlinear, *broken), kept, (*self.together, *broken))
 
     @property
     def linear_in_x(self) -> tuple[GridConstraint, ...]:
@@ -78,7 +85,7 @@ class GridLimits:
     @property
     def nonlinear_in_x(self) -> tuple[GridConstraint, ...]:
         """Constraints that enter a programme as tangents."""
-        return tuple(limit for limit in (*self.linear, *self.nonlinear) if not limit.linear)
+        return tuple(limit for limit in (*self.linear, *self.together) if not limit.linear)
 
     def linear_values(self, x: Array) -> list[Array]:
         """Values of the linear limits' functions on the grid."""
@@ -94,7 +101,7 @@ class GridLimits:
 
     def nonlinear_hold(self, x: Array) -> bool:
         """True if every nonlinear limit holds on the grid."""
-        return all(limit.holds(x) for limit in self.nonlinear)
+        return all(limit.holds(x) for limit in self.together)
 
     def violation(self, x: Array) -> float:
         """Largest excess over a linear limit, relative to half its range; <= 0 inside."""

@@ -109,6 +109,8 @@ class Interruption:
         if self._answer is _raise and self._raised:
             self._watch()
             self.repeat()
+        elif self._raised and self.number is not None and self._answer != self._ignore:
+            self._answer(self.number)  # it is deferred by now
 
     def leave(self) -> None:
         """Answer no signal any more."""

@@ -6,6 +6,7 @@ import logging
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, cast
@@ -20,7 +21,7 @@ from excite.design.planned_start import PlannedStart
 from excite.design.search_rounds import Rounds
 from excite.design.single_start import optimise_start
 from excite.design.start_results import RUNNING, StartResult, read_starts, start_file, write_start
-from excite.design.worker_process import NotPreparedError, Prepared
+from excite.design.worker_process import NotPreparedError, Work, optimise_job, work_on_starts
 from excite.design.workers import Workers, environment_of_workers
 from excite.registry import instance
 from regressors.errors import InputError
@@ -30,6 +31,7 @@ __all__ = [
     "Progress",
     "StartResult",
     "optimise_start",
+    "pickled",
     "read_starts",
     "ready_workers",
     "run_in_pool",
@@ -43,8 +45,8 @@ StartsOfRounds = Iterable[Sequence[PlannedStart | int]]
 _log = logging.getLogger(__name__)
 
 
-def _pickled(*content: Any) -> bytes:
-    """A blueprint and more, pickled for other processes, with classes of the user's script by value.
+def pickled(*content: Any) -> bytes:
+    """Functions, a blueprint and more, pickled for other processes, with classes of the user's script by value.
 
     Raises
     ------
@@ -145,10 +147,10 @@ def _workers(formulation: Formulation) -> Iterator[Workers]:
         yield _kept[formulation]
         return
     search, origin = formulation.task.search, formulation.identity.origin
-    content = _pickled(formulation.blueprint, origin)
+    content = pickled(work_on_starts, formulation.blueprint, origin)
 
-    def prepared() -> Prepared:
-        return formulation.problem, instance("solver", search.solver), origin
+    def prepared() -> Work:
+        return partial(optimise_job, formulation.problem, instance("solver", search.solver), origin)
 
     with environment_of_workers():
         largest = Rounds(search).largest

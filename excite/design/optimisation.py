@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from constraints.limit import Limit
 from excite.design.best_starts import best_starts
 from excite.design.certification import certify
+from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.interruption import current_interruption
@@ -124,12 +125,23 @@ def design_trajectory(
     task = task.changed(**given, **options)
     if constraints:
         task = task.changed(constraints=(*task.limits.constraints, *constraints))
-    formulation = formulate(robot, task)
     if folder is not None:
         with locked(Destination(Path(folder))):
-            return solve(robot, formulation, keep_starts(Path(folder), formulation, fresh=fresh), progress)
+            return _design(robot, task, Path(folder), progress, fresh=fresh)
     with tempfile.TemporaryDirectory() as temporary:
-        return solve(robot, formulation, Path(temporary), progress)
+        return _design(robot, task, Path(temporary), progress, fresh=fresh)
+
+
+def _design(robot: Robot, task: Task, folder: Path, progress: Progress | None, *, fresh: bool) -> Design:
+    """Search in a folder, for the number of harmonics too where the task leaves it open."""
+
+    def prepared(formulation: Formulation, other: bool = False) -> KeptStarts:
+        return keep_starts(folder, formulation, fresh=fresh or other)
+
+    if task.trajectory.grows:
+        return design_with_harmonics(robot, task, prepared, lambda made, kept: solve(robot, made, kept, progress))
+    formulation = formulate(robot, task)
+    return solve(robot, formulation, prepared(formulation), progress)
 
 
 def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:

@@ -18,7 +18,7 @@ from excite.registry import is_own, part
 from excite.tasks.task import Task
 
 _SEARCH = 2  # to be raised where the same problem is searched in another manner
-_PACKAGES = ("excite-trajectories", "casadi", "daqp", "numpy", "scipy")
+PACKAGES = ("excite-trajectories", "casadi", "daqp", "numpy", "scipy")
 _ANYWHERE = ("starts", "rounds", "budget", "executor", "workers", "begin")  # a start depends on the motion of `begin`
 _SHOWN, _LONGEST = 3, 40  # differences that a message names; characters of names and values that it shows
 
@@ -72,21 +72,21 @@ def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
         "robot": {"name": task.robot_name, "sha256": _hash(blueprint.whole), "moving": _hash(blueprint.robot)},
         "output": {"rate": task.output.rate},  # at which the criterion is evaluated
         "search": {"schema": _SEARCH},
-        "versions": {name: version(name) for name in _PACKAGES},
+        "versions": {name: version(name) for name in PACKAGES},
     }
     try:
         for name in ("model", "trajectory", "objective", "limits", "search"):
             options = plain_value(getattr(task, name))
             kept = {key: value for key, value in options.items() if key not in ("class", *_ANYWHERE)}
             content[name] = {**content.get(name, {}), **kept}
-        content["own"] = {name: reference(_class_of(kind, name)) for kind, name in _own_parts(task)}
+        content["own"] = {name: reference(_class_of(kind, name)) for kind, name in own_parts(task)}
         content["begin"] = plain_value(blueprint.initial)
     except NotComparable as error:
         return ProblemIdentity(content, str(error))
     return ProblemIdentity(content)
 
 
-def _own_parts(task: Task) -> Iterator[tuple[str, str]]:
+def own_parts(task: Task) -> Iterator[tuple[str, str]]:
     """Kinds and names of parts of the user's own that are given as ``module:Name``."""
     given = [
         ("model", task.model.model),

@@ -12,9 +12,11 @@ import threading
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Any
 
 import cloudpickle
 from threadpoolctl import threadpool_limits
@@ -28,8 +30,8 @@ from excite.design.solvers.solver import Solver
 from excite.design.start_results import Origin, StartResult
 from excite.registry import instance
 
-Prepared = tuple[Problem, Solver, Origin]
 Job = tuple[int, PlannedStart | int, Path]
+Work = Callable[[Any], Any]
 
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
 
@@ -38,28 +40,54 @@ class NotPreparedError(Exception):
     """A worker process cannot build the problem; what it says is why."""
 
 
-def unpickled(content: bytes) -> Prepared:
-    """Build the problem in a process that has inherited nothing.
+def unpickled(content: bytes) -> Work:
+    """Prepare the work in a process that has inherited nothing.
 
     Parameters
     ----------
     content : bytes
-        The pickled blueprint, and the origin of the starts.
+        A pickled function that prepares it, and its arguments.
     """
-    blueprint: Blueprint
-    blueprint, origin = cloudpickle.loads(content)
-    return blueprint.problem(), instance("solver", blueprint.task.search.solver), origin
+    prepare, *arguments = cloudpickle.loads(content)
+    work: Work = prepare(*arguments)
+    return work
 
 
-def serve(connection: Connection, prepare: Callable[[], Prepared]) -> None:
-    """Optimise the starts that are asked for; only the parent answers signals, and this process ends with it.
+def work_on_starts(blueprint: Blueprint, origin: Origin) -> Work:
+    """Build the problem of a search; what is returned optimises a start.
+
+    Parameters
+    ----------
+    blueprint : Blueprint
+    origin : Origin
+    """
+    return partial(optimise_job, blueprint.problem(), instance("solver", blueprint.task.search.solver), origin)
+
+
+def optimise_job(problem: Problem, method: Solver, origin: Origin, job: Job) -> StartResult:
+    """Optimise a start.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : Solver
+    origin : Origin
+    job : tuple
+        Seed, start and folder.
+    """
+    seed, start, folder = job
+    return optimise_start(problem, method, seed, start, folder, origin=origin)
+
+
+def serve(connection: Connection, prepare: Callable[[], Work]) -> None:
+    """Do the jobs that are asked for; only the parent answers signals, and this process ends with it.
 
     Parameters
     ----------
     connection : Connection
-        Seed, start and folder come in; its result, or the error that it ended with, goes out.
+        A job comes in; its result, or the error that it ended with, goes out.
     prepare : callable
-        Returns the problem, the solver, and the origin of the starts.
+        Returns the function that does a job.
     """
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
@@ -67,20 +95,18 @@ def serve(connection: Connection, prepare: Callable[[], Prepared]) -> None:
     threadpool_limits(1)  # since the pool uses all cores
     failure = None
     try:
-        prepared = prepare()
+        work = prepare()
     except Exception as error:
         failure = NotPreparedError(f"{type(error).__name__}: {error}")
-    with suppress(EOFError, OSError):  # the parent has no further starts
+    with suppress(EOFError, OSError):  # the parent has no further jobs
         while True:
-            job: Job = connection.recv()
-            connection.send(_outcome(prepared, job) if failure is None else failure)
+            job = connection.recv()
+            connection.send(_outcome(work, job) if failure is None else failure)
 
 
-def _outcome(prepared: Prepared, job: Job) -> StartResult | Exception:
-    problem, method, origin = prepared
-    seed, start, folder = job
+def _outcome(work: Work, job: Any) -> Any:
     try:
-        return optimise_start(problem, method, seed, start, folder, origin=origin)
+        return work(job)
     except Exception as error:
         error.add_note(f"In a worker process:\n{traceback.format_exc()}")
         return _sent(error)

@@ -14,11 +14,12 @@ from functools import partial
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.resource_tracker import ensure_running
+from typing import Any
 
 from excite.design.interruption import SIGNALS, deferred_interruption, held_signals
 from excite.design.planned_start import number_of
 from excite.design.start_results import StartResult
-from excite.design.worker_process import Job, Prepared, serve, unpickled
+from excite.design.worker_process import Job, Work, serve, unpickled
 from excite.errors import LostWorkersError
 from excite.operating_system import can_fork
 
@@ -28,26 +29,26 @@ _log = logging.getLogger(__name__)
 
 
 class Worker:
-    """One process, which is known to work on one start at a time.
+    """One process, which is known to work on one job at a time.
 
     Parameters
     ----------
     content : bytes
         See `excite.design.worker_process.unpickled`.
     prepared : callable
-        Returns what the content describes as this process has built it, which a forked process inherits.
+        Returns the same work as this process has prepared it, which a forked process inherits.
     """
 
-    def __init__(self, content: bytes, prepared: Callable[[], Prepared]) -> None:
+    def __init__(self, content: bytes, prepared: Callable[[], Work]) -> None:
         self._process, self.connection = _forked(prepared) if can_fork() else _spawned(content)
 
-    def submit(self, job: Job) -> None:
-        """Run a start; where the process has ended, that shows when its result is read."""
+    def submit(self, job: Any) -> None:
+        """Run a job; where the process has ended, that shows when its result is read."""
         with suppress(OSError):
             self.connection.send(job)
 
-    def result(self) -> StartResult:
-        """Result of the start, or the error that it has ended with.
+    def result(self) -> Any:
+        """Result of the job, or the error that it has ended with.
 
         Raises
         ------
@@ -55,7 +56,7 @@ class Worker:
             The process has ended.
         """
         try:
-            outcome: StartResult | Exception = self.connection.recv()
+            outcome = self.connection.recv()
         except OSError as error:
             raise EOFError from error
         if isinstance(outcome, Exception):
@@ -79,7 +80,7 @@ class Worker:
         self.connection.close()
 
 
-def _forked(prepared: Callable[[], Prepared]) -> tuple[BaseProcess, Connection]:
+def _forked(prepared: Callable[[], Work]) -> tuple[BaseProcess, Connection]:
     """A copy of this process, which has imported and built everything."""
     ready = prepared()
     context = multiprocessing.get_context("fork")
@@ -99,7 +100,7 @@ def _spawned(content: bytes) -> tuple[BaseProcess, Connection]:
             ensure_running()
     ours, theirs = context.Pipe()
     process = context.Process(target=serve, args=(theirs, partial(unpickled, content)))
-    with held_signals(), _main_not_imported():
+    with held_signals(), main_not_imported():
         process.start()
     theirs.close()
     return process, ours
@@ -117,7 +118,7 @@ class Workers:
         Number of processes.
     """
 
-    def __init__(self, content: bytes, prepared: Callable[[], Prepared], count: int) -> None:
+    def __init__(self, content: bytes, prepared: Callable[[], Work], count: int) -> None:
         self._content, self._prepared, self._count = content, prepared, count
         self._idle: list[Worker] = []
         self._running: dict[Connection, tuple[Worker, Job]] = {}
@@ -240,7 +241,7 @@ def environment_of_workers() -> Iterator[None]:
 
 
 @contextmanager
-def _main_not_imported() -> Iterator[None]:
+def main_not_imported() -> Iterator[None]:
     """Keep processes started in the block from running the user's script again, so it needs no ``__main__`` guard.
 
     Objects that the script defines are pickled by value.

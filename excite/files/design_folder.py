@@ -235,7 +235,7 @@ def _solver(design: Design) -> dict[str, Any]:
         "starts": [
             {
                 "index": start.index,
-                "value": start.value,
+                "value": _finite(start.value),
                 "status": start.status,
                 "iterations": len(start.history),
                 "evaluations": start.evaluations,
@@ -245,6 +245,7 @@ def _solver(design: Design) -> dict[str, Any]:
         ],
         **({"further_starts": design.further_starts} if design.further_starts else {}),
         **({"search": asdict(design.search)} if design.search is not None else {}),
+        **({"harmonics": [vars(trial) for trial in design.harmonics_trials]} if design.harmonics_trials else {}),
     }
 
 

@@ -21,7 +21,7 @@ from excite.tasks.option import Kind, options_of
 from excite.tasks.options_of_model import options_of_model
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.task import PARTS, Task
-from excite.tasks.values import EXPECTED, MARGINS, NONE
+from excite.tasks.values import COUNTS, EXPECTED, MARGINS, NONE
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.input_files import read_text
@@ -48,6 +48,13 @@ def _filed(value: object) -> object:
     if not isinstance(value, str | dict):
         raise ValueError(f"should be the name of a file or its content, given {described(value)}")
     return value
+
+
+def _count(value: object) -> object:
+    """A whole number, or a word for one that is chosen."""
+    if value in COUNTS or (isinstance(value, int) and not isinstance(value, bool)):
+        return value
+    raise ValueError(f"should be {EXPECTED['count']}, given {described(value)}")
 
 
 def _drives(value: object) -> object:
@@ -83,6 +90,7 @@ _TYPES: Mapping[Kind, Any] = {
     "payload": _NUMBERS | str,
     "mount": Annotated[list[_NUMBER], _THREE] | Literal[*MOUNTS],
     "margin": _NUMBER | Literal[*MARGINS],
+    "count": Annotated[Any, AfterValidator(_count)],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
     "drives": Annotated[Any, AfterValidator(_drives)],
     "parameters": dict[str, _NUMBER],
@@ -95,17 +103,42 @@ def _type(name: str, kind: Kind) -> Any:
     return Annotated[_TYPES[kind], AfterValidator(within(name))] if checked else _TYPES[kind]
 
 
-def _schema() -> type[BaseModel]:
-    """Schema with every option of a task, none of them required; limits of joints below ``limits``."""
-    fields: dict[str, Any] = dict.fromkeys(("robot", *_ENDS), (str | None, None))
-    fields["snap_angles"] = (_TYPES["flag"] | None, None)
+def option_types() -> dict[str, Any]:
+    """Types of the values of every option of a task file by name; limits of joints are below ``limits``."""
+    types: dict[str, Any] = {**dict.fromkeys(("robot", *_ENDS), str), "snap_angles": _TYPES["flag"]}
     limits: dict[str, Any] = {}
     for part in PARTS.values():
         for field, option in options_of(part):
             joints = part is LimitChoice and field.name in OF_JOINTS
-            (limits if joints else fields)[field.name] = (_type(field.name, option.kind) | None, None)
-    below = create_model("Limits", __config__=_CONFIG, **limits)
-    return create_model("Task", __config__=_CONFIG, **fields, limits=(below | None, None))
+            (limits if joints else types)[field.name] = _type(field.name, option.kind)
+    return {**types, "limits": options_schema("Limits", limits)}
+
+
+def options_schema(name: str, types: Mapping[str, Any]) -> type[BaseModel]:
+    """Schema with options of given types, none of them required.
+
+    Parameters
+    ----------
+    name : str
+        Of the schema.
+    types : mapping
+        See `option_types`.
+    """
+    fields: dict[str, Any] = {option: (kind | None, None) for option, kind in types.items()}
+    return create_model(name, __config__=_CONFIG, **fields)
+
+
+def beside(folder: Path, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options whose names of files are relative to the folder of the file that states them.
+
+    Parameters
+    ----------
+    folder : Path
+    options : mapping
+        By the names of a task file.
+    """
+    named = {name: str(folder / options[name]) for name in _FILES[:3] if isinstance(options.get(name), str)}
+    return {**options, **named}
 
 
 def read_task_file(path: Path) -> dict[str, Any]:
@@ -124,11 +157,8 @@ def read_task_file(path: Path) -> dict[str, Any]:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read task file {path}: {getattr(error, 'strerror', None) or error}") from error
-    options = validate(parse_document(text, str(path)), _schema()).model_dump(exclude_none=True)
-    for name in _FILES[:3]:
-        if isinstance(options.get(name), str):
-            options[name] = str(path.parent / options[name])
-    return options
+    options = validate(parse_document(text, str(path)), options_schema("Task", option_types()))
+    return beside(path.parent, options.model_dump(exclude_none=True))
 
 
 def task_from_options(

@@ -135,7 +135,7 @@ def write_figures(
 
     Parameters
     ----------
-    design : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit or PayloadMotion
+    design : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit, PayloadMotion or CampaignTable
     folder : path
         An existing folder; where it holds what is drawn, its manifest lists the figures too.
     formats : str or sequence of str

@@ -10,6 +10,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from excite.campaigns.campaign_table import KIND as CAMPAIGN
+from excite.campaigns.campaign_table import CampaignTable
 from excite.design.design import Design
 from excite.design.stored_design import StoredDesign
 from excite.files.friction_fit_file import KIND as FIT
@@ -21,6 +23,7 @@ from excite.identification.identification import Identification
 from excite.identification.result import StoredResult
 from excite.payload.payload_motion import PayloadMotion
 from excite.plots import design_figures
+from excite.plots.campaign_plot import campaign_figure
 from excite.plots.figure_files import drawn_figures, write_figure_files
 from excite.plots.friction_plan_plot import friction_plan_figure
 from excite.plots.friction_plot import friction_figure
@@ -48,7 +51,7 @@ def draw(result: Any, *, width: str = "screen") -> dict[str, Figure]:
 
     Parameters
     ----------
-    result : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit or PayloadMotion
+    result : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit, PayloadMotion or CampaignTable
         New, or, of designs and identifications, loaded; of a loaded identification only the parameters can be drawn.
     width : {"screen", "single", "double"}
         As wide as they like, one column of a paper (3.5 in), or both (7.16 in); with fewer panels side by side, and in
@@ -83,8 +86,8 @@ def write_drawable(
 @singledispatch
 def _drawing(result: Any) -> _Drawing:
     raise InputError(
-        "expected a design, an identification, a verification, a study, a friction plan, a friction fit or a payload "
-        f"motion to draw, given {type(result).__name__}"
+        "expected a design, an identification, a verification, a study, a friction plan, a friction fit, a payload "
+        f"motion or the table of a campaign to draw, given {type(result).__name__}"
     )
 
 
@@ -126,6 +129,11 @@ def _(result: Verification) -> _Drawing:
 @_drawing.register
 def _(result: TimeStudy) -> _Drawing:
     return _Drawing(lambda: {"estimates_over_time": estimates_over_time_figure(result)}, STUDY)
+
+
+@_drawing.register
+def _(result: CampaignTable) -> _Drawing:
+    return _Drawing(lambda: {"campaign": campaign_figure(result)}, CAMPAIGN)
 
 
 @_drawing.register

@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
+from excite.campaigns import campaign_table
+from excite.campaigns.campaign_table import CampaignTable, load_campaign
 from excite.design.campaign import Campaign
 from excite.design.designed_motion import DesignedMotion
 from excite.files import (
@@ -39,6 +41,7 @@ Subject = (
     | StoredVerification
     | Verification
     | Campaign
+    | CampaignTable
     | StoredFrictionPlan
     | StoredFrictionFit
     | FrictionFit
@@ -57,7 +60,7 @@ def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Sub
     given : iterable
         Designs, identifications, verifications, campaigns, fits of friction curves, studies, folders, or files:
         ``design.json``, ``result.json``, ``verification-LOG.json``, ``plan.json`` and ``fit.json`` of friction,
-        ``study.json``, and what ``excite plan --json`` prints.
+        ``study.json``, ``campaign.json``, and what ``excite plan --json`` prints.
     part : collection of str
         User-defined parts, as ``module:Name``, that may be imported where a file names them.
 
@@ -92,6 +95,7 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
         result_json.RESULT: partial(load_result, part=part),
         friction_plan_folder.PLAN: load_friction_plan,
         friction_fit_file.FIT: load_friction_fit,
+        campaign_table.JSON: load_campaign,
         time_study_json.NAME: lambda place: load_time_study(place / time_study_json.NAME),
     }
     found = [read(folder) for name, read in readers.items() if _is_own(folder / name)]
@@ -100,7 +104,7 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
         raise InputError(
             f"{folder} holds neither a design ({design_folder.DESIGN}), nor an identification ({result_json.RESULT}), "
             "nor a verification (verification-LOG.json), nor a friction plan (plan.json), a fit of friction curves "
-            "(fit.json) or a study (study.json)"
+            "(fit.json), a study (study.json) or a campaign (campaign.json)"
         )
     return found
 
@@ -111,6 +115,7 @@ def _is_own(path: Path) -> bool:
         friction_plan_folder.PLAN: friction_plan_folder.SCHEMA,
         friction_fit_file.FIT: friction_fit_file.SCHEMA,
         time_study_json.NAME: time_study_json.SCHEMA,
+        campaign_table.JSON: campaign_table.SCHEMA,
     }
     return path.exists() and (path.name not in schemas or read_json(path).get("schema") == schemas[path.name])
 
@@ -135,9 +140,11 @@ def _of_file(path: Path, part: Collection[str]) -> Subject:
         return load_friction_fit(path.parent)
     if schema == time_study_json.SCHEMA:
         return load_time_study(path)
+    if schema == campaign_table.SCHEMA:
+        return load_campaign(path)
     if schema is None and {"steps", "subsets"} <= set(content):
         return campaign_of(content, path)
     raise InputError(
         f"{path}: expected a design, an identification, a verification, a friction plan, a fit of friction curves, a "
-        f"study, or a campaign of `plan_campaign`, given schema {schema!r}"
+        f"study, the table of a campaign, or a campaign of `plan_campaign`, given schema {schema!r}"
     )

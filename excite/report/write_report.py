@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from constraints.collision.geometry import World
+from excite.campaigns.campaign_table import CampaignTable
 from excite.design.campaign import Campaign
 from excite.design.design import Design
 from excite.design.designed_motion import DesignedMotion
@@ -16,6 +17,7 @@ from excite.files.world_file import world_of
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.identification.result import IdentificationResult, StoredResult
 from excite.report.campaign_section import campaign_section, designs_of
+from excite.report.campaign_table_section import campaign_table_section
 from excite.report.comparison_section import comparison_section, parameters_section
 from excite.report.design_section import design_section
 from excite.report.friction_fit_section import StoredFrictionFit, friction_fit_section
@@ -175,6 +177,8 @@ def _built(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[S
         return result_section(subject, prefix, looks)
     if isinstance(subject, Campaign):
         return campaign_section(subject, [each for each in of_page if isinstance(each, DesignedMotion)])
+    if isinstance(subject, CampaignTable):
+        return campaign_table_section(subject, prefix)
     if isinstance(subject, StoredFrictionPlan):
         return friction_plan_section(subject, prefix, looks)
     if isinstance(subject, StoredFrictionFit | FrictionFit):

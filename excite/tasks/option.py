@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
-    "prior", "margin", "mount", "payload", "drives", "parameters",
+    "prior", "margin", "count", "mount", "payload", "drives", "parameters",
 ]  # fmt: skip
 
 

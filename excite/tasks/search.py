@@ -63,7 +63,7 @@ class Search:
     rounds: int | None = option(
         None,
         "integer",
-        "Rounds that combine the best motions after the random starts.  [default: as many as pay; none with --starts]",
+        "Rounds that combine the best motions after the random starts.  [default: as many as pay; 0 with starts]",
         metavar="N",
         late=True,
     )
@@ -96,6 +96,12 @@ class Search:
     def first(self) -> int:
         """Number of random starts in the first round."""
         return RANDOM_STARTS if self.starts is None else self.starts
+
+    @property
+    def extent(self) -> str:
+        """Starts, rounds and budget as text: searches of another extent may come to another motion."""
+        given = {"starts": self.starts, "rounds": self.rounds, "budget": self.budget}
+        return " ".join(f"{name}={value}" for name, value in given.items() if value is not None) or "adaptive"
 
     @property
     def adaptive(self) -> bool:

@@ -17,6 +17,7 @@ from regressors.quantities import check, shown
 
 AUTO, NONE, ALL = "auto", "none", "all"
 MARGINS = (AUTO, NONE)
+COUNTS = (AUTO,)
 _NUMBERS = frozenset(
     ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "mount", "payload", "parameters")
 )
@@ -41,7 +42,7 @@ def strict(part: Any) -> None:
         except _Unfit as error:
             raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
         if (option.kind in _NUMBERS and not isinstance(plain, UnopenedFile)) or (
-            option.kind in ("prior", "margin") and isinstance(plain, Real)
+            option.kind in ("prior", "margin", "count") and isinstance(plain, Real)
         ):
             check(field.name, plain)
         object.__setattr__(part, field.name, plain)
@@ -152,6 +153,10 @@ def _margin(value: object) -> float | str:
     return value if isinstance(value, str) and value in MARGINS else _number(value)
 
 
+def _count(value: object) -> int | str:
+    return value if isinstance(value, str) and value in COUNTS else _integer(value)
+
+
 def _mount(value: object) -> str | tuple[float, ...]:
     if isinstance(value, str) and value in MOUNTS:
         return value
@@ -187,6 +192,7 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "file": _any,
     "prior": _prior,
     "margin": _margin,
+    "count": _count,
     "mount": _mount,
     "payload": _payload,
     "drives": _drives,
@@ -208,6 +214,7 @@ EXPECTED: dict[Kind, str] = {
     "file": "the name of a file, or its content",
     "prior": "a relative uncertainty, or parameters with value and deviation",
     "margin": f"a number, {' or '.join(MARGINS)}",
+    "count": f"a whole number, or {AUTO}",
     "mount": f"{', '.join(MOUNTS)}, or roll, pitch and yaw",
     "payload": "a list of numbers, or the name of a file",
     "drives": "all, none, or names or numbers of drives",

@@ -152,18 +152,14 @@ class _BasisGrid(GridMotion):
         return np.asarray((matrix @ x) @ self.basis(derivative).T)
 
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        return _BasisTangent([self.basis(d) for d in derivatives], instants, x.shape)
+        return _BasisTangent([self.basis(d) for d in derivatives], instants)
 
 
 class _BasisTangent(MotionTangent):
     """Tangent given by the basis itself; no Jacobian is stored."""
 
-    def __init__(self, basis: Sequence[Array], instants: Index, shape: tuple[int, ...]) -> None:
-        self._basis, self._instants, self._shape = basis, instants, shape
-
-    def changes(self, step: Array) -> Array:
-        d = step.reshape(self._shape)
-        return np.stack([B[self._instants] @ d.T for B in self._basis], axis=1)
+    def __init__(self, basis: Sequence[Array], instants: Index) -> None:
+        self._basis, self._instants = basis, instants
 
     def rows(self, weights: Array, place: Index) -> Array:
         instants = self._instants[place]

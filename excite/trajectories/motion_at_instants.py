@@ -24,10 +24,6 @@ class MotionTangent(ABC):
     """Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x."""
 
     @abstractmethod
-    def changes(self, step: Array) -> Array:
-        """Changes by a flat step, shape (T, derivatives, k)."""
-
-    @abstractmethod
     def rows(self, weights: Array, place: Index) -> Array:
         """Derivatives of weighted sums, each at one instant, with respect to the flat x.
 

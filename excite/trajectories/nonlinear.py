@@ -199,9 +199,6 @@ class _JacobianTangent(MotionTangent):
     def __init__(self, jacobians: Sequence[Array]) -> None:
         self._jacobians = jacobians
 
-    def changes(self, step: Array) -> Array:
-        return np.stack([J @ step for J in self._jacobians], axis=1)
-
     def rows(self, weights: Array, place: Index) -> Array:
         rows = np.zeros((place.size, self._jacobians[0].shape[2]))
         for order, J in enumerate(self._jacobians):

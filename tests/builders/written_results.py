@@ -102,8 +102,11 @@ class Picture:
 
     text: str
 
-    def findobj(self, _: object) -> list[Any]:
-        """It has no texts."""
+    def get_layout_engine(self) -> None:
+        """It has no panels to lay out."""
+
+    def get_children(self) -> list[Any]:
+        """It has no parts."""
         return []
 
     def savefig(self, stream: Any, **_: object) -> None:
@@ -160,7 +163,7 @@ def _stub_design(patch: Patch, version: str) -> None:
     identity = ProblemIdentity({"version": version}, run=version)
     problem = SimpleNamespace(notes=(), task=made.task, target=made.target, identity=identity)
 
-    def solve(_: object, __: object, kept: KeptStarts, ___: object) -> excite.Design:
+    def solve(_: object, __: object, kept: KeptStarts, ___: object, **____: object) -> excite.Design:
         for start in made.starts:
             write_start(kept.folder, start, identity.origin)
         return made

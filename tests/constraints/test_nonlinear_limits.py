@@ -23,6 +23,7 @@ from constraints.limits.torque import torque_limits
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_constraint import GridConstraint
+from excite.design.grid_joints import GridJoints
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
@@ -253,12 +254,11 @@ def test_slopes_on_a_grid_are_those_of_its_values(motion: Callable[[Robot], Part
     )
     x = 0.2 * np.random.default_rng(10).normal(size=(len(moving.labels), family.size))
     instants, h = np.array([0, 7, 20]), 1e-6
-    step = np.random.default_rng(11).normal(size=x.shape)
     states = Trajectory(family, x).samples(family.grid(32))
     q, dq, ddq = (part @ moving.matrix.T for part in (states.q, states.dq, states.ddq))
     joints = Samples(states.time, q + moving.offset, dq, ddq, np.zeros_like(q))
     for limit in limits_of("irp6"):
-        grid = GridConstraint.on_joints(limit, family.on_grid(32), moving)
+        grid = GridConstraint.on_joints(limit, GridJoints(family.on_grid(32), moving))
         expected = limit.values(joints).T
         np.testing.assert_allclose(grid.values(x), expected, atol=1e-9)
         tangent, place = grid.tangent(x, instants), np.arange(3)
@@ -266,7 +266,6 @@ def test_slopes_on_a_grid_are_those_of_its_values(motion: Callable[[Robot], Part
         for k, unit in enumerate(np.eye(x.size)):
             ahead, behind = (grid.values(x + side * h * unit.reshape(x.shape))[:, instants] for side in (1, -1))
             np.testing.assert_allclose(rows[:, :, k], (ahead - behind) / (2 * h), atol=2e-4)
-        np.testing.assert_allclose(tangent.changes(step.ravel()), rows @ step.ravel(), atol=1e-9)
         for scale in (0.2, 1.0, 3.0):  # bounds that hold, and bounds that do not
             changed = dataclasses.replace(grid, lower=scale * grid.lower, upper=scale * grid.upper)
             inside = (expected <= changed.upper[:, None]) & (expected >= changed.lower[:, None])

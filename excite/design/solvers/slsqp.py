@@ -89,6 +89,7 @@ class _Rows:
     def __init__(self, problem: Problem) -> None:
         self.limits = problem.limits.linear_in_x
         self.tangents = [limit.tangent(problem.rest) for limit in self.limits]
+        self.instants = self.limits[0].values(problem.rest).shape[1]
         self.chosen: list[Index] = [np.zeros(0, dtype=np.intp) for _ in self.limits]
 
     def add(self, x: Array, threshold: float) -> bool:
@@ -106,7 +107,7 @@ class _Rows:
         """Constraints for SciPy, as functions that must not be negative, relative to the scale of their limits."""
         A, b = [], []
         for limit, tangent, flat in zip(self.limits, self.tangents, self.chosen, strict=True):
-            function, instant = np.divmod(flat, tangent.slopes.shape[0])
+            function, instant = np.divmod(flat, self.instants)
             rows = tangent.rows(function, instant) / limit.scale[function, None]
             A += [-rows, rows]
             b += [(limit.upper / limit.scale)[function], -(limit.lower / limit.scale)[function]]

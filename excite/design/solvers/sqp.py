@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.design.grid_constraint import GridConstraint
 from excite.design.problem import Problem
 from excite.design.smooth_objective import ObjectivePoint
 from excite.design.solvers.bfgs import BfgsFactor
 from excite.design.solvers.least_distance import FREE, LeastDistance, Rows, Sides
 from excite.design.solvers.linear_rows import LinearRows, peaks
+from excite.design.solvers.nonlinear_rows import NearRows
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array, Index
 
@@ -29,8 +29,6 @@ _ARMIJO = 1e-4
 _FLAT = 1e-10  # predicted change of the objective that counts as zero
 _STEEPEST = 1e100  # a gradient beyond it is of a motion that identifies next to nothing
 _ROUNDS = 8
-_TANGENT_NEAR = 0.4  # instants where a nonlinear limit is used beyond this fraction are linearised
-_TANGENT_SLACK = 1e-6
 _RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
 _HEATS = ((1, 8, 2), (-2, 20, 1))  # of combinations: stage, iterations, how many go on
 _RETURNED = 0.1  # distance from a known motion, in parts of that from rest, at which a combination has returned to it
@@ -236,17 +234,17 @@ class _Programme:
         J = H.J
         programme = LeastDistance(g @ J)
         linear = _Working(self.linear, x, J, programme, self._sides) if self.linear is not None else None
-        linearised = [_Linearised(limit, x) for limit in self.nonlinear]
+        near = NearRows(self.nonlinear, x) if self.nonlinear else None
         d, w = np.zeros_like(g), np.zeros_like(g)
         self.whole = False
         for _ in range(_ROUNDS):
-            found = programme.solve([_whitened(limit.rows(), J) for limit in linearised])
+            found = programme.solve([] if near is None else [_whitened(near.rows(), J)])
             if found is None:
                 return None
             d, w = J @ found, found
-            broken = [limit.broken(d) for limit in linearised]
+            broken = near is not None and near.broken(d)
             self.whole = linear is None or linear.hold(d)
-            if self.whole and not any(broken):
+            if self.whole and not broken:
                 break
         if linear is not None:
             self._remember(linear.chosen, programme.sides)
@@ -289,33 +287,3 @@ class _Working:
 def _whitened(rows: Rows, J: Array) -> Rows:
     A, lower, upper = rows
     return A @ J, lower, upper
-
-
-class _Linearised:
-    """One nonlinear limit linearised about an iterate; rows of the programme are added when needed."""
-
-    def __init__(self, limit: GridConstraint, x: Array) -> None:
-        self.limit, self.values = limit, limit.values(x)
-        use = limit.uses(self.values)
-        self.active = np.flatnonzero(np.any(use > _TANGENT_NEAR, axis=0))
-        self.tangent = limit.tangent(x, self.active)
-        self.chosen = np.zeros((self.values.shape[0], self.active.size), dtype=bool)
-        self.chosen.ravel()[peaks(use[:, self.active], _NEAR)] = True
-
-    def broken(self, d: Array) -> bool:
-        """Whether a step violates the limit at instants that are not rows yet; if so, add them."""
-        new = self.values[:, self.active] + self.tangent.changes(d)
-        more = np.zeros_like(self.chosen)
-        more.ravel()[peaks(self.limit.uses(new), 1.0 + _TANGENT_SLACK)] = True
-        fresh = bool(np.any(more & ~self.chosen))
-        self.chosen |= more
-        return fresh
-
-    def rows(self) -> tuple[Array, Array, Array]:
-        """Rows of the programme with their bounds."""
-        function, instant = np.nonzero(self.chosen)
-        value = self.values[function, self.active[instant]]
-        reserve = self.limit.reserve[function]
-        upper = np.maximum(self.limit.upper[function] - reserve - value, 0.0)
-        lower = np.minimum(self.limit.lower[function] + reserve - value, 0.0)
-        return self.tangent.rows(function, instant), lower, upper

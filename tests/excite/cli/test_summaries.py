@@ -25,6 +25,7 @@ SESSION = {
     "verify": "verify r other.csv",
     "verify several": "verify r other.csv third.csv --out v",
     "compare": "compare d dh",
+    "campaign run": "campaign run ROBOT.yaml --executor serial --out c",
     "plan": "plan ROBOT",
     "export": "export d --format npz --out play.npz",
     "export of a model": "export r --format urdf --out model.urdf",
@@ -39,6 +40,7 @@ SESSION = {
     "report": "report d r --out page.html",
     "robots": "robots ROBOT",
 }
+CAMPAIGN = "{common: {robot: ROBOT, starts: 1, harmonics: 3}, grid: {seed: [0, 1], trajectory: [fourier, cosine]}}"
 FORCED = ("design", "simulate", "identify", "export", "study", "friction", "payload", "report")
 REPLACED = {
     "irp6": {"DRIVE": "z2", "FRICTION": ""},
@@ -59,7 +61,9 @@ def words_of(line: str, robot: str, *, again: bool) -> list[str]:
 
 
 def test_the_session_has_every_command() -> None:
-    run = {" ".join(line.split()[: 1 + line.startswith(("friction", "payload"))]) for line in SESSION.values()}
+    run = {
+        " ".join(line.split()[: 1 + line.startswith(("friction", "payload", "campaign"))]) for line in SESSION.values()
+    }
     assert run == set(COMMANDS)
 
 
@@ -83,6 +87,7 @@ def test_summaries_fit_a_screen(
     robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     here, found = Here(tmp_path, monkeypatch, capfd), list[str]()
+    (tmp_path / f"{robot}.yaml").write_text(CAMPAIGN.replace("ROBOT", robot))
     (tmp_path / "f.yaml").write_text(FRICTION)
     for name, line in SESSION.items():
         ended = here.run(*words_of(line, robot, again=False))
@@ -97,6 +102,7 @@ def test_every_command_is_quiet_or_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     here = Here(tmp_path, monkeypatch, capfd)
+    (tmp_path / "irp6.yaml").write_text(CAMPAIGN.replace("ROBOT", "irp6"))
     for name, line in SESSION.items():
         quiet = here.run(*words_of(line, "irp6", again=False), "-q")
         assert quiet.returncode in (0, 1), f"{name}: {quiet.stderr}"

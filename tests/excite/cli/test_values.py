@@ -56,7 +56,7 @@ OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (DESIGN, "--period 1_0", "'--period': expected a number, given '1_0'"),
     (DESIGN, "--period \u0661", r"'--period': expected a number, given '\u0661'"),
     (DESIGN, "--period inf", "'--period': must be a number from 0.001 to 100000 s, given inf"),
-    (DESIGN, "--harmonics 2.5", "'--harmonics': expected a whole number, given '2.5'"),
+    (DESIGN, "--harmonics 2.5", "'--harmonics': expected auto or a whole number, given '2.5'"),
     (BASE["identify"], "--delay 0,0", "'--delay': expected auto or a number, given '0,0'"),
     (PLAN, "--velocity-limit 1e-9", "a stroke of 7.5e-10 rad to each side is too short for a run"),
     (PLAN, "--breakaways 2 --creep 1e-6 --creeping 1e-3", "the break-away tests creep only 2e-11 far"),

@@ -160,6 +160,18 @@ def test_a_signal_that_is_swallowed_is_raised_again_soon(
     assert answered.status == 143
 
 
+def test_a_signal_that_is_swallowed_before_signals_are_deferred_is_deferred(
+    answered: Interruption, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+    with suppress(Interrupted):
+        signal.raise_signal(signal.SIGINT)
+    with deferred_interruption() as answer:
+        time.sleep(0.3)
+        with pytest.raises(Interrupted):
+            answer()
+
+
 def _cleaned_up_for_long() -> None:
     try:
         signal.raise_signal(signal.SIGINT)

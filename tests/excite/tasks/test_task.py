@@ -55,8 +55,8 @@ def test_old_names_are_read_with_a_warning() -> None:
 BAD = [
     ({"period": True}, "period: expected a number, given True"),
     ({"period": "8"}, "period: expected a number, given '8'"),
-    ({"harmonics": 2.5}, "harmonics: expected a whole number, given 2.5"),
-    ({"harmonics": True}, "harmonics: expected a whole number, given True"),
+    ({"harmonics": 2.5}, "harmonics: expected a whole number, or auto, given 2.5"),
+    ({"harmonics": True}, "harmonics: expected a whole number, or auto, given True"),
     ({"friction": 1.5}, "friction: expected all, none, or names or numbers of drives, given 1.5"),
     ({"noise": [0.1, True]}, "noise: expected a number, or a list of numbers, given [0.1, True]"),
     ({"noise": "0.1"}, "noise: expected a number, or a list of numbers, given '0.1'"),

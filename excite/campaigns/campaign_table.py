@@ -1,0 +1,224 @@
+"""All cells of a campaign in one table, with what may be compared marked."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from excite.campaigns.cell import Cell
+from excite.campaigns.cell_folder import CELLS, read_record, stored_design
+from excite.files.stored import complete, stored_content
+from excite.registry import name_of
+from excite.storage.atomic import replacing, write_json
+from excite.storage.commit import read_settled
+from excite.storage.destination import Destination
+from excite.storage.manifest import check_files
+from excite.storage.result_folder import replace_result
+
+SCHEMA = "excite.campaign/1"
+KIND = "campaign"
+TABLE, JSON = "campaign.csv", "campaign.json"
+DESIGNED, BROKEN, LEFT = "designed", "exceeds limits", "not run"
+
+
+@dataclass(frozen=True)
+class CampaignRow:
+    """One cell of a campaign in numbers.
+
+    Parameters
+    ----------
+    cell : str
+        Name of the cell, and of its folder in ``cells``.
+    options : mapping of str to str
+        Options of the grid.
+    status : {"designed", "exceeds limits", "infeasible", "failed", "not run"}
+    group : int
+        Rows of the same group have the same robot, model, moving joints and base parameters, so that their numbers are
+        comparable; 0 without a design.
+    criteria : mapping of str to float
+        Of ``design.json``, see `excite.information.metrics.CONVENTIONS`; each at the rate and noise of its own task.
+    facts : mapping of str to object
+        Robot, model, parameters, duration [s], what was minimised, its value, the tightest limit and its use, the
+        number of starts and processor time [s].
+    reason : str
+        Why there is no design.
+    """
+
+    cell: str
+    options: Mapping[str, str]
+    status: str
+    group: int = 0
+    criteria: Mapping[str, float | None] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    reason: str = ""
+
+    @property
+    def condition(self) -> float:
+        """Condition number, infinite where there is none."""
+        value = self.criteria.get("condition_number")
+        return math.inf if value is None else value
+
+
+@dataclass(frozen=True)
+class CampaignTable:
+    """The table of a campaign.
+
+    Parameters
+    ----------
+    rows : tuple of CampaignRow
+        In the order of the campaign.
+    """
+
+    rows: tuple[CampaignRow, ...]
+
+    def __repr__(self) -> str:
+        told = ", ".join(f"{count} {status}" for status, count in self.counts.items())
+        return f"CampaignTable({len(self.rows)} cells: {told})"
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of cells by status."""
+        counts: dict[str, int] = {}
+        for row in self.rows:
+            counts[row.status] = counts.get(row.status, 0) + 1
+        return counts
+
+    @property
+    def holds(self) -> bool:
+        """Whether every cell has a design inside its limits."""
+        return all(row.status == DESIGNED for row in self.rows)
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Options of the grid, in its order."""
+        return tuple(dict.fromkeys(option for row in self.rows for option in row.options))
+
+    @property
+    def often_varied(self) -> tuple[str, ...]:
+        """Options that most cells state, and not all alike."""
+        stated = {name: [row.options[name] for row in self.rows if name in row.options] for name in self.varied}
+        return tuple(
+            name for name, values in stated.items() if 2 * len(values) > len(self.rows) and len(set(values)) > 1
+        )
+
+    @property
+    def groups(self) -> dict[int, tuple[CampaignRow, ...]]:
+        """Designed rows by group, each sorted by condition number."""
+        made = sorted((row for row in self.rows if row.group), key=lambda row: (row.group, row.condition))
+        return {group: tuple(row for row in made if row.group == group) for group in {row.group: None for row in made}}
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write ``campaign.csv`` and ``campaign.json`` into the folder of the campaign, both at once.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written to.
+        """
+        folder = Path(folder)
+        with replace_result(folder, KIND) as staged:
+            with replacing(staged / TABLE) as stream:
+                header, *lines = _lines(self)
+                csv.writer(stream, lineterminator="\n").writerows([header, *lines])
+            write_json(staged / JSON, {"schema": SCHEMA, "rows": [asdict(row) for row in self.rows]})
+        return [folder / TABLE, folder / JSON]
+
+
+def load_campaign(folder: str | Path) -> CampaignTable:
+    """Read the table of a campaign from its folder.
+
+    Parameters
+    ----------
+    folder : path
+        Or its ``campaign.json``.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is of another kind.
+    """
+    path = Path(folder)
+    path = path if path.suffix == ".json" else path / JSON
+    return read_settled(Destination(path.parent), lambda: _loaded(path))
+
+
+def _loaded(path: Path) -> CampaignTable:
+    content = stored_content(path, SCHEMA)
+    if path.name == JSON:
+        check_files(path.parent, KIND, (JSON,))
+    with complete(path, "campaign"):
+        return CampaignTable(tuple(CampaignRow(**row) for row in content["rows"]))
+
+
+def campaign_table(cells: Iterable[Cell], folder: Path) -> CampaignTable:
+    """Table of the cells of a campaign, from their folders.
+
+    Parameters
+    ----------
+    cells : iterable of Cell
+    folder : Path
+        Of the campaign.
+    """
+    groups: dict[Any, int] = {}
+    return CampaignTable(tuple(_row(cell, folder / CELLS / cell.name, groups) for cell in cells))
+
+
+def _row(cell: Cell, folder: Path, groups: dict[Any, int]) -> CampaignRow:
+    record, options = read_record(folder), dict(cell.options)
+    if record is not None and record.status:
+        return CampaignRow(cell.name, options, record.status, reason=record.reason)
+    design = stored_design(folder)
+    if design is None:
+        return CampaignRow(cell.name, options, LEFT)
+    group = groups.setdefault(_comparable(design), len(groups) + 1)
+    status = DESIGNED if design["feasible"] else BROKEN
+    return CampaignRow(cell.name, options, status, group, design["criteria"], _facts(cell, design))
+
+
+def _comparable(design: Mapping[str, Any]) -> tuple[Any, ...]:
+    task, base = design["task"], design["base"]
+    return (
+        design["robot"]["sha256"], task["model"], task["window"], tuple(design["trajectory"]["joints"]),
+        str(task["drives"]), tuple(base["columns"]),
+    )  # fmt: skip
+
+
+def _facts(cell: Cell, design: Mapping[str, Any]) -> dict[str, Any]:
+    tightest = max(design["limits"], key=lambda use: use["use"], default={"label": None, "use": None})
+    return {
+        "robot": design["robot"]["name"],
+        "model": name_of(cell.task.model.model),
+        "trajectory": design["trajectory"]["family"],
+        "parameters": design["base"]["rank"],
+        "duration": design["played"]["duration"],
+        "minimised": design["minimised"],
+        "criterion": min(
+            (start["value"] for start in design["solver"]["starts"] if start["value"] is not None), default=None
+        ),
+        "tightest_limit": tightest["label"],
+        "limit_use": tightest["use"],
+        "starts": len(design["solver"]["starts"]) + design["solver"].get("further_starts", 0),
+        "cpu_seconds": design["provenance"]["cpu_seconds"],
+    }
+
+
+def _lines(table: CampaignTable) -> list[Sequence[Any]]:
+    """Header and lines of the CSV file."""
+    criteria = list(dict.fromkeys(name for row in table.rows for name in row.criteria))
+    facts = list(dict.fromkeys(name for row in table.rows for name in row.facts))
+    varied = table.varied
+    header = ["cell", "status", "group", *(f"grid.{name}" for name in varied), *criteria, *facts, "reason"]
+    return [
+        header,
+        *(
+            [
+                row.cell, row.status, row.group or "", *(row.options.get(name, "") for name in varied),
+                *(row.criteria.get(name) for name in criteria), *(row.facts.get(name) for name in facts), row.reason,
+            ]
+            for row in table.rows
+        ),
+    ]  # fmt: skip

@@ -1,0 +1,235 @@
+"""Designs of all cells of a campaign, each on disk as soon as it ends; finished ones are not computed again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from excite.campaigns.campaign_file import read_campaign_file
+from excite.campaigns.campaign_table import CampaignTable, campaign_table
+from excite.campaigns.cell import Cell, is_cell_name
+from excite.campaigns.cell_design import CellResult, CellWork, design_cell, pickled_task
+from excite.campaigns.cell_folder import (
+    CELLS,
+    FAILED,
+    INFEASIBLE,
+    CellRecord,
+    clear_cells,
+    place,
+    read_record,
+    stored_design,
+    write_record,
+)
+from excite.campaigns.cell_identity import cell_identities
+from excite.design.problem_identity import PACKAGES
+from excite.errors import LostWorkersError
+from excite.executors.unit_executor import LostUnit, UnitExecutor
+from excite.executors.unit_executors import unit_executor
+from excite.storage.atomic import writing
+from excite.storage.result_folder import result_folder
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.quoting import listed_names, shortened
+
+_SHOWN = 3  # names of cells in a message
+
+
+@dataclass(frozen=True)
+class CellProgress:
+    """One cell that has ended.
+
+    Parameters
+    ----------
+    cell : str
+    done, total : int
+        Cells that have ended, those of earlier runs among them, and all cells.
+    condition : float, optional
+        Condition number of its design.
+    status, reason : str
+        Where there is no design.
+    """
+
+    cell: str
+    done: int
+    total: int
+    condition: float | None = None
+    status: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class CellsLeft:
+    """Cells of a campaign in a folder.
+
+    Parameters
+    ----------
+    done : tuple of Cell
+        Finished by an earlier run: designed, or found to be infeasible.
+    work : tuple of (Cell, CellWork)
+        Those that are left.
+    """
+
+    done: tuple[Cell, ...]
+    work: tuple[tuple[Cell, CellWork], ...]
+
+
+def run_campaign(
+    cells: str | Path | Mapping[str, Task] | Sequence[Cell],
+    folder: str | Path,
+    *,
+    executor: str | UnitExecutor = "process",
+    workers: int | None = None,
+    replace: bool = False,
+    progress: Callable[[CellProgress], None] | None = None,
+    left: Callable[[CellsLeft], None] | None = None,
+) -> CampaignTable:
+    """Design every cell of a campaign, and write the table of all.
+
+    Every cell is a folder ``cells/NAME`` as `Design.save` writes it, complete as soon as the cell ends. A cell that has
+    no feasible motion, or fails, does not stop the others. The same call again continues: finished cells of the same
+    problem are not computed again, nor are the finished starts of others, except those that were on Dask.
+
+    Parameters
+    ----------
+    cells : path, mapping of str to Task, or sequence of Cell
+        Campaign file, see `excite.campaigns.campaign_file.read_campaign_file`; or tasks by the names of their cells.
+    folder : path
+        Created if it does not exist.
+    executor : str or UnitExecutor
+        ``process``, ``serial``, ``dask://HOST:PORT``, ``dask-file:PATH``, ``dask-local`` or ``dask-local:N``: where
+        cells run, each as one unit with its starts one after the other. The results are the same.
+    workers : int, optional
+        Processes of this machine; one per core if not given.
+    replace : bool
+        Replace cells of other problems that are there under the same names.
+    progress : callable, optional
+        Called as each cell ends.
+    left : callable, optional
+        Called once, before the first cell runs.
+
+    Returns
+    -------
+    CampaignTable
+
+    Raises
+    ------
+    InputError
+        A file that cannot be used, a folder with other cells under the same names or in use, or Dask not reachable.
+    LostWorkersError
+        Worker processes end again and again, or the Dask scheduler went away; the same call continues. The table is
+        written, with the cells that are not run.
+    KeyboardInterrupt
+        Likewise.
+    """
+    folder, chosen = Path(folder), _cells(cells)
+    units = unit_executor(executor, workers)
+    with result_folder(folder):
+        with writing(folder / CELLS):
+            (folder / CELLS).mkdir(exist_ok=True)
+        clear_cells(folder / CELLS)
+        todo = cells_left(chosen, folder, replace=replace, shares_disk=units.shares_disk)
+        if left is not None:
+            left(todo)
+        try:
+            _run(units, todo, folder, progress or (lambda _: None))
+        except (KeyboardInterrupt, LostWorkersError):
+            campaign_table(chosen, folder).save(folder)
+            raise
+        except InputError:
+            with suppress(OSError):  # as there are no cells in it
+                (folder / CELLS).rmdir()
+            raise
+        table = campaign_table(chosen, folder)
+        table.save(folder)
+    return table
+
+
+def _cells(given: str | Path | Mapping[str, Task] | Sequence[Cell]) -> list[Cell]:
+    if not isinstance(given, str | Path) and not given:
+        raise InputError("a campaign needs at least one cell; none is given")
+    if isinstance(given, str | Path):
+        return read_campaign_file(given)
+    if not isinstance(given, Mapping):
+        return list(given)
+    if bad := [name for name in given if not is_cell_name(name)]:
+        raise InputError(f"names of cells are letters, digits and . _ + - = and commas, given {shortened(bad[0])}")
+    return [Cell(name, task) for name, task in given.items()]
+
+
+def cells_left(cells: Sequence[Cell], folder: Path, *, replace: bool = False, shares_disk: bool = True) -> CellsLeft:
+    """Compare the cells of a campaign with those that a folder holds.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+    folder : Path
+    replace : bool
+        Allow cells of other problems.
+    shares_disk : bool
+        Whether the cells are designed in their folders.
+
+    Raises
+    ------
+    InputError
+        Cells of other problems are there under the same names.
+    """
+    identities = cell_identities(cells)
+    done, others, work = [], [], []
+    for cell in cells:
+        place_of_cell = folder / CELLS / cell.name
+        before = read_record(place_of_cell)
+        wanted = CellRecord(identities[cell.name], cell.task.search.extent)
+        same = before is not None and before.sha256 == wanted.sha256 and wanted.sha256 is not None
+        if before is not None and same and _is_done(before, wanted, place_of_cell):
+            done.append(cell)
+            continue
+        if before is not None and wanted.sha256 is not None and (not same or before.search != wanted.search):
+            others.append(cell.name)
+        where = str(place_of_cell) if shares_disk else ""
+        work.append((cell, CellWork(pickled_task(cell.task), wanted, where, fresh=not same)))
+    if others and not replace:
+        count = "1 cell of the same name has" if len(others) == 1 else f"{len(others)} cells of the same names have"
+        raise InputError(
+            f"in {folder}, {count} other options or versions: {listed_names(others[:_SHOWN])}; `replace` runs "
+            "them again, or choose another `folder`"
+        )
+    return CellsLeft(tuple(done), tuple(work))
+
+
+def _is_done(before: CellRecord, wanted: CellRecord, folder: Path) -> bool:
+    if before.search != wanted.search or before.status == FAILED:
+        return False
+    return before.status == INFEASIBLE or stored_design(folder) is not None
+
+
+def _run(units: UnitExecutor, todo: CellsLeft, folder: Path, progress: Callable[[CellProgress], None]) -> None:
+    if not todo.work:
+        return
+    versions = {} if units.shares_disk else {name: version(name) for name in PACKAGES}
+    total = len(todo.done) + len(todo.work)
+    results = units.run(design_cell, versions, [work for _, work in todo.work])
+    for done, (index, result) in enumerate(results, len(todo.done) + 1):
+        cell, work = todo.work[index]
+        progress(_ended(cell, folder / CELLS / cell.name, work, result, done, total))
+
+
+def _ended(
+    cell: Cell, folder: Path, work: CellWork, result: CellResult | LostUnit, done: int, total: int
+) -> CellProgress:
+    """Write what is not on disk yet, and say what came of a cell."""
+    if isinstance(result, LostUnit):
+        record = CellRecord(work.record.sha256, work.record.search, FAILED, result.reason)
+        with result_folder(folder):
+            write_record(folder, record)
+    else:
+        record = result.record
+        if result.files:
+            place(result.files, folder)
+    if record.status:
+        return CellProgress(cell.name, done, total, None, record.status, record.reason)
+    design = stored_design(folder)
+    condition = None if design is None else design["criteria"]["condition_number"]
+    return CellProgress(cell.name, done, total, condition)

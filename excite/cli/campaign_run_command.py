@@ -1,0 +1,91 @@
+"""``excite campaign run``: designs for every combination of options that a campaign file states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from excite.cli.command import Command
+from excite.cli.figure_options import FigureChoice, figure_options
+from excite.cli.options import Folder, Number, PartName
+from excite.registry import EXECUTORS
+
+if TYPE_CHECKING:
+    from excite.campaigns.campaign_table import CampaignTable
+
+_GROUPS = {"Execution": ("executor", "workers")}
+
+
+@click.command(
+    cls=Command,
+    groups=_GROUPS,
+    name="run",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite campaign run campaign.yaml --out campaigns/arms
+  excite campaign run campaign.yaml --out campaigns/arms --report --figures svg
+  excite campaign run campaign.yaml --out campaigns/arms --executor dask://10.0.0.1:8786
+
+\b
+Contents of FILE (YAML; options are the keys of a task file, see --task of 'excite design'):
+  common: {starts: 4, harmonics: 5}                  options of every cell
+  grid:                                              every combination of these is a cell
+    robot: [irp6, panda]
+    trajectory: [fourier, cosine]
+    limits: {slow: {velocity: 0.5}, fast: {velocity: 1.0}}    labels of long values
+    seed: [0, 1, 2]
+  exclude: [{robot: panda, limits: slow}]            combinations that are left out
+  include: [{robot: ur10e, limits: {acceleration: 3}}]        further cells
+
+\b
+What is written to DIR:
+  cells/NAME     of every cell, such as robot=irp6,seed=0, an ordinary folder of a design
+  campaign.csv   one line per cell: options, status, every criterion, tightest limit, time; campaign.json likewise
+  campaign.png   the condition numbers by each option
+  campaign.html  with --report
+
+\b
+Cells run on all cores, each with its starts one after the other. The same command again continues where it stopped.
+Exit status: 0 every cell has a design within its limits; 1 at least one has not, and the table says why.""",
+)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@click.option(
+    "--executor", type=PartName("executor", EXECUTORS, own=False), default="process", help="Where the cells run."
+)
+@click.option(
+    "--workers", type=Number(), metavar="N", help="Number of processes.  [default: one per core]", show_default=False
+)
+@figure_options()
+@click.option("--report", is_flag=True, help="Write campaign.html too: table and figure as one page.")
+@click.option("--force", is_flag=True, help="Replace cells of the same names that have other options.")
+def command(
+    file: Path, out: Path, executor: str, workers: int | None, figures: FigureChoice, report: bool, force: bool
+) -> None:
+    """Design every cell of the campaign FILE, or those that are left, and write all of them in one table."""
+    import sys
+
+    from excite.cli.campaign_run import run_and_write
+    from excite.cli.campaign_text import campaign_summary, print_campaign
+    from excite.cli.interrupts import interrupted_status
+    from excite.cli.main import NOT_HELD
+    from excite.cli.summary import show
+
+    ran = run_and_write(file, out, executor=executor, workers=workers, figures=figures, report=report, force=force)
+    show(
+        campaign_summary(ran.table, ran.files, out),
+        lambda: _content(ran.table, out),
+        lambda: print_campaign(ran.table, ran.files),
+    )
+    if ran.interrupted:
+        sys.exit(interrupted_status())
+    sys.exit(0 if ran.table.holds else NOT_HELD)
+
+
+def _content(table: CampaignTable, out: Path) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {"out": str(out), "counts": table.counts, "rows": [asdict(row) for row in table.rows]}

@@ -1,0 +1,236 @@
+"""Units of work on a Dask cluster: Dask sends them to its workers, and again where a worker is lost."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+from excite.design.workers import environment_of_workers, main_not_imported
+from excite.errors import LostWorkersError
+from excite.executors.dask_address import DaskAddress, dask_address
+from excite.executors.unit_executor import LostUnit, Work
+from regressors.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_CONNECT = 10.0  # [s]
+_LOOK = 1.0  # seconds between two looks at a cluster that sends nothing
+_PATIENCE = 10.0  # seconds without a worker after which that is said
+_AHEAD = 1000  # units that are on their way at a time
+_TALKATIVE = ("distributed", "tornado")
+_one_at_a_time = threading.Lock()
+_log = logging.getLogger(__name__)
+
+
+class DaskCluster:
+    """Runs units on the workers of a Dask scheduler.
+
+    A worker runs one unit at a time, whatever its number of threads, since processor time and the threads of linear
+    algebra are counted for a whole process.
+
+    Parameters
+    ----------
+    address : str
+        ``dask://HOST:PORT``, ``dask-file:PATH``, ``dask-local`` or ``dask-local:N``.
+    workers : int, optional
+        Processes of ``dask-local`` without a number; one per core if not given.
+
+    Raises
+    ------
+    InputError
+        An address of another form.
+    """
+
+    shares_disk = False
+
+    def __init__(self, address: str, workers: int | None = None) -> None:
+        self.address, self._workers = dask_address(address), workers
+
+    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        """See `UnitExecutor.run`.
+
+        Raises
+        ------
+        InputError
+            Dask is not installed, nothing answers at the address, or its workers cannot import this package.
+        LostWorkersError
+            The scheduler went away.
+        """
+        with self.connected() as cluster:
+            yield from cluster.run(work, common, units)
+
+    @contextmanager
+    def connected(self) -> Iterator[ConnectedCluster]:
+        """Connect once for several runs; errors as in `run`."""
+        with _quiet(), _client(self.address, self._workers) as client:
+            yield ConnectedCluster(client, self.address)
+
+
+class ConnectedCluster:
+    """A cluster with its client.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    address : DaskAddress
+    """
+
+    shares_disk = False
+
+    def __init__(self, client: Client, address: DaskAddress) -> None:
+        self._client, self._address = client, address
+
+    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        """See `DaskCluster.run`."""
+        yield from _Units(self._client, self._address, work, common).run(units)
+
+
+class _Units:
+    """Units on their way to a cluster and back."""
+
+    def __init__(self, client: Client, address: DaskAddress, work: Work, common: Any) -> None:
+        self._client, self._address, self._work = client, address, work
+        self._common = client.submit(_same, common, pure=False)  # made again where its worker is lost, unlike scattered
+        self._done: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        self._running: dict[Future, int] = {}
+        self._without_workers = 0.0
+
+    def run(self, units: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        left = iter(range(len(units)))
+        try:
+            for index, _ in zip(left, range(_AHEAD), strict=False):
+                self._submit(index, units[index])
+            while self._running:
+                future = self._next()
+                index = self._running.pop(future)
+                result = self._result(future)
+                future.release()
+                if (following := next(left, None)) is not None:
+                    self._submit(following, units[following])
+                yield index, result
+        finally:
+            if self._client.status == "running":  # else it would wait for the scheduler that went away
+                with suppress(Exception):
+                    self._client.cancel(list(self._running))
+
+    def _submit(self, index: int, unit: Any) -> None:
+        future = self._client.submit(_on_worker, self._work, self._common, unit, pure=False)
+        self._running[future] = index
+        future.add_done_callback(self._done.put)
+
+    def _next(self) -> Future:
+        """The next unit that ended; what waits in vain is said."""
+        while True:
+            try:
+                return self._done.get(timeout=_LOOK)
+            except queue.Empty:
+                self._look()
+
+    def _look(self) -> None:
+        workers = self._client.scheduler_info(n_workers=-1)["workers"]
+        if workers:
+            self._without_workers = 0.0
+        elif not self._without_workers:
+            self._without_workers = time.monotonic()
+        elif self._without_workers < time.monotonic() - _PATIENCE:
+            _log.warning("no Dask worker is connected to %s; waiting for one (Ctrl-C ends it)", self._address)
+            self._without_workers = float("inf")
+
+    def _result(self, future: Future) -> Any:
+        from distributed.scheduler import KilledWorker
+
+        if future.status in ("cancelled", "lost"):
+            raise LostWorkersError(
+                f"the Dask scheduler at {self._address} went away; what is finished is kept, and the same command "
+                "continues with the rest"
+            )
+        if future.status == "finished":
+            return future.result()
+        error = future.exception()
+        if isinstance(error, KilledWorker):
+            return LostUnit("its Dask worker ended each time")
+        if isinstance(error, ImportError):
+            raise InputError(f"a Dask worker cannot run this ({error}); install the same version there") from error
+        raise error
+
+
+def _same(common: Any) -> Any:
+    return common
+
+
+def _on_worker(work: Work, common: Any, unit: Any) -> Any:
+    with _one_at_a_time:
+        return work(common, unit)
+
+
+@contextmanager
+def _client(address: DaskAddress, workers: int | None) -> Iterator[Client]:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise InputError(
+            f"executor {address} needs Dask, which is not installed: pip install 'excite-trajectories[dask]'"
+        ) from error
+    with _cluster(address, workers) as given:
+        try:
+            client = Client(**given, timeout=_CONNECT, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise InputError(f"no Dask scheduler answers at {address}: {_short(error)}") from error
+        try:
+            yield client
+        finally:
+            with suppress(Exception):
+                client.close(timeout=_LOOK)
+
+
+@contextmanager
+def _cluster(address: DaskAddress, workers: int | None) -> Iterator[dict[str, Any]]:
+    """What the client is given; of a cluster on this machine, the cluster."""
+    if not address.is_local:
+        if address.file is not None and not address.file.is_file():
+            raise InputError(
+                f"no Dask scheduler file {address.file}; a scheduler that is started with its name writes it"
+            )
+        yield {"address": address.scheduler} if address.file is None else {"scheduler_file": str(address.file)}
+        return
+    from distributed import LocalCluster
+
+    with environment_of_workers(), main_not_imported():
+        cluster = LocalCluster(
+            n_workers=address.processes or workers, threads_per_worker=1, processes=True, dashboard_address=None
+        )
+    try:
+        yield {"address": cluster}
+    finally:
+        with suppress(Exception):
+            cluster.close()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Dask's own reports of lost connections from the terminal; what matters of them is said here."""
+    with suppress(ImportError):
+        import distributed  # noqa: F401  # which makes the handlers
+    loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict if name.startswith(_TALKATIVE)]
+    handlers = [handler for logger in loggers for handler in logger.handlers]
+    for handler in handlers:
+        handler.addFilter(_nothing)
+    try:
+        yield
+    finally:
+        for handler in handlers:
+            handler.removeFilter(_nothing)
+
+
+def _nothing(_: logging.LogRecord) -> bool:
+    return False
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__

@@ -1,0 +1,134 @@
+"""The starts of a design on Dask: what a start needs is sent with it, and its result comes back to be written here."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+
+import cloudpickle
+
+from excite.design.formulation import Formulation
+from excite.design.multistart import StartsOfRounds, pickled
+from excite.design.planned_start import PlannedStart, number_of
+from excite.design.problem import Problem
+from excite.design.single_start import optimise_start
+from excite.design.solvers.solver import Solver
+from excite.design.start_results import Origin, StartResult, write_start
+from excite.executors.dask_cluster import DaskCluster
+from excite.executors.unit_executor import LostUnit
+from excite.registry import instance
+from regressors.errors import InputError
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class StartNeeds:
+    """All that the starts of a search need on another machine; a start itself holds the motions it descends from.
+
+    Parameters
+    ----------
+    content : bytes
+        The pickled blueprint, and the origin of the starts.
+    seed : int
+    """
+
+    content: bytes
+    seed: int
+
+
+class DaskStarts:
+    """Executor of a search that optimises its starts on the workers of a Dask scheduler.
+
+    Unfinished starts are not saved while they run there.
+
+    Parameters
+    ----------
+    address : str
+        See `excite.executors.dask_cluster.DaskCluster`.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+
+    def __call__(
+        self,
+        formulation: Formulation,
+        rounds: StartsOfRounds,
+        folder: Path,
+        progress: Callable[[StartResult], None],
+    ) -> None:
+        """Optimise starts; those whose workers end each time are left out, which is logged.
+
+        Parameters
+        ----------
+        formulation : Formulation
+        rounds : iterable of sequences of PlannedStart or int
+            See `excite.design.multistart.serial`.
+        folder : Path
+            Where their files are written, by this process.
+        progress : callable
+            Called with each result.
+
+        Raises
+        ------
+        InputError, LostWorkersError
+            See `excite.executors.dask_cluster.DaskCluster.run`.
+        """
+        origin, search = formulation.identity.origin, formulation.task.search
+        needs = StartNeeds(pickled(formulation.blueprint, origin), search.seed)
+        with DaskCluster(self.address, search.workers).connected() as cluster:
+            for starts in rounds:
+                for place, result in cluster.run(optimise_there, needs, starts):
+                    if isinstance(result, LostUnit):
+                        _log.warning("start %d is left out: %s", number_of(starts[place]), result.reason)
+                        continue
+                    write_start(folder, result, origin)
+                    progress(result)
+
+
+def optimise_there(needs: StartNeeds, start: PlannedStart | int) -> StartResult:
+    """Optimise a start where only ``needs`` is known.
+
+    Parameters
+    ----------
+    needs : StartNeeds
+    start : PlannedStart or int
+
+    Raises
+    ------
+    InputError
+        Another version of a package than that of the process that asks for it, so that results might differ.
+    """
+    problem, method, origin = _prepared(needs.content)
+    return optimise_start(problem, method, needs.seed, start, None, origin=origin)
+
+
+@lru_cache(maxsize=1)
+def _prepared(content: bytes) -> tuple[Problem, Solver, Origin]:
+    """The problem, built once per worker."""
+    blueprint, origin = cloudpickle.loads(content)
+    check_versions(origin.problem["versions"])
+    return blueprint.problem(), instance("solver", blueprint.task.search.solver), origin
+
+
+def check_versions(wanted: dict[str, str]) -> None:
+    """Check that this process has the same versions of packages as another one.
+
+    Parameters
+    ----------
+    wanted : dict of str to str
+        Versions by the names of the packages.
+
+    Raises
+    ------
+    InputError
+        It has others.
+    """
+    others = [f"{name} {version(name)} instead of {its}" for name, its in wanted.items() if version(name) != its]
+    if others:
+        raise InputError(f"a Dask worker has {', '.join(others)}; install the same versions there")

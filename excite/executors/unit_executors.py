@@ -1,0 +1,39 @@
+"""The executor of units that a name stands for."""
+
+from __future__ import annotations
+
+from excite.executors.dask_cluster import DaskCluster
+from excite.executors.in_processes import InProcesses
+from excite.executors.unit_executor import InThisProcess, UnitExecutor
+from excite.registry import ADDRESS_FORMS, is_addressed
+from regressors.errors import UnknownName
+from regressors.quantities import check
+
+
+def unit_executor(given: str | UnitExecutor, workers: int | None = None) -> UnitExecutor:
+    """An executor by its name; an object is returned as it is.
+
+    Parameters
+    ----------
+    given : str or UnitExecutor
+        ``process``, ``serial``, or the address of a Dask scheduler.
+    workers : int, optional
+        Processes of this machine; one per core if not given.
+
+    Raises
+    ------
+    UnknownName
+        No such executor.
+    InputError
+        An address of another form, or an invalid number of processes.
+    """
+    check("workers", workers)
+    if not isinstance(given, str):
+        return given
+    if given == "serial":
+        return InThisProcess()
+    if given == "process":
+        return InProcesses(workers)
+    if is_addressed("executor", given):
+        return DaskCluster(given, workers)
+    raise UnknownName("executor of units", given, ("process", "serial", *ADDRESS_FORMS["executor"]))

@@ -1,0 +1,145 @@
+"""The number of harmonics chosen by a search: where it ends, what it records, and that it can be run again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import excite
+from excite.design import continuation
+from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
+from excite.design.start_results import read_starts
+from excite.files.task_file import read_task_file, task_from_options
+from excite.tasks.task import Task
+from excite.trajectories.fourier import Fourier
+from regressors.errors import InputError
+
+SMALL = Task("irp6", starts=1, seed=3, executor="serial", harmonics="auto")
+QUICK = SMALL.changed(solver=SequentialQuadratic(SqpOptions(iterations=3)))
+
+
+def designed(least: float, numbers: tuple[int, ...], monkeypatch: pytest.MonkeyPatch, task: Task = QUICK,
+             folder: Path | None = None) -> excite.Design:  # fmt: skip
+    monkeypatch.setattr(continuation, "_LEAST", least)
+    monkeypatch.setattr(continuation, "_NUMBERS", numbers)
+    return excite.design_trajectory(task, folder=folder)
+
+
+@pytest.mark.slow
+def test_harmonics_are_added_while_they_pay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The motion is never worse than that of fewer; the design states its number and runs again to the same motion."""
+    design = designed(0.0, (5, 6, 7), monkeypatch, SMALL)
+    values = [trial.value for trial in design.harmonics_trials]
+    assert [trial.harmonics for trial in design.harmonics_trials] == [5, 6, 7]
+    assert values == sorted(values, reverse=True)
+    assert design.task.trajectory.harmonics == 7
+    assert design.trajectory.family.harmonics == 7  # type: ignore[attr-defined]
+    assert design.notes[-1] == "7 harmonics: 7 are the most that are tried"
+    design.save(tmp_path / "design")
+    content = json.loads((tmp_path / "design" / "design.json").read_text(encoding="utf-8"))
+    assert [trial["harmonics"] for trial in content["solver"]["harmonics"]] == [5, 6, 7]
+    stored = excite.load_design(tmp_path / "design").task
+    again = excite.design_trajectory(stored)
+    np.testing.assert_array_equal(again.trajectory.x, design.trajectory.x)
+    assert again.harmonics_trials == ()
+
+
+def test_what_does_not_pay_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The folder holds the starts of the motion that was taken, of its problem."""
+    design = designed(0.99, (5, 6, 7), monkeypatch, folder=tmp_path)
+    assert [trial.harmonics for trial in design.harmonics_trials] == [5, 6]
+    assert design.task.trajectory.harmonics == 5
+    assert design.notes[-1].startswith("5 harmonics: 6 brought ")
+    assert design.provenance["cpu_seconds"] == pytest.approx(
+        sum(trial.cpu_seconds for trial in design.harmonics_trials)
+    )
+    (start,) = read_starts(tmp_path)
+    np.testing.assert_array_equal(start.coefficients, design.trajectory.x)
+    again = excite.design_trajectory(design.task, folder=tmp_path)  # finds it, and computes nothing
+    assert again.starts[0].cpu == start.cpu
+
+
+def test_the_bandwidth_of_the_controller_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    design = designed(0.0, (5, 7, 10), monkeypatch, up_to(0.6))
+    assert [trial.harmonics for trial in design.harmonics_trials] == [5, 6]  # 0.6 Hz * 10 s
+    assert design.notes[-1] == "6 harmonics: more are beyond the bandwidth of 0.6 Hz"
+    numbers, _ = continuation._numbers(up_to(100.0))
+    assert numbers == [5, 7, 10]
+    assert continuation._numbers(up_to(0.3))[0] == [3]
+    with pytest.raises(InputError, match="leaves 1 harmonics of a period of 10 s"):
+        continuation._numbers(up_to(0.1))
+
+
+def up_to(hz: float) -> Task:
+    return QUICK.changed(bandwidth=hz)
+
+
+def test_a_number_that_is_not_possible_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of samples there must be more than terms of the series."""
+    design = designed(0.0, (5, 60), monkeypatch, QUICK.changed(rate=10.0))
+    assert design.task.trajectory.harmonics == 5
+    assert "60 harmonics are not possible: 10 s at 10 Hz is 100 samples" in design.notes[-1]
+
+
+@pytest.mark.parametrize("interrupted", ["result", "raised"])
+def test_an_interruption_ends_it_with_the_best_so_far(interrupted: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = continuation._searched
+
+    def searched(robot: object, task: Task, *given: object, fresh: bool) -> object:
+        if fresh and interrupted == "raised":
+            raise KeyboardInterrupt
+        step = real(robot, task, *given, fresh=fresh)  # type: ignore[arg-type]
+        return replace(step, design=replace(step.design, interrupted=fresh))
+
+    monkeypatch.setattr(continuation, "_searched", searched)
+    design = designed(0.0, (5, 6, 7), monkeypatch)
+    assert design.interrupted
+    assert design.notes[-1].endswith(" harmonics: interrupted")
+    assert [trial.harmonics for trial in design.harmonics_trials] == ([5] if interrupted == "raised" else [5, 6])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"trajectory": "bspline"}, "not for bspline; give `intervals`"),
+        ({"trajectory": "waypoints"}, "not for waypoints; give `intervals`"),
+        ({"trajectory": "sines"}, "not for sines; give a number"),
+        ({"harmonics": "many"}, "harmonics: expected a whole number, or auto, given"),
+        ({"harmonics": 5.5}, "harmonics: expected a whole number, or auto, given"),
+        ({"harmonics": 5, "bandwidth": 1.0}, "give both, or neither"),
+        ({"bandwidth": -1.0}, "bandwidth"),
+    ],
+)
+def test_what_cannot_be_continued_is_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        SMALL.changed(**options)
+
+
+def test_a_task_file_may_leave_the_number_open(tmp_path: Path) -> None:
+    (tmp_path / "task.yaml").write_text("harmonics: auto\nbandwidth: 1.5\n", encoding="utf-8")
+    task = task_from_options({"robot": "irp6", **read_task_file(tmp_path / "task.yaml")})
+    assert task.trajectory.grows
+    assert task.trajectory.bandwidth == 1.5
+    (tmp_path / "task.yaml").write_text("harmonics: 0\n", encoding="utf-8")
+    with pytest.raises(InputError, match="harmonics"):
+        read_task_file(tmp_path / "task.yaml")
+
+
+@pytest.mark.parametrize("family", ["fourier", "cosine", "fourier-quintic"])
+def test_motions_are_among_those_of_more_harmonics(family: str) -> None:
+    """What the continuation relies on, by least squares on instants."""
+    rng, time = np.random.default_rng(2), np.linspace(0.0, 10.0, 1001)
+    few, more = (SMALL.changed(trajectory=family, harmonics=n).trajectory.family() for n in (5, 7))
+    x = rng.normal(size=(3, few.size))
+    q = few.motion(x, time, 0)
+    np.testing.assert_allclose(more.motion(more.nearest(time, q), time, 0), q, atol=1e-9)
+
+
+def test_the_number_is_open_until_a_search_chooses_it() -> None:
+    with pytest.raises(InputError, match="expected a whole number"):
+        SMALL.trajectory.family()
+    assert SMALL.changed(trajectory=Fourier(8.0, 6)).trajectory.harmonics == 6
