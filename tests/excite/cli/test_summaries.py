@@ -25,6 +25,7 @@ SESSION = {
     "verify": "verify r other.csv",
     "verify several": "verify r other.csv third.csv --out v",
     "compare": "compare d dh",
+    "bound": "bound d",
     "campaign run": "campaign run ROBOT.yaml --executor serial --out c",
     "plan": "plan ROBOT",
     "export": "export d --format npz --out play.npz",
