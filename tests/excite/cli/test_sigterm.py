@@ -25,7 +25,7 @@ COMMANDS = {
     "identify": (
         "identify irp6 run.csv --choose none --repeat 400000 --out out",
         "about",
-        "excite: interrupted; the result is saved, with ",
+        "excite: interrupted; the result is saved, with",
     ),
 }
 

@@ -52,7 +52,7 @@ def test_a_motion_that_breaks_them_is_solved_again_with_them() -> None:
     assert "torque" not in unchecked(kept)
     assert any("keeps 10 % of the torque limits in reserve" in note for note in kept.notes)
     assert kept.feasible
-    assert free.condition_number < kept.condition_number < 1.5 * free.condition_number
+    assert kept.condition_number < 1.5 * free.condition_number  # it may be less: both are local minima
 
 
 def test_a_motion_that_keeps_them_is_the_same_as_without_them() -> None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import logging
-import os
-import signal
 from pathlib import Path
-from typing import Any
 
 import pytest
+from dying_units import dies
 
 from excite.errors import LostWorkersError
 from excite.executors.in_processes import InProcesses
@@ -26,13 +24,13 @@ def test_results_come_by_number_from_every_executor() -> None:
 
 def test_a_unit_that_kills_its_process_once_runs_again(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        results = dict(InProcesses(2).run(_dies, (str(tmp_path), 1), [0, 1, 2, 3]))
+        results = dict(InProcesses(2).run(dies, (str(tmp_path), 1), [0, 1, 2, 3]))
     assert results == {0: 0, 1: 1, 2: 2, 3: 3}
     assert [record.getMessage().split(" (")[0] for record in caplog.records] == ["a worker process ended"]
 
 
 def test_a_unit_that_always_kills_its_process_is_left_out(tmp_path: Path) -> None:
-    results = dict(InProcesses(2).run(_dies, (str(tmp_path), 99), [0, 1, 2, 3]))
+    results = dict(InProcesses(2).run(dies, (str(tmp_path), 99), [0, 1, 2, 3]))
     lost = results.pop(2)
     assert results == {0: 0, 1: 1, 3: 3}
     assert isinstance(lost, LostUnit)
@@ -41,19 +39,9 @@ def test_a_unit_that_always_kills_its_process_is_left_out(tmp_path: Path) -> Non
 
 def test_replacements_are_bounded(tmp_path: Path) -> None:
     with pytest.raises(LostWorkersError, match="what is finished is kept"):
-        dict(InProcesses(1).run(_dies, (str(tmp_path), 99), [2] * 9))
+        dict(InProcesses(1).run(dies, (str(tmp_path), 99), [2] * 9))
 
 
 def test_an_error_of_a_unit_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
         dict(InProcesses(1).run(divmod, 1, [0]))
-
-
-def _dies(common: tuple[str, int], unit: int) -> Any:
-    """Return the unit, but for unit 2 end the process a number of times first."""
-    folder, times = common
-    marks = Path(folder)
-    if unit == 2 and len(list(marks.iterdir())) < times:
-        (marks / str(os.getpid())).touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return unit
