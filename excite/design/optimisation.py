@@ -179,7 +179,7 @@ def solve(
         Called when the last start has ended, before the best is certified.
     """
     kept = starts if isinstance(starts, KeptStarts) else keep_starts(starts, formulation)
-    began, cpu, date = time.monotonic(), _own_cpu(), datetime.now(UTC)
+    began, date = time.monotonic(), datetime.now(UTC)
     interrupted, search = False, formulation.task.search
     rounds = Rounds(search)
     running = RunningRounds(rounds, kept, progress, in_processes=search.executor != "serial")
@@ -196,7 +196,7 @@ def solve(
     results = best_starts(kept.folder, rounds.planned)
     if not results.best:
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)
-    provenance = _provenance(formulation, date, time.monotonic() - began, running.spent - cpu)
+    provenance = _provenance(formulation, date, time.monotonic() - began, running.spent)
     formulation = replace(formulation, task=_with_rounds(formulation.task, rounds, interrupted=interrupted))
     with threadpool_limits(1):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)
@@ -208,10 +208,6 @@ def _with_rounds(task: Task, rounds: Rounds, *, interrupted: bool) -> Task:
     if task.search.budget is None or interrupted:
         return task
     return task.changed(search=replace(task.search, budget=None, rounds=rounds.count))
-
-
-def _own_cpu() -> float:
-    return time.process_time()
 
 
 def _provenance(formulation: Formulation, date: datetime, wall: float, cpu: float) -> dict[str, object]:

@@ -35,12 +35,13 @@ class RunningRounds:
         self.rounds, self._kept, self._progress = rounds, kept, progress
         self._beside = in_processes
         self._results: list[StartResult] = []
+        self._began = time.process_time()  # what a longer session has computed before is not of this search
         self.in_processes = 0.0
 
     @property
     def spent(self) -> float:
-        """Processor time of this process, of its starts, and of those that an earlier run has finished [s]."""
-        return time.process_time() + self.in_processes + self._kept.cpu
+        """Processor time of the search in this process and in others, and of starts that an earlier run finished [s]."""
+        return time.process_time() - self._began + self.in_processes + self._kept.cpu
 
     def report(self, result: StartResult) -> None:
         """Take the result of a start."""
