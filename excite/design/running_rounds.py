@@ -40,7 +40,7 @@ class RunningRounds:
 
     @property
     def spent(self) -> float:
-        """Processor time of the search in this process and in others, and of starts that an earlier run finished [s]."""
+        """Processor time of the search in all its processes, and of starts that an earlier run finished [s]."""
         return time.process_time() - self._began + self.in_processes + self._kept.cpu
 
     def report(self, result: StartResult) -> None:
