@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, cast
 from weakref import WeakKeyDictionary
@@ -19,7 +19,7 @@ from excite.design.interruption import deferred_interruption
 from excite.design.kept_starts import remove_temporary
 from excite.design.planned_start import PlannedStart
 from excite.design.search_rounds import Rounds
-from excite.design.single_start import optimise_start
+from excite.design.single_start import optimise_start, optimise_starts
 from excite.design.start_results import RUNNING, StartResult, read_starts, start_file, write_start
 from excite.design.worker_process import NotPreparedError, Work, optimise_job, work_on_starts
 from excite.design.workers import Workers, environment_of_workers
@@ -36,12 +36,15 @@ __all__ = [
     "ready_workers",
     "run_in_pool",
     "serial",
+    "shares",
     "start_file",
     "write_start",
 ]
 
 Progress = Callable[[StartResult], None]
-StartsOfRounds = Iterable[Sequence[PlannedStart | int]]
+Starts = Sequence[PlannedStart | int]
+StartsOfRounds = Iterable[Starts]
+_TOGETHER = 4  # starts that are optimised together: what is measured of them comes when all have ended
 _log = logging.getLogger(__name__)
 
 
@@ -63,7 +66,7 @@ def pickled(*content: Any) -> bytes:
 
 
 def serial(formulation: Formulation, rounds: StartsOfRounds, folder: Path, progress: Progress) -> None:
-    """Optimise the starts of each round one after the other in this process.
+    """Optimise the starts of each round in this process.
 
     Parameters
     ----------
@@ -81,9 +84,28 @@ def serial(formulation: Formulation, rounds: StartsOfRounds, folder: Path, progr
         problem, method = formulation.problem, instance("solver", search.solver)
         answer()
         for starts in rounds:
-            for start in starts:
-                progress(optimise_start(problem, method, search.seed, start, folder, answer, origin))
+            for some in shares(starts, 1, formulation):
+                for result in optimise_starts(problem, method, search.seed, some, folder, answer, origin):
+                    progress(result)
                 answer()
+
+
+def shares(starts: Starts, workers: int, formulation: Formulation) -> list[Starts]:
+    """The starts of a round in equal parts, each for one worker at a time, which optimises its starts together.
+
+    Alone, where they are all of a search, so that each is on disk as early as can be, or where evaluations are
+    expensive for other reasons than their number.
+
+    Parameters
+    ----------
+    starts : sequence of PlannedStart or int
+    workers : int
+    formulation : Formulation
+    """
+    alone = not formulation.task.search.adaptive or formulation.problem.limits.nonlinear_in_x
+    parts = len(starts) if alone else min(len(starts), workers * -(-len(starts) // (_TOGETHER * workers)))
+    ends = [len(starts) * k // parts for k in range(parts + 1)]
+    return [starts[begin:end] for begin, end in pairwise(ends)]
 
 
 def run_in_pool(formulation: Formulation, rounds: StartsOfRounds, folder: Path, progress: Progress) -> None:
@@ -100,11 +122,12 @@ def run_in_pool(formulation: Formulation, rounds: StartsOfRounds, folder: Path, 
         Processes end again and again, and no start does.
     """
     seed = formulation.task.search.seed
-    following, starts = iter(rounds), cast("Sequence[PlannedStart | int]", ())
+    following, starts = iter(rounds), cast("Starts", ())
     with _workers(formulation) as workers:
         try:
             for starts in following:
-                for result in workers.run((seed, start, folder) for start in starts):
+                parts = shares(starts, workers.count, formulation)
+                for result in workers.run((seed, some, folder) for some in parts):
                     progress(result)
             return
         except NotPreparedError as error:

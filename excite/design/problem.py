@@ -7,6 +7,7 @@ rows stays feasible by itself; elsewhere the result is scaled into the limits wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -71,11 +72,19 @@ class Problem:
 
     def point(self, x: Array, sharpness: float) -> ObjectivePoint:
         """Smooth objective at x."""
-        return self.objective.point(x, sharpness)
+        return self.points([x], [sharpness])[0]
+
+    def points(self, xs: Sequence[Array], sharpness: Sequence[float]) -> list[ObjectivePoint]:
+        """Smooth objective at several x, each with a sharpness of its own; the same as one by one."""
+        return self.objective.points(xs, sharpness)
 
     def gradient(self, point: ObjectivePoint) -> Array:
         """Gradient of the smooth objective at a point, of the shape of x."""
-        return self.objective.gradient(point)
+        return self.gradients([point])[0]
+
+    def gradients(self, points: Sequence[ObjectivePoint]) -> list[Array]:
+        """Gradients at several points; the same as one by one."""
+        return self.objective.gradients(points)
 
     def criterion_value(self, point: ObjectivePoint) -> float:
         """The criterion itself at a point."""
@@ -139,10 +148,6 @@ class Problem:
         reach = self.limits.largest_part(self._at_rest, wanted, end)
         part *= reach if np.isfinite(reach) else unbounded
         return np.asarray(self.rest + part * wanted) if self.family.linear else self.drawn(end, part)
-
-    def first_length(self, x: Array, step: Array) -> float:
-        """Fraction of a step, at most 1, where a line search begins: the full step where it is scaled, see `inside`."""
-        return min(1.0, self.longest_step(x, step)) if self.family.linear else 1.0
 
     def inside(self, x: Array) -> Array:
         """The motion, scaled towards the centre as far as the linear limits require.

@@ -1,9 +1,9 @@
-"""One start: a random initial guess, or one that combines motions, optimised, and written to disk as it goes."""
+"""Starts: random initial guesses, or ones that combine motions, optimised, and written to disk as they go."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from excite.design.combinations import combinations
 from excite.design.initial_guesses import candidates, shrunk
 from excite.design.planned_start import PlannedStart
 from excite.design.problem import Problem
-from excite.design.solvers.solver import Solver, SolverResult
+from excite.design.solvers.solver import Attempt, Solver, SolverResult
 from excite.design.start_results import RUNNING, Origin, StartResult, write_start
 from regressors.errors import NumericalError
 from regressors.samples import Array
@@ -47,30 +47,58 @@ def optimise_start(
     origin : Origin, optional
         What its file says of where it comes from; a start without it is not reused by a later search.
     """
-    began = time.process_time()
-    start = start if isinstance(start, PlannedStart) else PlannedStart(start)
-    index = start.index
-    watch = _Snapshots(start, folder, answer, origin)
+    return optimise_starts(problem, method, seed, [start], folder, answer, origin)[0]
+
+
+def optimise_starts(
+    problem: Problem,
+    method: Solver,
+    seed: int,
+    starts: Sequence[PlannedStart | int],
+    folder: Path | None,
+    answer: Callable[[], None] = lambda: None,
+    origin: Origin | None = None,
+) -> list[StartResult]:
+    """Optimise several starts beside each other, as `optimise_start` does each; no result depends on the others.
+
+    A start's processor time is its share of that of all that were at work with it.
+    """
+    planned = [start if isinstance(start, PlannedStart) else PlannedStart(start) for start in starts]
+    times = _SharedTime(len(planned))
+    results = []
     with threadpool_limits(1), np.errstate(all="ignore"):  # a point that overflows is worse than any, and left behind
-        rng = np.random.default_rng([seed, index])
-        outcome = _solve(problem, method, start, rng, watch)
-        value = problem.exact_value(outcome.x)
-    if not np.all(np.isfinite(outcome.x)):
-        raise NumericalError(f"start {index} ended at a motion that is not finite; check `period` and the limits")
-    cpu = time.process_time() - began
-    result = StartResult(
-        index,
-        outcome.x.tolist(),
-        value,
-        outcome.status.value,
-        outcome.history,
-        outcome.evaluations,
-        cpu,
-        *_descent(start),
-    )
-    if folder is not None:
-        write_start(folder, result, origin)
-    return result
+        attempts = [_attempt(problem, start, seed, _Snapshots(start, folder, answer, origin)) for start in planned]
+        for k, first in method.attempt(problem, attempts):
+            outcome = _within_broken(problem, method, attempts[k], first)
+            if not np.all(np.isfinite(outcome.x)):
+                raise NumericalError(
+                    f"start {planned[k].index} ended at a motion that is not finite; check `period` and the limits"
+                )
+            results.append(_result(planned[k], outcome, problem.exact_value(outcome.x), times.end(k)))
+            if folder is not None:
+                write_start(folder, results[-1], origin)
+    return results
+
+
+def _result(start: PlannedStart, outcome: SolverResult, value: float, cpu: float) -> StartResult:
+    so_far = outcome.x.tolist(), value, outcome.status.value, outcome.history, outcome.evaluations, cpu
+    return StartResult(start.index, *so_far, *_descent(start))
+
+
+class _SharedTime:
+    """Processor time of jobs that are at work beside each other: each instant counts for those that have not ended."""
+
+    def __init__(self, count: int) -> None:
+        self._used = dict.fromkeys(range(count), 0.0)
+        self._before = time.process_time()
+
+    def end(self, job: int) -> float:
+        """Processor time of a job that ends now [s]."""
+        now = time.process_time()
+        for k in self._used:
+            self._used[k] += (now - self._before) / len(self._used)
+        self._before = now
+        return self._used.pop(job)
 
 
 class _Snapshots:
@@ -103,26 +131,26 @@ def _descent(start: PlannedStart) -> tuple[tuple[int, ...], str]:
     return tuple(parent.index for parent in start.parents), start.lineage
 
 
-def _solve(
-    problem: Problem, method: Solver, start: PlannedStart, rng: np.random.Generator, watch: _Snapshots
-) -> SolverResult:
-    """Solve without the limits that hold by default, then with those that the motion breaks, until it breaks none.
+def _attempt(problem: Problem, start: PlannedStart, seed: int, watch: _Snapshots) -> Attempt:
+    rng = np.random.default_rng([seed, start.index])
+    known = [parent.coefficients for parent in start.parents]
+    if start.kind == "random":
+        return Attempt("solve", candidates(problem, start.index, rng), watch=watch)
+    if start.kind == "combination":
+        return Attempt("combine", combinations(problem, known, rng), known, watch)
+    return Attempt("refine", [shrunk(problem, known[0])], watch=watch)
+
+
+def _within_broken(problem: Problem, method: Solver, attempt: Attempt, outcome: SolverResult) -> SolverResult:
+    """Solve again with the limits that hold by default and that the motion breaks, until it breaks none.
 
     Most motions break none or few of them, and each makes an evaluation more expensive.
     """
-    known = [parent.coefficients for parent in start.parents]
-    if start.kind == "random":
-        guesses = candidates(problem, start.index, rng)
-        outcome = method.solve(problem, guesses, watch)
-    elif start.kind == "combination":
-        guesses = combinations(problem, known, rng)
-        outcome = method.combine(problem, guesses, known, watch)
-    else:
-        guesses = [shrunk(problem, known[0])]
-        outcome = method.refine(problem, guesses[0], watch)
+    guesses, watch = attempt.starts, attempt.watch
     while method.takes_nonlinear_limits and (limited := problem.with_broken(outcome.x)) is not problem:
         problem, evaluations = limited, outcome.evaluations
-        watch.restart()
+        if isinstance(watch, _Snapshots):
+            watch.restart()
         guesses = [shrunk(problem, x) for x in (outcome.x, *guesses)]
         outcome = method.solve(problem, guesses, watch)
         outcome = replace(outcome, evaluations=evaluations + outcome.evaluations)

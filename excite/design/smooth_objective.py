@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -73,17 +73,22 @@ class SmoothObjective:
         """M(x) as results report it, shape (b, b)."""
         return self.information.evaluate(x).M if self.exact is None else self.exact(x)
 
-    def point(self, x: Array, sharpness: float) -> ObjectivePoint:
-        """Smooth objective at x."""
-        at = self.information.evaluate(x)
-        value, G, criterion = self.criterion.smooth_and_value(self.matrix(self.unit**2 * at.M), sharpness)
-        if not self._same_columns:
-            G = self.transform @ G @ self.transform.T
-        return ObjectivePoint(value, self.unit**2 * G, at, criterion)
+    def points(self, xs: Sequence[Array], sharpness: Sequence[float]) -> list[ObjectivePoint]:
+        """Smooth objective at several x; the same as one by one."""
+        evaluations = self.information.evaluations(xs)
+        matrices = [self.matrix(self.unit**2 * at.M) for at in evaluations]
+        smooth = self.criterion.smooth_and_values(matrices, sharpness)
+        return [
+            ObjectivePoint(value, self.unit**2 * self._back(G), at, criterion)
+            for at, (value, G, criterion) in zip(evaluations, smooth, strict=True)
+        ]
 
-    def gradient(self, point: ObjectivePoint) -> Array:
-        """Gradient of the smooth objective at a point, of the shape of x."""
-        return self.information.gradient(point.evaluation, point.G)
+    def gradients(self, points: Sequence[ObjectivePoint]) -> list[Array]:
+        """Gradients of the smooth objective at several points, each of the shape of x."""
+        return self.information.gradients([point.evaluation for point in points], [point.G for point in points])
+
+    def _back(self, G: Array) -> Array:
+        return G if self._same_columns else np.asarray(self.transform @ G @ self.transform.T)
 
     def criterion_value(self, point: ObjectivePoint) -> float:
         """The criterion itself at a point."""

@@ -1,4 +1,4 @@
-"""What runs in a worker process of a search: it builds the problem once, and optimises one start after the other."""
+"""What runs in a worker process of a search: it builds the problem once, and optimises starts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from multiprocessing.connection import Connection
@@ -25,12 +25,12 @@ from excite.design.blueprint import Blueprint
 from excite.design.interruption import SIGNALS
 from excite.design.planned_start import PlannedStart
 from excite.design.problem import Problem
-from excite.design.single_start import optimise_start
+from excite.design.single_start import optimise_starts
 from excite.design.solvers.solver import Solver
 from excite.design.start_results import Origin, StartResult
 from excite.registry import instance
 
-Job = tuple[int, PlannedStart | int, Path]
+Job = tuple[int, Sequence[PlannedStart | int], Path]
 Work = Callable[[Any], Any]
 
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
@@ -54,7 +54,7 @@ def unpickled(content: bytes) -> Work:
 
 
 def work_on_starts(blueprint: Blueprint, origin: Origin) -> Work:
-    """Build the problem of a search; what is returned optimises a start.
+    """Build the problem of a search; what is returned optimises starts.
 
     Parameters
     ----------
@@ -64,8 +64,8 @@ def work_on_starts(blueprint: Blueprint, origin: Origin) -> Work:
     return partial(optimise_job, blueprint.problem(), instance("solver", blueprint.task.search.solver), origin)
 
 
-def optimise_job(problem: Problem, method: Solver, origin: Origin, job: Job) -> StartResult:
-    """Optimise a start.
+def optimise_job(problem: Problem, method: Solver, origin: Origin, job: Job) -> list[StartResult]:
+    """Optimise some starts together.
 
     Parameters
     ----------
@@ -73,10 +73,10 @@ def optimise_job(problem: Problem, method: Solver, origin: Origin, job: Job) -> 
     method : Solver
     origin : Origin
     job : tuple
-        Seed, start and folder.
+        Seed, starts and folder.
     """
-    seed, start, folder = job
-    return optimise_start(problem, method, seed, start, folder, origin=origin)
+    seed, starts, folder = job
+    return optimise_starts(problem, method, seed, starts, folder, origin=origin)
 
 
 def serve(connection: Connection, prepare: Callable[[], Work]) -> None:

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
+from itertools import chain
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.resource_tracker import ensure_running
@@ -24,7 +25,7 @@ from excite.errors import LostWorkersError
 from excite.operating_system import can_fork
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-_TOGETHER = 2  # times that a start may end its worker beside others; after that it runs alone, once
+_TOGETHER = 2  # times that a start may end its worker beside other processes; after that it runs alone, once
 _log = logging.getLogger(__name__)
 
 
@@ -119,7 +120,7 @@ class Workers:
     """
 
     def __init__(self, content: bytes, prepared: Callable[[], Work], count: int) -> None:
-        self._content, self._prepared, self._count = content, prepared, count
+        self._content, self._prepared, self.count = content, prepared, count
         self._idle: list[Worker] = []
         self._running: dict[Connection, tuple[Worker, Job]] = {}
         self._lost: Counter[int] = Counter()
@@ -127,18 +128,19 @@ class Workers:
 
     def start(self) -> None:
         """Start all processes."""
-        while len(self._idle) + len(self._running) < self._count:
+        while len(self._idle) + len(self._running) < self.count:
             self._add()
 
     def run(self, jobs: Iterable[Job]) -> Iterator[StartResult]:
-        """Results as the starts end; at most one start per process is on its way at a time.
+        """Results as the jobs end; at most one job per process is on its way at a time.
 
-        Starts that end their process twice run alone after all others, and are left out if they end it again.
+        The starts of a job that ends its process run again one by one. Starts that end their process twice by
+        themselves run alone after all others, and are left out if they end it again.
 
         Parameters
         ----------
-        jobs : iterable of (int, PlannedStart or int, Path)
-            Seed, start and folder.
+        jobs : iterable of (int, sequence of PlannedStart or int, Path)
+            Seed, starts and folder.
 
         Raises
         ------
@@ -149,7 +151,7 @@ class Workers:
         """
         alone: list[Job] = []
         self._lost.clear()
-        yield from self._run(iter(jobs), self._count, alone)
+        yield from self._run(iter(jobs), self.count, alone)
         if alone:
             self.end()
         for job in alone:
@@ -169,16 +171,16 @@ class Workers:
             for connection in wait(list(self._running)):
                 worker, job = self._running[connection]  # type: ignore[index]
                 try:
-                    result = worker.result()
+                    results = worker.result()
                 except EOFError:
-                    again = self._lose(worker, job, alone)
-                    self._submit_next(iter([job]) if again else left)
+                    left = chain(self._lose(worker, job, alone), left)
+                    self._submit_next(left)
                     continue
                 del self._running[worker.connection]
                 self._idle.append(worker)
                 self._in_a_row = 0
                 self._submit_next(left)
-                yield result
+                yield from results
 
     def _add(self) -> None:
         """Start a process; a signal waits until it is known here, since nobody would end it otherwise."""
@@ -197,18 +199,24 @@ class Workers:
         self._running[worker.connection] = worker, job
         worker.submit(job)
 
-    def _lose(self, worker: Worker, job: Job, alone: list[Job]) -> bool:
-        """Say that a process has ended; true if its start is to run again at once."""
-        index = number_of(job[1])
+    def _lose(self, worker: Worker, job: Job, alone: list[Job]) -> list[Job]:
+        """Say that a process has ended; return the jobs that are to run again at once, one for each start."""
+        seed, starts, folder = job
         del self._running[worker.connection]
         how = worker.how_it_ended()
-        self._lost[index] += 1
         self._in_a_row += 1
-        if self._in_a_row > 3 * self._count + 3:
+        if self._in_a_row > 3 * self.count + 3:
             raise LostWorkersError(
                 f"{self._in_a_row} worker processes ended one after the other ({how}), and no start did; finished "
                 "starts are kept, and another try continues with the others: give fewer `workers`"
             )
+        if len(starts) > 1:
+            numbers = ", ".join(str(number_of(start)) for start in starts)
+            then = "they run again one by one"
+            _log.warning("a worker process ended at starts %s (%s) and is replaced; %s", numbers, how, then)
+            return [(seed, [start], folder) for start in starts]
+        index = number_of(starts[0])
+        self._lost[index] += 1
         if self._lost[index] < _TOGETHER:
             then = "the start runs again"
         elif self._lost[index] == _TOGETHER:
@@ -217,7 +225,7 @@ class Workers:
         else:
             then = "the start is left out, since this is the third time"
         _log.warning("a worker process ended at start %d (%s) and is replaced; %s", index, how, then)
-        return self._lost[index] < _TOGETHER
+        return [job] if self._lost[index] < _TOGETHER else []
 
 
 def _first(jobs: Iterator[Job], count: int) -> Iterator[Job]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
@@ -37,6 +38,12 @@ class Criterion(ABC):
     def smooth_and_value(self, M: Array, sharpness: float) -> tuple[float, Array, float]:
         """What `smooth` and `value` return, where one computation serves both."""
         return *self.smooth(M, sharpness), self.value(M)
+
+    def smooth_and_values(
+        self, matrices: Sequence[Array], sharpness: Sequence[float]
+    ) -> list[tuple[float, Array, float]]:
+        """The same of several M, each with a sharpness of its own."""
+        return [self.smooth_and_value(M, p) for M, p in zip(matrices, sharpness, strict=True)]
 
 
 def condition_number(M: Array) -> float:
@@ -78,7 +85,9 @@ class SpectralCriterion(Criterion):
         return smooth, G, self.value(M) if value is None else value
 
     def _decomposed(self, M: Array, sharpness: float) -> tuple[float, Array, Array]:
-        eigenvalues, V = np.linalg.eigh(M)
+        return self._composed(*np.linalg.eigh(M), sharpness)
+
+    def _composed(self, eigenvalues: Array, V: Array, sharpness: float) -> tuple[float, Array, Array]:
         value, slope = self.spectral(np.maximum(eigenvalues, _FLOOR), sharpness)
         return value, np.asarray((V * slope) @ V.T), eigenvalues
 

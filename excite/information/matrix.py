@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -13,6 +15,8 @@ from regressors.samples import Array, Index
 from regressors.symbolic.vectorised import VectorisedFunction
 
 _CALL = 100_000  # multiplications in the time of a call
+_CACHE = 2**17  # numbers that stay in a cache
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,25 +90,34 @@ class Information:
 
     def evaluate(self, x: Array) -> Evaluation:
         """M of the motion x of the moving coordinates."""
-        motion = self._joints.values(x)
-        W = self._rows(self._function(*motion))
-        M = np.zeros((len(W), len(W)))
-        for columns, equations in self._blocks:
-            rows = W[columns, equations].reshape(len(W) - columns.start, -1)
-            M[columns, columns] += rows @ rows.T
-        M /= self._count
-        return Evaluation(x, M, motion, W)
+        return self._evaluate([x])[0]
 
-    def _rows(self, values: Array) -> Array:
-        """W, transposed, shape (b, r, N)."""
-        W = np.zeros((self._function.shape[1], self._equations, self._count))
+    def evaluations(self, xs: Sequence[Array]) -> list[Evaluation]:
+        """M of several motions; each is the same as by itself, to the last bit."""
+        return [at for some in _groups(xs, self._together) for at in self._evaluate(some)]
+
+    def _evaluate(self, xs: Sequence[Array]) -> list[Evaluation]:
+        motions = [self._joints.values(x) for x in xs]
+        W = self._rows(self._function(*_beside(motions)), len(xs))
+        M = np.zeros((len(xs), W.shape[1], W.shape[1]))
+        for columns, equations in self._blocks:
+            rows = W[:, columns, equations].reshape(len(xs), W.shape[1] - columns.start, -1)
+            M[:, columns, columns] += rows @ rows.transpose(0, 2, 1)
+        M /= self._count
+        return [Evaluation(*one) for one in zip(xs, M, motions, W, strict=True)]
+
+    def _rows(self, values: Array, motions: int) -> Array:
+        """W of each motion, transposed, shape (motions, b, r, N)."""
+        W = np.zeros((motions, self._function.shape[1], self._equations, self._count))
         column, equation = self._place
+        values = values.reshape(len(values), motions, -1).transpose(1, 0, 2)
         if self._integral is None:
-            W[column, equation] = values
+            W[:, column, equation] = values
         else:
             s, d = self._states, self._densities
-            W[column[s], equation[s]] = (self._difference @ values[s].T).T
-            W[column[d], equation[d]] += (self._integral @ values[d].T).T
+            for k in range(motions):
+                W[k, column[s], equation[s]] = (self._difference @ values[k, s].T).T
+                W[k, column[d], equation[d]] += (self._integral @ values[k, d].T).T
         return W if self._weights is None else W * self._weights
 
     def gradient(self, at: Evaluation, G: Array) -> Array:
@@ -116,10 +129,26 @@ class Information:
         -------
         ndarray, of the shape of x
         """
-        slope = np.empty_like(at.W)  # used where W has entries
+        return self._gradients([(at, G)])[0]
+
+    def gradients(self, evaluations: Sequence[Evaluation], Gs: Sequence[Array]) -> list[Array]:
+        """The `gradient` at several motions; each is the same as by itself, to the last bit."""
+        pairs = list(zip(evaluations, Gs, strict=True))
+        return [g for some in _groups(pairs, self._together) for g in self._gradients(some)]
+
+    def _gradients(self, pairs: Sequence[tuple[Evaluation, Array]]) -> list[Array]:
+        seeds = _stacked([self._seeds(at.W, G) for at, G in pairs])
+        motions = [at.motion for at, _ in pairs]
+        slopes = self._function.pullback(_beside(motions), seeds)
+        each = zip(*(np.split(slope, len(pairs), axis=1) for slope in slopes), strict=True)
+        return [self._joints.pullback(at.x, some) for (at, _), some in zip(pairs, each, strict=True)]
+
+    def _seeds(self, W: Array, G: Array) -> Array:
+        """Derivatives of the function of M with respect to the values, shape (nnz, T)."""
+        slope = np.empty_like(W)  # used where W has entries
         scaled = 2.0 / self._count * G
         for columns, equations in self._blocks:
-            rows = at.W[columns, equations]
+            rows = W[columns, equations]
             product = scaled[columns, columns] @ rows.reshape(len(rows), -1)
             slope[columns, equations] = product.reshape(rows.shape)
         column, equation = self._place
@@ -127,13 +156,31 @@ class Information:
         if self._weights is not None:
             used *= self._weights[equation]
         if self._integral is None:
-            seeds = used
-        else:
-            s, d = self._states, self._densities
-            seeds = np.empty((column.size, at.motion[0].shape[1]))
-            seeds[s] = (self._difference.T @ used[s].T).T
-            seeds[d] = (self._integral.T @ used[d].T).T
-        return self._joints.pullback(at.x, self._function.pullback(at.motion, seeds))
+            return np.asarray(used)
+        s, d = self._states, self._densities
+        seeds = np.empty((column.size, self._integral.shape[1]))
+        seeds[s] = (self._difference.T @ used[s].T).T
+        seeds[d] = (self._integral.T @ used[d].T).T
+        return seeds
+
+    @property
+    def _together(self) -> int:
+        """Motions whose W fit into a processor's cache together."""
+        numbers: int = self._function.shape[1] * self._equations * self._count
+        return max(1, _CACHE // numbers)
+
+
+def _groups(items: Sequence[Item], most: int) -> Iterator[Sequence[Item]]:
+    return (items[first : first + most] for first in range(0, len(items), most))
+
+
+def _beside(motions: Sequence[list[Array]]) -> list[Array]:
+    """Inputs of several motions, one after the other."""
+    return [_stacked(parts) for parts in zip(*motions, strict=True)]
+
+
+def _stacked(parts: Sequence[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 
 
 def _blocks(column: Index, equation: Index, b: int, equations: int, instants: int) -> list[tuple[slice, slice]]:

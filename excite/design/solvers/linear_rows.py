@@ -12,9 +12,12 @@ import numpy as np
 
 from excite.design.grid_constraint import GridConstraint
 from excite.design.grid_functions import LinearFunction
+from excite.design.solvers.least_distance import Mask
 from regressors.samples import Array, Index
 
 _SMALL = 100**2  # numbers in a matrix, up to which one product is faster than several with less
+_STRIDE = 4  # instants from one to the next where peaks are looked for first
+_BETWEEN = 0.02  # of a bound: more than a function exceeds its values there
 
 
 class LinearRows:
@@ -47,26 +50,58 @@ class LinearRows:
         self._instants = len(self._basis[0])
         self._every = np.concatenate(self._basis)
         self._first = np.repeat([known.index(d) for d in derivatives], counts) * self._instants
+        self._stride = _STRIDE if self._instants % _STRIDE == 0 else 1
+        self._few = [np.ascontiguousarray(basis[:: self._stride].T) for basis in self._basis]
+        self._around = np.arange(1 - self._stride, self._stride)
         self._shape = shape
         self.count = len(self._middle) * self._instants
 
     def values(self, x: Array) -> Array:
         """``u`` at x, shape (functions, N)."""
-        return np.asarray(self.changes(x) - self._middle)
+        return np.asarray(self.changes(x.ravel()) - self._middle)
 
-    def changes(self, step: Array) -> Array:
-        """Change of u by a step of x, shape (functions, N)."""
-        joints = self._weights @ step.reshape(self._shape)
-        changes = np.empty((len(joints), self._instants))
+    def changes(self, steps: Array) -> Array:
+        """Change of u by steps of the flat x, shape (..., n size), each by itself: shape (..., functions, N)."""
+        joints = self._weights @ steps.reshape(*steps.shape[:-1], *self._shape)
+        changes = np.empty((*joints.shape[:-1], self._instants))
         for functions, derivative in self._parts:
-            np.matmul(joints[functions], self._basis[derivative].T, out=changes[functions])
+            np.matmul(joints[..., functions, :], self._basis[derivative].T, out=changes[..., functions, :])
         return changes
 
-    def uses(self, at: Array, step: Array) -> Array:
-        """``|u|`` after a step from where u has the values ``at``."""
-        use = self.changes(step)
-        use += at
-        return np.abs(use, out=use)
+    def peaks(self, xs: Array, threshold: float) -> tuple[Index, Index, Mask]:
+        """Where ``|u|`` has local maxima over (periodic) time beyond a threshold, at several x.
+
+        Parameters
+        ----------
+        xs : ndarray, shape (k, n size)
+            Flat x.
+        threshold : float
+
+        Returns
+        -------
+        which, flat : ndarray of int
+            Numbers of the x, ascending, and flat indices of functions and instants.
+        outside : ndarray of bool
+            Whether the bound is exceeded.
+        """
+        joints = self._weights @ xs.reshape(len(xs), *self._shape)
+        use = np.empty((*joints.shape[:-1], self._instants // self._stride))
+        for functions, derivative in self._parts:
+            np.matmul(joints[:, functions], self._few[derivative], out=use[:, functions])
+        use -= self._middle
+        np.abs(use, out=use)
+        series, instant = np.divmod(local_maxima(use, threshold - _BETWEEN), use.shape[-1])
+        which, function = np.divmod(series, len(self._middle))
+        near = (self._stride * instant[:, None] + self._around) % self._instants
+        of_basis = self._every[self._first[function][:, None] + near]
+        u = (of_basis @ joints[which, function, :, None])[..., 0] - self._middle[function]
+        np.abs(u, out=u)
+        highest = u.argmax(axis=1)
+        every = np.arange(highest.size)
+        peak = u[every, highest]
+        beyond = np.flatnonzero(peak > threshold)
+        flat = function * self._instants + near[every, highest]
+        return which[beyond], flat[beyond], peak[beyond] > 1.0
 
     def rows(self, flat: Index) -> Array:
         """Derivatives of u with respect to the flat x, for flat indices of functions and instants."""
@@ -78,11 +113,11 @@ class LinearRows:
         function, instant = np.divmod(flat, self._instants)
         return function, self._every[self._first[function] + instant]
 
-    def products(self, flat: Index, J: Array) -> Array:
+    def products(self, flat: Index, rows: Array, J: Array) -> Array:
         """The `rows` times a matrix; most contain one coordinate only."""
         n, size = self._shape
         if J.size <= _SMALL:
-            return np.asarray(self.rows(flat) @ J)
+            return np.asarray(rows @ J)
         function, of_basis = self._of_basis(flat)
         weights = self._weights[function]
         products = np.zeros((flat.size, J.shape[1]))
@@ -92,25 +127,33 @@ class LinearRows:
             products[some] += weighted @ J[coordinate * size : (coordinate + 1) * size]
         return products
 
-    def bounded(self, at: Array, flat: Index, J: Array, bound: float) -> tuple[Array, Array, Array]:
-        """Rows times J, and how far they may change where u has the values ``at``, for ``|u| <= bound``."""
-        here = at.ravel()[flat]
-        return self.products(flat, J), np.minimum(-bound - here, 0.0), np.maximum(bound - here, 0.0)
+    def bounded(self, xs: Array, flat: Index, bound: float) -> tuple[Array, Array, Array]:
+        """The `rows`, and how far each may change from a flat x of its own, for ``|u| <= bound``."""
+        rows = self.rows(flat)
+        here = np.einsum("ri,ri->r", rows, xs) - self._middle[flat // self._instants, 0]
+        return rows, np.minimum(-bound - here, 0.0), np.maximum(bound - here, 0.0)
 
 
-def peaks(use: Array, threshold: float) -> Index:
+def local_maxima(use: Array, threshold: float) -> Index:
     """Flat indices of local maxima over (periodic) time that exceed a threshold.
 
     Parameters
     ----------
-    use : ndarray, shape (functions, N)
+    use : ndarray, shape (..., N)
     threshold : float
     """
     flat = use.ravel()
     beyond = np.flatnonzero(flat > threshold)
-    last = use.shape[1] - 1
-    instant = beyond % use.shape[1]
+    last = use.shape[-1] - 1
+    instant = beyond % use.shape[-1]
     before = np.where(instant == 0, beyond + last, beyond - 1)
     after = np.where(instant == last, beyond - last, beyond + 1)
     here = flat[beyond]
     return beyond[(here >= flat[before]) & (here >= flat[after])]
+
+
+def largest_part(at: Array, change: Array) -> float:
+    """Largest part of a change, at most 1, that leaves ``|u| <= 1``, from where u has the values ``at``."""
+    room = np.where(change > 0, 1.0 - at, -1.0 - at)
+    part = np.divide(room, change, out=np.ones_like(room), where=change != 0)
+    return float(np.clip(part.min(), 0.0, 1.0))

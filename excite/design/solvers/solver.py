@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import enum
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from excite.design.problem import Problem
 from regressors.samples import Array
@@ -46,6 +46,27 @@ class SolverResult:
 
 
 Watcher = Callable[[Array, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One call of a solver's methods, to be made beside others.
+
+    Parameters
+    ----------
+    kind : {"solve", "combine", "refine"}
+    starts : sequence of ndarray, shape (n, size)
+        One or more, inside the limits; only one to refine.
+    known : sequence of ndarray
+        See `Solver.combine`.
+    watch : callable, optional
+        See `Solver.solve`.
+    """
+
+    kind: Literal["solve", "combine", "refine"]
+    starts: Sequence[Array]
+    known: Sequence[Array] = ()
+    watch: Watcher | None = None
 
 
 class Solver(ABC):
@@ -94,3 +115,19 @@ class Solver(ABC):
     def refine(self, problem: Problem, x: Array, watch: Watcher | None = None) -> SolverResult:
         """Go on from a motion that has been solved; as `solve`, unless there is a better way."""
         return self.solve(problem, [x], watch)
+
+    def attempt(self, problem: Problem, attempts: Sequence[Attempt]) -> Iterator[tuple[int, SolverResult]]:
+        """Make several attempts, one after the other unless there is a better way; no result depends on the others.
+
+        Yields
+        ------
+        int, SolverResult
+            Number and result of an attempt, as soon as it ends.
+        """
+        for k, one in enumerate(attempts):
+            if one.kind == "solve":
+                yield k, self.solve(problem, one.starts, one.watch)
+            elif one.kind == "combine":
+                yield k, self.combine(problem, one.starts, one.known, one.watch)
+            else:
+                yield k, self.refine(problem, one.starts[0], one.watch)

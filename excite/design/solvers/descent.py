@@ -1,0 +1,159 @@
+"""One descent of the SQP solver: the iterate, the Hessian approximation, the best point so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.design.problem import Problem
+from excite.design.smooth_objective import ObjectivePoint
+from excite.design.solvers.bfgs import BfgsFactor
+from excite.design.solvers.least_distance import Sides
+from excite.design.solvers.solver import SolverResult, Status, Watcher
+from regressors.samples import Array
+
+_STEEPEST = 1e100  # a gradient beyond it is of a motion that identifies next to nothing
+
+
+@dataclass(frozen=True)
+class SqpOptions:
+    """Settings of the solver.
+
+    Parameters
+    ----------
+    iterations : int
+        Limit per stage of the criterion.
+    tolerance : float
+        A step that improves the smooth approximation of ``log`` criterion by less is small.
+    patience : int
+        Small steps in a row that end a stage.
+    """
+
+    iterations: int = 80
+    tolerance: float = 2e-4
+    patience: int = 3
+
+    @property
+    def last(self) -> SqpOptions:
+        """Settings of the criterion's last stage, solved more exactly: some motions improve slowly for long."""
+        return replace(
+            self, iterations=2 * self.iterations, tolerance=0.25 * self.tolerance, patience=self.patience + 2
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step, and what is known of it.
+
+    Parameters
+    ----------
+    d : ndarray, shape (n,)
+    w : ndarray, shape (n,)
+        The step in whitened coordinates, ``d = J w``.
+    length : float
+        Largest part of the step, at most 1, that is inside the limits that are linear in x.
+    """
+
+    d: Array
+    w: Array
+    length: float = 1.0
+
+    def part(self, length: float) -> Step:
+        """A part of the step."""
+        if length == 1.0:
+            return self
+        return Step(length * self.d, length * self.w)
+
+
+class Descent:
+    """State of one descent, stage by stage of the criterion.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : ndarray, shape (n, size)
+        Inside the limits.
+    watch : callable, optional
+        See `excite.design.solvers.solver.Solver.solve`.
+
+    Attributes
+    ----------
+    status : Status or None
+        How the stage ended; None until it has.
+    """
+
+    def __init__(self, problem: Problem, start: Array, watch: Watcher | None = None) -> None:
+        self.problem, self.watch = problem, watch
+        self.x = self.best = start
+        self.value = self.best_value = np.inf  # the criterion
+        self.history: list[float] = []
+        self.evaluations = 0
+        self.status: Status | None = None
+        self.H: BfgsFactor | None = None
+        self.point: ObjectivePoint | None = None
+        self.g: Array = np.zeros(0)
+        self.sides: Sides = np.zeros(0, dtype=np.int32)  # of each linear row, where it is expected to be active
+
+    def begin(self, sharpness: float, options: SqpOptions) -> Descent:
+        """Begin a stage; its first point is to be evaluated."""
+        self.sharpness, self.options = sharpness, options
+        self.status, self.point = None, None
+        self._left, self._small, self._fresh = options.iterations, 0, self.H is None
+        return self
+
+    def set_out(self, point: ObjectivePoint, g: Array) -> None:
+        """Take the objective where the stage begins, and its gradient."""
+        if not self.history:
+            self._accept(self.x, point)
+        self.point, self.g = point, g.ravel()
+        if not np.abs(g).max(initial=0.0) < _STEEPEST:
+            self.status = Status.FAILED
+        elif self.H is None:
+            self.H = BfgsFactor(self.g)
+
+    def arrive(self, x: Array, point: ObjectivePoint) -> None:
+        """Accept a point of lower objective."""
+        assert self.point is not None
+        small = self.point.value - point.value < self.options.tolerance
+        self._small = self._small + 1 if small else 0
+        self._accept(x, point)
+        self.point = point
+
+    def learn(self, step: Step, g: Array) -> None:
+        """Take the gradient at the accepted end of a step."""
+        assert self.H is not None
+        g = g.ravel()
+        self.H.update(step.d, g - self.g, step.w)
+        self.g, self._fresh = g, False
+        self._left -= 1
+        if self._small >= self.options.patience:
+            self.status = Status.CONVERGED
+        elif not self._left:
+            self.status = Status.ITERATION_LIMIT
+
+    def result(self, among: Sequence[Descent] = ()) -> SolverResult:
+        """The best point, with the evaluations of all descents that it was chosen among."""
+        assert self.status is not None
+        evaluations = sum(descent.evaluations for descent in among or (self,))
+        return SolverResult(self.best, self.best_value, self.status, self.history, evaluations)
+
+    def stop(self, reason: Status) -> None:
+        """There is no step: end the stage, or try once more where the Hessian approximation may be outdated."""
+        self._left -= 1
+        if self._fresh or reason is Status.CONVERGED:
+            self.status = reason
+        elif not self._left:
+            self.status = Status.ITERATION_LIMIT
+        else:
+            self.H, self._fresh = BfgsFactor(self.g), True
+
+    def _accept(self, x: Array, point: ObjectivePoint) -> None:
+        self.x = x
+        self.value = value = self.problem.criterion_value(point)
+        self.history.append(value)
+        if value < self.best_value:
+            self.best, self.best_value = x, value
+        if self.watch is not None:
+            self.watch(x, value)
