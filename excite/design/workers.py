@@ -134,8 +134,8 @@ class Workers:
     def run(self, jobs: Iterable[Job]) -> Iterator[StartResult]:
         """Results as the jobs end; at most one job per process is on its way at a time.
 
-        The starts of a job that ends its process run again one by one. Starts that end their process twice by
-        themselves run alone after all others, and are left out if they end it again.
+        The starts of a job that ends its process run again one by one. Starts that end their process twice more
+        run alone after all others, and are left out if they end it again.
 
         Parameters
         ----------

@@ -93,7 +93,7 @@ class Information:
         return self._evaluate([x])[0]
 
     def evaluations(self, xs: Sequence[Array]) -> list[Evaluation]:
-        """M of several motions; each is the same as by itself, to the last bit."""
+        """M of several motions; each is the same as alone, to the last bit."""
         return [at for some in _groups(xs, self._together) for at in self._evaluate(some)]
 
     def _evaluate(self, xs: Sequence[Array]) -> list[Evaluation]:
@@ -132,7 +132,7 @@ class Information:
         return self._gradients([(at, G)])[0]
 
     def gradients(self, evaluations: Sequence[Evaluation], Gs: Sequence[Array]) -> list[Array]:
-        """The `gradient` at several motions; each is the same as by itself, to the last bit."""
+        """The `gradient` at several motions; each is the same as alone, to the last bit."""
         pairs = list(zip(evaluations, Gs, strict=True))
         return [g for some in _groups(pairs, self._together) for g in self._gradients(some)]
 

@@ -44,7 +44,7 @@ class SqpOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class DescentStep:
     """A step, and what is known of it.
 
     Parameters
@@ -60,11 +60,11 @@ class Step:
     w: Array
     length: float = 1.0
 
-    def part(self, length: float) -> Step:
+    def part(self, length: float) -> DescentStep:
         """A part of the step."""
         if length == 1.0:
             return self
-        return Step(length * self.d, length * self.w)
+        return DescentStep(length * self.d, length * self.w)
 
 
 class Descent:
@@ -121,7 +121,7 @@ class Descent:
         self._accept(x, point)
         self.point = point
 
-    def learn(self, step: Step, g: Array) -> None:
+    def learn(self, step: DescentStep, g: Array) -> None:
         """Take the gradient at the accepted end of a step."""
         assert self.H is not None
         g = g.ravel()

@@ -61,7 +61,7 @@ class LinearRows:
         return np.asarray(self.changes(x.ravel()) - self._middle)
 
     def changes(self, steps: Array) -> Array:
-        """Change of u by steps of the flat x, shape (..., n size), each by itself: shape (..., functions, N)."""
+        """Change of u by steps of the flat x, shape (..., n size), each alone: shape (..., functions, N)."""
         joints = self._weights @ steps.reshape(*steps.shape[:-1], *self._shape)
         changes = np.empty((*joints.shape[:-1], self._instants))
         for functions, derivative in self._parts:

@@ -1,6 +1,6 @@
 """Descents in lockstep: the points of all of them are evaluated together, which costs fewer calls.
 
-Each descent takes the same steps as by itself, to the last bit, whatever runs beside it.
+Each descent takes the same steps as alone, to the last bit, whatever runs beside it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.design.problem import Problem
 from excite.design.smooth_objective import ObjectivePoint
-from excite.design.solvers.descent import Descent, Step
+from excite.design.solvers.descent import Descent, DescentStep
 from excite.design.solvers.programmes import Programmes
 from excite.design.solvers.solver import SolverResult, Status
 from regressors.samples import Array
@@ -81,13 +81,13 @@ def _set_out(problem: Problem, descents: Sequence[Descent]) -> None:
 class _LineSearch:
     """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
 
-    def __init__(self, descent: Descent, step: Step, slope: float) -> None:
+    def __init__(self, descent: Descent, step: DescentStep, slope: float) -> None:
         assert descent.point is not None
         self.descent, self._step, self._slope = descent, step, slope
         self._before = descent.point.value
         self._length = step.length
         self.point: ObjectivePoint = descent.point
-        self.taken: Step | None = None
+        self.taken: DescentStep | None = None
 
     def trial(self) -> Array | None:
         """The next point, inside the limits; None where a shorter step is to be tried first."""
@@ -114,11 +114,11 @@ class _LineSearch:
         return False
 
 
-def _between(descent: Descent, end: Array) -> Step:
+def _between(descent: Descent, end: Array) -> DescentStep:
     """The step to a point that is not on the straight line of a programme's solution."""
     assert descent.H is not None
     d = (end - descent.x).ravel()
-    return Step(d, descent.H.whitened(d))
+    return DescentStep(d, descent.H.whitened(d))
 
 
 def _search(problem: Problem, searches: Sequence[_LineSearch]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.design.grid_constraint import GridConstraint
 from excite.design.problem import Problem
-from excite.design.solvers.descent import Descent, Step
+from excite.design.solvers.descent import Descent, DescentStep
 from excite.design.solvers.least_distance import FREE, LeastDistance, Rows, Sides
 from excite.design.solvers.linear_rows import LinearRows, largest_part
 from excite.design.solvers.nonlinear_rows import NearRows
@@ -35,7 +35,7 @@ class Programmes:
         self._linear = LinearRows(linear, problem.shape) if linear else None
         self._nonlinear = problem.limits.nonlinear_in_x
 
-    def steps(self, descents: Sequence[Descent]) -> list[Step | None]:
+    def steps(self, descents: Sequence[Descent]) -> list[DescentStep | None]:
         """Solution of each descent's programme; None where its solver fails."""
         programmes = [_Programme(descent, self._linear, self._nonlinear) for descent in descents]
         if self._linear is not None and programmes:
@@ -111,16 +111,16 @@ class _Programme:
         """Whether the solution violates limits that are not linear in x; if so, rows are added."""
         return self._near is not None and self._near.broken(self.d)
 
-    def step(self) -> Step | None:
+    def step(self) -> DescentStep | None:
         """The solution; rows that are active in it, and their neighbours in time, are expected to be active again."""
         if self._w is None:
             return None
         if self._linear is None:
-            return Step(self.d, self._w)
+            return DescentStep(self.d, self._w)
         _remember(self._descent.sides, self._chosen, self._programme.sides)
         if self.is_whole:
-            return Step(self.d, self._w)
-        return Step(self.d, self._w, largest_part(self._linear.values(self.x), self._linear.changes(self.d)))
+            return DescentStep(self.d, self._w)
+        return DescentStep(self.d, self._w, largest_part(self._linear.values(self.x), self._linear.changes(self.d)))
 
 
 def _remember(of_all: Sides, rows: Index, sides: Sides) -> None:
