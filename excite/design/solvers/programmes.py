@@ -12,7 +12,7 @@ import numpy as np
 from excite.design.grid_constraint import GridConstraint
 from excite.design.problem import Problem
 from excite.design.solvers.descent import Descent, DescentStep
-from excite.design.solvers.least_distance import FREE, LeastDistance, Rows, Sides
+from excite.design.solvers.least_distance import FREE, LeastDistance, Rows
 from excite.design.solvers.linear_rows import LinearRows, largest_part
 from excite.design.solvers.nonlinear_rows import NearRows
 from regressors.samples import Array, Index
@@ -112,23 +112,16 @@ class _Programme:
         return self._near is not None and self._near.broken(self.d)
 
     def step(self) -> DescentStep | None:
-        """The solution; rows that are active in it, and their neighbours in time, are expected to be active again."""
+        """The solution; rows that are active in it are expected to be active again."""
         if self._w is None:
             return None
         if self._linear is None:
             return DescentStep(self.d, self._w)
-        _remember(self._descent.sides, self._chosen, self._programme.sides)
+        self._descent.sides[:] = FREE
+        self._descent.sides[self._chosen] = self._programme.sides
         if self.is_whole:
             return DescentStep(self.d, self._w)
         return DescentStep(self.d, self._w, largest_part(self._linear.values(self.x), self._linear.changes(self.d)))
-
-
-def _remember(of_all: Sides, rows: Index, sides: Sides) -> None:
-    active = sides != FREE
-    rows, sides = rows[active], sides[active]
-    of_all[:] = FREE
-    for shift in (-1, 1, 0):
-        of_all.put(rows + shift, sides, mode="clip")
 
 
 def _whitened(rows: Rows, J: Array) -> Rows:
