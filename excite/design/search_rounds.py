@@ -45,7 +45,7 @@ class RoundSizes:
     patience: int = 3
     gain: float = 1e-3
     repetitions: int = 3
-    rounds: int = 24
+    rounds: int = 32
 
 
 SIZES = RoundSizes()
