@@ -65,6 +65,9 @@ What the criterion takes into account:
   --prior 0.2                      the values of the robot's description are known to 20 %
   --prior known.yaml               value and deviation of each known parameter: X7: {value: 8.1, deviation: 0.5}
   --scale prior, --scale value     each parameter is scaled by its prior deviation, or by its value
+  --interest X5,F3c                the criterion is for these base parameters; the others are estimated too, but count
+                                   as nuisance. Groups: gravity (what acts at rest), inertia (what acts in motion only),
+                                   inertial, rotor, friction, and kinds such as coulomb, viscous, mass, first-moment
 
 \b
 Contents of --world FILE (YAML; lengths in m, frames of the links and of the base):

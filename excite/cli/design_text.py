@@ -82,10 +82,16 @@ def _asked(design: Design) -> str:
     moving = ", ".join(design.target.motion.labels)
     return (
         f"{design.robot.name}: {name_of(task.model.model)} model, {moving} move, {design.base.rank} base parameters; "
-        f"{task.trajectory.period:g} s, {design.trajectory.family.described}; minimised: {minimised_text(task)}; "
+        f"{task.trajectory.period:g} s, {design.trajectory.family.described}; minimised: {_minimised(design)}; "
         f"{design.number_of_starts} start{'s' * (design.number_of_starts > 1)}, "
         f"{design.provenance['cpu_seconds']:.1f} s CPU{_worth(design)}"
     )
+
+
+def _minimised(design: Design) -> str:
+    """What was minimised, with its value where that is not the condition number of the verdict."""
+    text = minimised_text(design.task)
+    return text if text == _CONDITION else f"{text} ({design.minimised_value:.4g})"
 
 
 def _worth(design: Design) -> str:
@@ -127,7 +133,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(
         Text(f"condition number {design.condition_number:.4g}", style="bold"),
-        f" of W, {design.rows} rows; minimised: {minimised_text(task)}; "
+        f" of W, {design.rows} rows; minimised: {_minimised(design)}; "
         f"best of {design.number_of_starts} starts (start-{best.index:04d}), "
         f"{design.provenance['cpu_seconds']:.1f} s CPU",
         sep="",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -16,10 +16,9 @@ from excite.design.problem import InitialGuess, Problem
 from excite.design.smooth_objective import SmoothObjective
 from excite.design.stated_limits import stated_limits
 from excite.design.unchecked import Unchecked
-from excite.information.criteria import Criterion
+from excite.information.goal import Goal
 from excite.information.matrix import Information
 from excite.information.target import model_of
-from excite.registry import instance
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
 from regressors.robot.archive import robot_from_description
@@ -54,6 +53,8 @@ class Blueprint:
         Of the robot, for the check of self-collision, see `excite.design.stated_limits.shape_of`.
     initial : ndarray, shape (N, k), optional
         Positions of the moving coordinates in the initial motion.
+    goal : Goal
+        What the criterion takes from the model.
     """
 
     robot: dict[str, object]
@@ -67,6 +68,7 @@ class Blueprint:
     precision: Array
     shape: World | Unchecked
     initial: Array | None = None
+    goal: Goal = field(default_factory=Goal)
 
     def problem(
         self,
@@ -106,7 +108,6 @@ class Blueprint:
         prior = self.precision
         if np.any(prior):
             prior = prior / len(rows(family.resting(self.centre)))
-        criterion: Criterion = instance("criterion", task.objective.criterion)
         if nonlinear is None or stated is None:
             whole = robot_from_description(self.whole)
             nonlinear = nonlinear_limits(whole, robot.joint_names, task)
@@ -116,7 +117,7 @@ class Blueprint:
             objective=SmoothObjective(
                 information=information,
                 transform=self.transform,
-                criterion=criterion,
+                criterion=self.goal.criterion(task),
                 prior=prior,
                 unit=combination.unit,
                 exact=exact_matrix,

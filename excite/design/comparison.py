@@ -10,11 +10,11 @@ import numpy as np
 from constraints.bounds.certificate import LimitUse, limit_uses
 from constraints.linear import linear_limits
 from excite.design.designed_motion import DesignedMotion
-from excite.information.criteria import Criterion
+from excite.information.goal import goal_of
 from excite.information.metrics import measures, noise_per_row
 from excite.information.target import IdentificationTarget, moving_robot, target_of
 from excite.information.weighting import minimised_text, weighting_of
-from excite.registry import instance, name_of
+from excite.registry import name_of
 from excite.tasks.drive_choice import without_curve
 from excite.tasks.model_choice import FRICTION
 from excite.tasks.task import Task
@@ -125,11 +125,10 @@ def _as_seen_by(design: DesignedMotion, robot: Robot) -> Trajectory:
 
 def _goal(target: IdentificationTarget, goal: Task, samples: Samples) -> float | None:
     try:
-        weighting = weighting_of(target, goal)
-    except InputError:  # its noise or prior knowledge belongs to another model or other joints
+        weighting, more = weighting_of(target, goal), goal_of(target, goal)
+    except InputError:  # its noise, prior knowledge or parameters belong to another model or other joints
         return None
-    criterion: Criterion = instance("criterion", goal.objective.criterion)
-    return criterion.value(weighting.matrix(target.model.assemble(samples)[:, target.base.index]))
+    return more.criterion(goal).value(weighting.matrix(target.model.assemble(samples)[:, target.base.index]))
 
 
 def _friction(task: Task) -> str:

@@ -49,7 +49,7 @@ class _Step:
     @property
     def value(self) -> float:
         """The criterion of the design."""
-        return next(start.value for start in self.design.starts if start.index == self.design.best_start)
+        return self.design.minimised_value
 
     def gain(self, before: _Step) -> float:
         """Part of the criterion that this number brought."""

@@ -128,6 +128,11 @@ class Design(DesignedMotion):
         return self.criteria["condition_number"]
 
     @property
+    def minimised_value(self) -> float:
+        """Value of the criterion that was minimised, as `excite.information.weighting.minimised_text` names it."""
+        return next(start.value for start in self.starts if start.index == self.best_start)
+
+    @property
     def feasible(self) -> bool:
         """True if every checked limit holds over continuous time, to 1e-9 of its bound, on approach and return too."""
         return all(use.holds for uses in (self.limits, *self.transfer_limits.values()) for use in uses)

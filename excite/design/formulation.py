@@ -22,6 +22,7 @@ from excite.design.task_checks import check_bounded, check_excitable, check_mode
 from excite.design.task_notes import task_notes
 from excite.design.unchecked import Unchecked, unchecked_limits
 from excite.design.warm_start import initial_motion, with_initial_design
+from excite.information.goal import goal_of
 from excite.information.metrics import noise_per_row
 from excite.information.target import IdentificationTarget, model_of, target_of
 from excite.information.weighting import weighting_of
@@ -147,6 +148,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         precision=weighting.precision,
         shape=shape,
         initial=initial_motion(target, task),
+        goal=goal_of(target, task),
     )
     unchecked = (*unchecked_limits(motion, restricted), *stated.unchecked)
     of_limits = (*stated.notes, *(note for limit in imposed for note in limit.notes))

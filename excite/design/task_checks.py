@@ -11,10 +11,11 @@ from excite.design.blueprint import Blueprint
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
 from excite.information.identifiability import Identifiability, identifying_motion
+from excite.information.named_parameter import named_parameter
 from excite.information.target import IdentificationTarget
 from excite.registry import name_of, part
 from excite.tasks.task import Task
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion
@@ -62,7 +63,7 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
     """Raise `InputError` where a required parameter is not identifiable, naming a motion that identifies it."""
     if not task.objective.require:
         return
-    required = [_required(whole, name) for name in task.objective.require]
+    required = [named_parameter(whole, name) for name in task.objective.require]
     identifiability = Identifiability(whole)
     shown = identifiability.shown([identifiability.rows(target.motion, task.model.equations)])
     for index in required:
@@ -73,18 +74,6 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
         raise InputError(
             f"{whole.names[index]} is not identifiable from motions of {', '.join(target.motion.labels)}; {where}"
         )
-
-
-def _required(model: RegressorModel, name: str) -> int:
-    """Index of a parameter by its name, or by that of the standard parameter that it is a multiple of."""
-    if name in model.names:
-        return model.names.index(name)
-    definition, standard = model.definition()
-    if name in standard:
-        rows = np.flatnonzero(definition[:, standard.index(name)])
-        if rows.size == 1 and np.count_nonzero(definition[rows[0]]) == 1:
-            return int(rows[0])
-    raise UnknownName("parameter", name, model.names)
 
 
 def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:

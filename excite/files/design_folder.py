@@ -177,6 +177,7 @@ def design_content(design: Design) -> dict[str, Any]:
         "criteria": {name: _finite(value) for name, value in design.criteria.items()},
         "conventions": MEANINGS,
         "minimised": minimised_text(design.task),
+        "minimised_value": _finite(design.minimised_value),
         "limits": [use.to_dict() for use in design.limits],
         "unchecked": [{"limit": each.limit, "reason": each.reason} for each in design.unchecked],
         "played": _sequence(design),

@@ -97,6 +97,8 @@ def minimised_text(task: Task) -> str:
     """What a task minimises, such as ``condition, base gautier, rows divided by their noise``."""
     objective = task.objective
     parts = [name_of(objective.criterion), f"base {objective.base}"]
+    if objective.interest:
+        parts.append(f"parameters of interest {' and '.join(objective.interest)}, the others as nuisance")
     if objective.weighted or objective.prior is not None:
         parts.append("rows divided by their noise")
     if isinstance(objective.prior, int | float):

@@ -14,7 +14,7 @@ from excite.design.blueprint import restricted_limits
 from excite.design.designed_motion import DesignedMotion
 from excite.design.formulation import Formulation, formulate
 from excite.information.target import target_of
-from excite.information.weighting import weighting_of
+from excite.information.weighting import minimised_text, weighting_of
 from excite.optimality.bounded_criteria import BOUNDED, BoundedCriterion
 from excite.optimality.bounded_problem import bounded_problem_sha256
 from excite.optimality.cutting_planes import CuttingPlanes
@@ -25,7 +25,7 @@ from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
 from excite.optimality.state_rows import StateRows, state_rows
 from excite.registry import built_in, instance
-from regressors.errors import UnknownName
+from regressors.errors import InputError, UnknownName
 from regressors.numerical import numerical_work
 from regressors.samples import Array
 
@@ -166,11 +166,13 @@ def bound(
     Raises
     ------
     InputError
-        The model integrates over time windows, a coordinate has no limit of its acceleration, or an unknown criterion.
+        The model integrates over time windows, a coordinate has no limit of its acceleration, an unknown criterion, or
+        a design for some of the parameters only.
     ConicSolverError
         The relaxation could not be solved.
     """
     chosen = [_criterion(name) for name in criteria]
+    _check_bounded(design)
     with threadpool_limits(1):
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)
@@ -178,6 +180,15 @@ def bound(
         found = tuple(_bound(each, planes, formulation, design, rounds, seed, progress) for each in chosen)
     problem, said = bounded_problem_sha256(design), _assumptions(formulation, planes)
     return DesignBound(design.name, problem, found, said, design.coefficients_sha256, changes)
+
+
+def _check_bounded(design: DesignedMotion) -> None:
+    """Raise `InputError` where a bound on criteria of all parameters says nothing of what a design minimises."""
+    if design.task.objective.interest:
+        raise InputError(
+            f"{design.name} minimises {minimised_text(design.task)}, of which no bound is known; "
+            f"bounds are for designs for all parameters alike, without `interest`"
+        )
 
 
 def _criterion(name: str) -> BoundedCriterion:

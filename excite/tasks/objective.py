@@ -58,6 +58,9 @@ class Objective:
         Scale of each column's parameter: its SI unit, its prior deviation, or its value.
     require : tuple of str
         Parameters that the motion must identify individually.
+    interest : tuple of str
+        Base parameters, or groups of them, that the criterion is for; the others are nuisance parameters, estimated
+        too. All count alike if none is given. See `excite.information.interest`.
     nearly_unidentifiable : {"keep", "drop"}
         What becomes of base parameters that motions show in theory only, such as those that exist by the rounding of an
         angle: they are kept, and the design says so, or left out of the base, in design and identification.
@@ -83,6 +86,13 @@ class Objective:
     require: tuple[str, ...] = option(
         (), "names", "Parameters that the motion must identify individually.", metavar="X5,F3c"
     )
+    interest: tuple[str, ...] = option(
+        (),
+        "names",
+        "Base parameters or groups that the criterion is for, the others as nuisance; see below.",
+        metavar="X5,F3c,friction",
+        late=True,
+    )
     nearly_unidentifiable: str = option(
         "keep",
         "name",
@@ -103,6 +113,11 @@ class Objective:
             )
         if self.scale == "prior" and self.prior is None:
             raise InputError("`scale='prior'` needs prior knowledge, but none is given; give `prior`")
+        if self.interest and self.base == "orthonormal":
+            raise InputError(
+                "`interest` names base parameters, but columns of the orthonormal base are not single parameters; "
+                "choose another `base`"
+            )
         if self.scale != "unit" and self.base == "orthonormal":
             raise InputError(
                 f"scale {self.scale}: columns of the orthonormal base are not single parameters; choose another base"

@@ -1,0 +1,182 @@
+"""Criteria on chosen parameters: the Schur complement against slow linear algebra, finite differences, and designs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import excite
+from excite.design.comparison import compare
+from excite.design.formulation import formulate
+from excite.design.initial_guesses import random_motion
+from excite.information.chosen_parameters import ChosenParameters
+from excite.information.goal import goal_of
+from excite.information.target import target_of
+from excite.optimality.design_bound import bound
+from excite.registry import instance
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.readers.library import load_robot
+from regressors.samples import Array
+
+SEED = st.integers(0, 2**32 - 1)
+NAMES = ("condition", "frobenius", "sigma-min", "logdet", "trace", "max-deviation")
+CHOSEN = (4, 1, 2)
+
+
+def regressor(seed: int, b: int = 6) -> Array:
+    return np.asarray(np.random.default_rng(seed).normal(size=(40, b)) * np.logspace(-1, 1, b))
+
+
+def of_chosen(name: str = "trace", chosen: tuple[int, ...] = CHOSEN) -> ChosenParameters:
+    return ChosenParameters(instance("criterion", name), chosen)
+
+
+@given(SEED)
+def test_trace_is_that_of_the_block_of_the_inverse(seed: int) -> None:
+    W = regressor(seed)
+    M = W.T @ W / 40
+    block = np.linalg.inv(M)[np.ix_(CHOSEN, CHOSEN)]
+    assert of_chosen().value(M) == pytest.approx(np.sqrt(np.trace(block)), rel=1e-9)
+    deviation = of_chosen("max-deviation").value(M)
+    assert deviation == pytest.approx(np.sqrt(np.diag(block).max()), rel=1e-9)
+    assert of_chosen("logdet").value(M) == pytest.approx(np.linalg.det(block) ** (1 / 6), rel=1e-9)
+
+
+@given(SEED, st.sampled_from(NAMES))
+def test_criterion_is_that_of_what_the_other_columns_do_not_explain(seed: int, name: str) -> None:
+    W = regressor(seed)
+    others = np.delete(W, CHOSEN, axis=1)
+    rest = W[:, CHOSEN] - others @ np.linalg.lstsq(others, W[:, CHOSEN])[0]
+    expected = instance("criterion", name).value(rest.T @ rest / 40)
+    assert of_chosen(name).value(W.T @ W / 40) == pytest.approx(expected, rel=1e-8)
+
+
+@given(SEED, st.sampled_from(NAMES), st.sampled_from([1.0, 4.0, 16.0]))
+def test_gradient_is_that_of_finite_differences(seed: int, name: str, p: float) -> None:
+    W = regressor(seed)
+    M, criterion = W.T @ W / 40, of_chosen(name)
+    A = np.random.default_rng(seed + 1).normal(size=M.shape)
+    root = np.linalg.cholesky(M)
+    direction, h = root @ ((A + A.T) / np.linalg.norm(A + A.T, 2)) @ root.T, 2e-3 / p
+    value, G, reported = criterion.smooth_and_value(M, p)
+    f = [criterion.smooth(M + t * h * direction, p)[0] for t in (-2, -1, 1, 2)]
+    expected = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)
+    assert (value, reported) == (criterion.smooth(M, p)[0], pytest.approx(criterion.value(M), rel=1e-12))
+    np.testing.assert_allclose(G, G.T, atol=1e-10 * np.abs(G).max())
+    assert np.sum(G * direction) == pytest.approx(expected, rel=1e-6, abs=1e-7)
+
+
+@given(SEED, st.sampled_from(NAMES))
+def test_how_the_other_parameters_are_chosen_does_not_matter(seed: int, name: str) -> None:
+    """Other nuisance parameters: combinations of them, and of the chosen ones, ``beta_N -> A beta_N + B beta_S``."""
+    W, rng = regressor(seed), np.random.default_rng(seed + 1)
+    others = [k for k in range(6) if k not in CHOSEN]
+    T = np.eye(6)
+    T[np.ix_(others, others)] = rng.normal(size=(3, 3)) + 4 * np.eye(3)
+    T[np.ix_(others, CHOSEN)] = rng.normal(size=(3, 3))
+    M = W.T @ W / 40
+    assert of_chosen(name).value(T.T @ M @ T) == pytest.approx(of_chosen(name).value(M), rel=1e-7)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_parameters_chosen_is_the_criterion_itself(name: str) -> None:
+    W = regressor(5)
+    M = W.T @ W / 40
+    assert of_chosen(name, tuple(range(6))).value(M) == pytest.approx(instance("criterion", name).value(M), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("hidden", [1, 3])
+def test_singular_information(name: str, hidden: int) -> None:
+    """Of a chosen parameter, or of another one."""
+    W = regressor(2)
+    W[:, hidden] = W[:, 0] - W[:, 5]
+    M = W.T @ W / 40
+    M[hidden] = M[:, hidden] = 0.0
+    value, G = of_chosen(name).smooth(M, 4.0)
+    assert of_chosen(name).value(M) == np.inf
+    assert np.isfinite(value)
+    assert np.all(np.isfinite(G))
+
+
+# --- names and groups ------------------------------------------------------------------------------------------------
+
+ALL = ("X1", "X2", "X3", "X4", "X5", "X6", "X7", "F1c", "F2c", "F3c", "F1v", "F2v", "F3v")
+GROUPS = {
+    ("X5", "F3c"): ("X5", "F3c"),
+    ("friction",): ALL[7:],
+    ("coulomb",): ALL[7:10],
+    ("viscous", "F1c"): ("F1c", *ALL[10:]),
+    ("inertial",): ALL[:7],
+    ("gravity",): ("X6", "X7"),
+    ("inertia",): ALL[:5],
+}
+
+
+@pytest.mark.parametrize(("interest", "expected"), GROUPS.items())
+def test_names_and_groups(interest: tuple[str, ...], expected: tuple[str, ...]) -> None:
+    task = Task("irp6", interest=interest)
+    chosen = goal_of(target_of(load_robot("irp6"), task), task).chosen
+    assert {ALL[k] for k in chosen} == set(expected)
+
+
+def test_names_of_another_base() -> None:
+    task = Task("panda", friction=False, base="pivoted", interest=("I2yz", "I4yy"))
+    target = target_of(load_robot("panda"), task)
+    for name, chosen in zip(task.objective.interest, goal_of(target, task).chosen, strict=True):
+        column = target.base.D[:, target.model.names.index(name)]
+        np.testing.assert_allclose(target.transforms["pivoted"][:, chosen], column, atol=1e-12)
+
+
+REFUSED = {
+    "no such name": ({"interest": ("X99",)}, "X99"),
+    "a part of a base parameter": ({"robot": "panda", "interest": ("m4",)}, "m4 is not identifiable on its own"),
+    "an empty group": ({"interest": ("rotor",)}, "no base parameter is one of the group rotor"),
+    "one condition number": ({"interest": ("X5",)}, "is always 1"),
+    "no single parameters": ({"interest": ("X5",), "base": "orthonormal"}, "choose another `base`"),
+}
+
+
+@pytest.mark.parametrize(("options", "message"), REFUSED.values(), ids=REFUSED)
+def test_refused(options: dict[str, str], message: str) -> None:
+    options = {"robot": "irp6", **options}
+    with pytest.raises(InputError, match=message):
+        formulate(load_robot(options["robot"]), Task(**options))
+
+
+# --- the whole chain -------------------------------------------------------------------------------------------------
+
+
+def test_gradient_with_respect_to_the_motion() -> None:
+    task = Task("irp6", interest=("friction",), criterion="max-deviation", harmonics=3, scale="value")
+    problem = formulate(load_robot("irp6"), task).problem
+    rng = np.random.default_rng(0)
+    x = random_motion(problem, rng)
+    direction, h = rng.normal(size=x.shape), 1e-5
+    f = [problem.point(x + t * h * direction, 4.0).value for t in (-2, -1, 1, 2)]
+    slope = np.sum(problem.gradient(problem.point(x, 4.0)) * direction)
+    assert slope == pytest.approx((f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h), rel=1e-6)
+
+
+def test_designs(tmp_path: Path) -> None:
+    task = Task("irp6", harmonics=3, starts=1, executor="serial", criterion="trace")
+    plain = excite.design_trajectory(task)
+    own = excite.design_trajectory(task.changed(interest=("X1", "friction"), begin=plain))
+    of_own, of_plain = compare([own, plain])
+    chosen = {"X1", *ALL[7:]}
+    variances = sum(p.standard_deviation**2 for p in own.predicted if p.name in chosen) * own.rows / 3
+    assert own.minimised_value == pytest.approx(np.sqrt(variances), rel=1e-9)
+    assert of_own.goal == pytest.approx(own.minimised_value, rel=1e-9)
+    assert of_plain.goal is not None
+    assert of_own.goal < of_plain.goal
+    own.save(tmp_path / "design")
+    stored = excite.load_design(tmp_path / "design")
+    assert stored.task.objective == own.task.objective
+    assert stored.content["minimised_value"] == own.minimised_value
+    with pytest.raises(InputError, match="no bound is known"):
+        bound(stored)
