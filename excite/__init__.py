@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from excite.tasks.output import Output
     from excite.tasks.search import Search
     from excite.tasks.task import Task
+    from excite.tasks.task_motion import TaskMotion
     from excite.tasks.trajectory_choice import TrajectoryChoice
     from excite.timecourse.study_over_time import study_over_time
     from excite.timecourse.time_course import TimeCourse
@@ -173,6 +174,7 @@ _PLACES = {
     "Solver": "excite.design.solvers.solver",
     "SpectralCriterion": "excite.information.criteria",
     "Task": "excite.tasks.task",
+    "TaskMotion": "excite.tasks.task_motion",
     "Terms": "regressors.models.columns",
     "TimeCourse": "excite.timecourse.time_course",
     "TimeStudy": "excite.timecourse.time_study",

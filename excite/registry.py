@@ -43,6 +43,8 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "logdet": "excite.information.criteria:Determinant",
         "trace": "excite.information.criteria:Trace",
         "max-deviation": "excite.information.max_deviation:MaxDeviation",
+        "torque-deviation": "excite.information.torque_deviation:TorqueDeviation",
+        "max-torque-deviation": "excite.information.torque_deviation:MaxTorqueDeviation",
     },
     "solver": {
         "sqp": "excite.design.solvers.sqp:SequentialQuadratic",
@@ -129,6 +131,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "motion": "excite.files.motion_source:read_source",
         "result": "excite.files.result_json:load_result",
         "shape": "excite.files.world_file:urdf_capsules",
+        "task motion": "excite.files.task_motion_file:read_task_motion",
         "world": "excite.files.world_file:read_world",
     },
     "restored": {

@@ -70,6 +70,12 @@ What the criterion takes into account:
                                    inertial, rotor, friction, and kinds such as coulomb, viscous, mass, first-moment
 
 \b
+Criteria of predicted torques (--criterion torque-deviation: mean variance; max-torque-deviation: largest variance):
+  --task-motion designs/work       for the motion of this design
+  --task-motion work.csv           for the motion in this file, with the columns of trajectory.csv
+  neither                          for 500 states, uniform within the limits (seed 0)
+
+\b
 Contents of --world FILE (YAML; lengths in m, frames of the links and of the base):
   clearance: 0.01
   robot: [{link: link_3, from: [0, 0, -0.2], to: [0, 0, 0], radius: 0.08}]    or urdf: its <collision> elements

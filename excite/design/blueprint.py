@@ -19,6 +19,7 @@ from excite.design.unchecked import Unchecked
 from excite.information.goal import Goal
 from excite.information.matrix import Information
 from excite.information.target import model_of
+from excite.registry import instance
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
 from regressors.robot.archive import robot_from_description
@@ -117,7 +118,7 @@ class Blueprint:
             objective=SmoothObjective(
                 information=information,
                 transform=self.transform,
-                criterion=self.goal.criterion(task),
+                criterion=self.goal.of(instance("criterion", task.objective.criterion)),
                 prior=prior,
                 unit=combination.unit,
                 exact=exact_matrix,

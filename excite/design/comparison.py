@@ -14,7 +14,7 @@ from excite.information.goal import goal_of
 from excite.information.metrics import measures, noise_per_row
 from excite.information.target import IdentificationTarget, moving_robot, target_of
 from excite.information.weighting import minimised_text, weighting_of
-from excite.registry import name_of
+from excite.registry import instance, name_of
 from excite.tasks.drive_choice import without_curve
 from excite.tasks.model_choice import FRICTION
 from excite.tasks.task import Task
@@ -124,11 +124,12 @@ def _as_seen_by(design: DesignedMotion, robot: Robot) -> Trajectory:
 
 
 def _goal(target: IdentificationTarget, goal: Task, samples: Samples) -> float | None:
+    criterion = instance("criterion", goal.objective.criterion)
     try:
         weighting, more = weighting_of(target, goal), goal_of(target, goal)
     except InputError:  # its noise, prior knowledge or parameters belong to another model or other joints
         return None
-    return more.criterion(goal).value(weighting.matrix(target.model.assemble(samples)[:, target.base.index]))
+    return more.of(criterion).value(weighting.matrix(target.model.assemble(samples)[:, target.base.index]))
 
 
 def _friction(task: Task) -> str:

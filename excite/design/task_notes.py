@@ -5,6 +5,9 @@ from __future__ import annotations
 from constraints.linear import LinearConstraint, spanned
 from excite.information.friction_notes import left_out_notes, turning_drives
 from excite.information.target import IdentificationTarget
+from excite.information.task_torques import SEED, STATES
+from excite.information.torque_deviation import TorqueCriterion
+from excite.registry import instance
 from excite.tasks.task import Task
 from regressors.friction.curves import Warm
 from regressors.friction.friction_drives import moving_drive_numbers
@@ -27,6 +30,7 @@ def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearCon
         *target.robot.reading_notes,
         *_limit_notes(target.motion, limits),
         *_prior_notes(task),
+        *_torque_notes(task),
         *_friction_notes(target, task),
     )
 
@@ -43,6 +47,17 @@ def _prior_notes(task: Task) -> tuple[str, ...]:
     if task.objective.prior is None or task.objective.noise is not None:
         return ()
     return ("prior knowledge is weighed against the noise of the measurements, assumed to be 1; give it with `noise`",)
+
+
+def _torque_notes(task: Task) -> tuple[str, ...]:
+    """Whose torques a criterion of them is for, where nothing is stated."""
+    criterion = instance("criterion", task.objective.criterion)
+    if not isinstance(criterion, TorqueCriterion) or criterion.rows is not None or task.objective.task_motion:
+        return ()
+    return (
+        f"torques are predicted for {STATES} states, uniform within the limits (seed {SEED}); `task_motion` states the "
+        "motion that they are wanted for",
+    )
 
 
 def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from excite.tasks.option import Kind, options_of
 from excite.tasks.options_of_model import options_of_model
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.task import PARTS, Task
+from excite.tasks.task_motion import TaskMotion
 from excite.tasks.values import COUNTS, EXPECTED, MARGINS, NONE
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
@@ -31,7 +32,7 @@ from regressors.readers.sized_numbers import within
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 _FORMERLY = {"reflected_rotors": False}  # what files of results without these options were made with
-_FILES = ("world", "friction_curves", "payload", "begin")  # options that may be names of files
+_FILES = ("world", "friction_curves", "payload", "task_motion", "begin")  # options that may be names of files
 _ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts
 
 
@@ -137,7 +138,7 @@ def beside(folder: Path, options: Mapping[str, Any]) -> dict[str, Any]:
     options : mapping
         By the names of a task file.
     """
-    named = {name: str(folder / options[name]) for name in _FILES[:3] if isinstance(options.get(name), str)}
+    named = {name: str(folder / options[name]) for name in _FILES[:-1] if isinstance(options.get(name), str)}
     return {**options, **named}
 
 
@@ -190,6 +191,8 @@ def task_from_options(
         given["prior"] = _prior(given["prior"])
     if "world" in given:
         given["world"] = _world(given)
+    if isinstance(given.get("task_motion"), Mapping):
+        given["task_motion"] = TaskMotion.from_dict(given["task_motion"])
     if "friction_curves" in given:
         given["friction_curves"] = _friction(given["friction_curves"])
     return Task(**given)
@@ -243,7 +246,7 @@ def _prior(value: Any) -> float | tuple[Belief, ...]:
 
 def _content(given: Any) -> Any:
     """Content of a world or of curves; the name of what is only named."""
-    if isinstance(given, World):
+    if isinstance(given, World | TaskMotion):
         return given.to_dict()
     if isinstance(given, FrictionCurves):
         return friction_content(given)
@@ -274,7 +277,8 @@ def task_content(task: Task) -> dict[str, Any]:
     if task.limits.torque_margin is None:
         options["torque_margin"] = NONE
     for name in _FILES:
-        options[name] = _content(options.get(name))
+        if name in options:
+            options[name] = _content(options[name])
     if isinstance(task.objective.prior, tuple):
         known = task.objective.prior
         options["prior"] = {belief.name: dataclasses.asdict(belief) for belief in known}

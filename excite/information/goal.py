@@ -8,9 +8,12 @@ from excite.information.chosen_parameters import ChosenParameters
 from excite.information.criteria import ConditionNumber, Criterion
 from excite.information.interest import columns_of_interest
 from excite.information.target import IdentificationTarget
+from excite.information.task_torques import task_torques
+from excite.information.torque_deviation import TorqueCriterion
 from excite.registry import instance, name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.samples import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,13 +24,17 @@ class Goal:
     ----------
     chosen : tuple of int
         Columns of the parameters of interest; none where all count alike.
+    torques : ndarray, shape (K, b), optional
+        Rows of the torques to be predicted, for a criterion of them.
     """
 
     chosen: tuple[int, ...] = ()
+    torques: Array | None = None
 
-    def criterion(self, task: Task) -> Criterion:
-        """The task's criterion as a function of M in the chosen convention."""
-        criterion: Criterion = instance("criterion", task.objective.criterion)
+    def of(self, criterion: Criterion) -> Criterion:
+        """A criterion as a function of M in the chosen convention."""
+        if self.torques is not None and isinstance(criterion, TorqueCriterion):
+            return criterion.of_rows(self.torques)
         return ChosenParameters(criterion, self.chosen) if self.chosen else criterion
 
 
@@ -42,12 +49,28 @@ def goal_of(target: IdentificationTarget, task: Task) -> Goal:
     Raises
     ------
     InputError
-        Parameters of interest that the base does not have, or a single one for a condition number.
+        Parameters of interest that the base does not have, or a single one for a condition number; or a task motion
+        that the criterion does not use.
     """
-    chosen = columns_of_interest(target, task)
-    if len(chosen) == 1 and isinstance(instance("criterion", task.objective.criterion), ConditionNumber):
+    objective = task.objective
+    criterion: Criterion = instance("criterion", objective.criterion)
+    name = name_of(objective.criterion)
+    if isinstance(criterion, TorqueCriterion):
+        if objective.interest:
+            raise InputError(
+                f"interest: the criterion {name} is for predicted torques, in which every parameter counts; leave "
+                "`interest` out, or give `criterion='trace'`"
+            )
+        return Goal(torques=task_torques(target, task))
+    if objective.task_motion is not None:
         raise InputError(
-            f"interest: the criterion {name_of(task.objective.criterion)} of a single parameter is always 1; "
-            "name several parameters, or choose the criterion `trace`"
+            f"task_motion: the criterion {name} is not for torques; give `criterion='torque-deviation'` or "
+            "`criterion='max-torque-deviation'`"
+        )
+    chosen = columns_of_interest(target, task)
+    if len(chosen) == 1 and isinstance(criterion, ConditionNumber):
+        raise InputError(
+            f"interest: the criterion {name} of a single parameter is always 1; name several parameters, or give "
+            "`criterion='trace'`"
         )
     return Goal(chosen)

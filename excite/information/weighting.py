@@ -99,6 +99,8 @@ def minimised_text(task: Task) -> str:
     parts = [name_of(objective.criterion), f"base {objective.base}"]
     if objective.interest:
         parts.append(f"parameters of interest {' and '.join(objective.interest)}, the others as nuisance")
+    if objective.task_motion is not None:
+        parts.append(f"torques of {objective.task_motion}")
     if objective.weighted or objective.prior is not None:
         parts.append("rows divided by their noise")
     if isinstance(objective.prior, int | float):

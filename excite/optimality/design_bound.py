@@ -14,6 +14,7 @@ from excite.design.blueprint import restricted_limits
 from excite.design.designed_motion import DesignedMotion
 from excite.design.formulation import Formulation, formulate
 from excite.information.target import target_of
+from excite.information.torque_deviation import TorqueCriterion
 from excite.information.weighting import minimised_text, weighting_of
 from excite.optimality.bounded_criteria import BOUNDED, BoundedCriterion
 from excite.optimality.bounded_problem import bounded_problem_sha256
@@ -167,7 +168,7 @@ def bound(
     ------
     InputError
         The model integrates over time windows, a coordinate has no limit of its acceleration, an unknown criterion, or
-        a design for some of the parameters only.
+        a design for some of the parameters or for predicted torques.
     ConicSolverError
         The relaxation could not be solved.
     """
@@ -184,10 +185,11 @@ def bound(
 
 def _check_bounded(design: DesignedMotion) -> None:
     """Raise `InputError` where a bound on criteria of all parameters says nothing of what a design minimises."""
-    if design.task.objective.interest:
+    objective = design.task.objective
+    if objective.interest or isinstance(instance("criterion", objective.criterion), TorqueCriterion):
         raise InputError(
             f"{design.name} minimises {minimised_text(design.task)}, of which no bound is known; "
-            f"bounds are for designs for all parameters alike, without `interest`"
+            "bounds are for designs whose criterion is one of all parameters alike"
         )
 
 

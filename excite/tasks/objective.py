@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from excite.registry import CONVENTIONS, NEARLY, SCALES, check_name
 from excite.tasks.option import option
@@ -61,6 +61,9 @@ class Objective:
     interest : tuple of str
         Base parameters, or groups of them, that the criterion is for; the others are nuisance parameters, estimated
         too. All count alike if none is given. See `excite.information.interest`.
+    task_motion : str, TaskMotion or Design, optional
+        Motion whose torques the criteria of predicted torques are for: a design, its folder, or a file like
+        trajectory.csv; if not given, states within the limits, see `excite.information.task_torques`.
     nearly_unidentifiable : {"keep", "drop"}
         What becomes of base parameters that motions show in theory only, such as those that exist by the rounding of an
         angle: they are kept, and the design says so, or left out of the base, in design and identification.
@@ -91,6 +94,13 @@ class Objective:
         "names",
         "Base parameters or groups that the criterion is for, the others as nuisance; see below.",
         metavar="X5,F3c,friction",
+        late=True,
+    )
+    task_motion: Any = option(
+        None,
+        "file",
+        "Motion whose torques the criteria torque-deviation and max-torque-deviation are for; see below.",
+        metavar="DIR|FILE.csv",
         late=True,
     )
     nearly_unidentifiable: str = option(
