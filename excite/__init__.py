@@ -299,6 +299,7 @@ __all__ = [
     "Solver",
     "SpectralCriterion",
     "Task",
+    "TaskMotion",
     "Terms",
     "TimeCourse",
     "TimeStudy",

@@ -57,6 +57,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     "constraint": {
         "torque": "constraints.limits.torque:TorqueLimit",
+        "plausible-torque": "constraints.limits.plausible_torque:PlausibleTorqueLimit",
         "power": "constraints.limits.power:PowerLimit",
         "tool-box": "constraints.limits.tool:ToolBox",
         "tool-speed": "constraints.limits.tool:ToolSpeed",

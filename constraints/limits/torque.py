@@ -18,7 +18,7 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.robot.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Index
 from regressors.symbolic.kinematics import sparse
 
 
@@ -75,22 +75,74 @@ def torque_limits(
     drives = drive_friction(robot, known, motion, friction)
     torque = joint_torque(robot, {**known, **drives.viscous})
     carried = joint_torque(robot, {**known, **dict.fromkeys(drives.viscous, 0.0)})
-    rows = (_joints(robot, drives), *_drives(robot, drives))
-    limits = [_limits(row, robot.n, torque, carried, margin) for row in rows]
-    if not any(limit.labels for limit in limits):
-        raise InputError(f"robot {robot.name!r} has no torque limits; its file states them (torque, effort in a URDF)")
-    return [limit.restricted(motion) for limit in limits if limit.labels]
+    return [
+        _limits(rows, robot.n, torque, carried, margin).restricted(motion) for rows in limited_torques(robot, drives)
+    ]
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
-    """Torques ``matrix @ tau_q`` with their limits and their friction."""
+class LimitedTorques:
+    """Torques ``matrix @ tau_q`` with their limits and their friction, some of them without a limit.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (k, n)
+    limits : ndarray, shape (k,)
+        Infinite where there is none [Nm or N].
+    friction : DriveFriction
+    labels, units : tuple of str
+    """
 
     matrix: Array
     limits: Array
     friction: DriveFriction
     labels: tuple[str, ...]
     units: tuple[str, ...]
+
+    @property
+    def kept(self) -> Index:
+        """Numbers of those that have a limit."""
+        return np.flatnonzero(np.isfinite(self.limits))
+
+    def allowed(self, margin: float) -> tuple[Array, Array]:
+        """Lower and upper bound of the torques that have a limit, less friction and a margin.
+
+        Raises
+        ------
+        InputError
+            Friction that uses up a limit.
+        """
+        rest, share = self.friction.rest[self.kept], self.friction.share[self.kept]
+        most = (1 - margin) * self.limits[self.kept]
+        # where friction grows with the load, it must not break the limit while the load pulls the other way
+        alone = np.where(share > 0, self.friction.largest[self.kept], np.abs(rest).max(axis=1, initial=0.0))
+        for k, friction, left in zip(self.kept, alone, most - alone, strict=True):
+            if left <= 0:
+                raise InputError(
+                    f"{self.labels[k]}: friction of {friction:g} {self.units[k]} exceeds the limit of "
+                    f"{self.limits[k]:g} {self.units[k]} less a margin of {100 * margin:g} %; give a smaller margin"
+                )
+        return -most - rest[:, 0], most - rest[:, 1]
+
+
+def limited_torques(robot: Robot, friction: DriveFriction) -> list[LimitedTorques]:
+    """Torques of joints and of drives, where these have limits.
+
+    Parameters
+    ----------
+    robot : Robot
+    friction : DriveFriction
+        Of its drives.
+
+    Raises
+    ------
+    InputError
+        A robot without torque limits, or see `torque_limits`.
+    """
+    limited = [rows for rows in (_joints(robot, friction), *_drives(robot, friction)) if rows.kept.size]
+    if not limited:
+        raise InputError(f"robot {robot.name!r} has no torque limits; its file states them (torque, effort in a URDF)")
+    return limited
 
 
 def check_inertias(robot: Robot, what: str) -> None:
@@ -122,13 +174,13 @@ def joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
     return lambda q, dq, ddq: model.torque(parameters, q, dq, ddq)
 
 
-def _joints(robot: Robot, friction: DriveFriction) -> _Rows:
+def _joints(robot: Robot, friction: DriveFriction) -> LimitedTorques:
     labels = tuple(f"joint {name} torque" for name in robot.joint_names)
     units = tuple("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
-    return _Rows(np.eye(robot.n), robot.limits.torque, friction.at_joints(robot), labels, units)
+    return LimitedTorques(np.eye(robot.n), robot.limits.torque, friction.at_joints(robot), labels, units)
 
 
-def _drives(robot: Robot, friction: DriveFriction) -> list[_Rows]:
+def _drives(robot: Robot, friction: DriveFriction) -> list[LimitedTorques]:
     """Rows for the drives, where they have limits."""
     transmission = robot.transmission
     if transmission is None or not np.any(np.isfinite(transmission.limits.torque)):
@@ -138,7 +190,7 @@ def _drives(robot: Robot, friction: DriveFriction) -> list[_Rows]:
     prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
     units = tuple("N" if np.any(row[prismatic] != 0.0) else "Nm" for row in C)
     labels = tuple(f"drive {drive.name} torque" for drive in transmission.drives)
-    return [_Rows(matrix, transmission.limits.torque, friction, labels, units)]
+    return [LimitedTorques(matrix, transmission.limits.torque, friction, labels, units)]
 
 
 def drive_torque_matrix(robot: Robot) -> Array:
@@ -159,20 +211,12 @@ def drive_torque_matrix(robot: Robot) -> Array:
     return np.asarray(np.linalg.inv(C).T)
 
 
-def _limits(rows: _Rows, joints: int, torque: Expression, carried: Expression, margin: float) -> NonlinearConstraint:
+def _limits(
+    rows: LimitedTorques, joints: int, torque: Expression, carried: Expression, margin: float
+) -> NonlinearConstraint:
     """Constraint on the finite limits, from torques with viscous friction and carried torques without it."""
-    (kept,) = np.nonzero(np.isfinite(rows.limits))
-    rest, share = rows.friction.rest[kept], rows.friction.share[kept]
-    most = (1 - margin) * rows.limits[kept]
-    lower, upper = -most - rest[:, 0], most - rest[:, 1]
-    # where friction grows with the load, it must not break the limit while the load pulls the other way
-    alone = np.where(share > 0, rows.friction.largest[kept], np.abs(rest).max(axis=1, initial=0.0))
-    for k, friction, left in zip(kept, alone, most - alone, strict=True):
-        if left <= 0:
-            raise InputError(
-                f"{rows.labels[k]}: friction of {friction:g} {rows.units[k]} exceeds the limit of "
-                f"{rows.limits[k]:g} {rows.units[k]} less a margin of {100 * margin:g} %; give a smaller margin"
-            )
+    kept, (lower, upper) = rows.kept, rows.allowed(margin)
+    share = rows.friction.share[kept]
     matrix, loaded = sparse(rows.matrix[kept]), sparse(share[:, None] * rows.matrix[kept])
 
     def expression(q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:

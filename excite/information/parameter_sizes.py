@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.information.prior import Prior, stated_deviations
+from excite.information.prior import Prior
 from regressors.models.base import Base
 from regressors.models.columns import BODY_KINDS, FIRST_MOMENT, INERTIA, MASS, ROTOR
 from regressors.models.drives import reflections
 from regressors.models.model import RegressorModel
+from regressors.models.stated_deviations import stated_deviations
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

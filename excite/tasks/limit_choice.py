@@ -40,6 +40,9 @@ class LimitChoice:
         Part of the torque limits of joints and drives that is kept in reserve. ``"auto"`` keeps 10 %, and leaves the
         limits out where the description does not state them, or no inertial parameters to check them with; a number
         imposes them in any case; ``"none"`` or None leaves them out.
+    torque_uncertainty : float, optional
+        Share by which every parameter of the description may be off, with which the torque limits must still hold,
+        without a reserve; see `constraints.limits.plausible_torque.PlausibleTorqueLimit`.
     tool_point : tuple of float
         Point of the robot's last link whose place and speed are limited, in that link's frame [m].
     tool_box : tuple of (float, float), optional
@@ -82,6 +85,13 @@ class LimitChoice:
         "Part of the torque limits that is kept in reserve; auto: 0.1 if the description has torque limits and "
         "plausible inertias; none: torques are not checked.",
         metavar="X|auto|none",
+    )
+    torque_uncertainty: float | None = option(
+        None,
+        "number",
+        "Keep the torque limits for all robots whose masses, inertias and friction are off by up to this share.",
+        metavar="X",
+        late=True,
     )
     tool_box: tuple[Side, Side, Side] | None = option(
         None, "box", "Box in which the tool must stay, x,y,z [m], such as -1:1,:,0:.", metavar="L:U,L:U,L:U"
@@ -173,6 +183,8 @@ class LimitChoice:
         limits: list[Limit] = []
         if isinstance(self.torque_margin, float):
             limits.append(built_in("constraint", "torque")(self.torque_margin, friction))
+        if self.torque_uncertainty is not None:
+            limits.append(built_in("constraint", "plausible-torque")(self.torque_uncertainty, friction))
         if self.tool_box is not None:
             limits.append(built_in("constraint", "tool-box").of_sides(self.tool_box, self.tool_point))
         if self.tool_speed is not None:

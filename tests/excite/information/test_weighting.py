@@ -19,7 +19,7 @@ from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.prior_file import read_prior
 from excite.files.task_file import read_task_file, task_content, task_from_options
-from excite.information.prior import prior_of, stated_deviations
+from excite.information.prior import prior_of
 from excite.information.target import target_of
 from excite.information.weighting import known_with, minimised_text
 from excite.registry import instance
@@ -28,6 +28,7 @@ from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import parameter_values, standard_values
+from regressors.models.stated_deviations import stated_deviations
 from regressors.readers.library import load_robot
 from regressors.samples import Array, Samples
 
