@@ -108,6 +108,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "prior": Quantity("", 1e-9, 1e9),
     "prior_value": ANY,
     "prior_deviation": Quantity("", 1e-12, 1e12),
+    "plausible_robots": Quantity("", 1, 10_000, whole=True),
     # limits
     "position": PLACE,
     "velocity": SPEED,

@@ -68,6 +68,8 @@ What the criterion takes into account:
   --interest X5,F3c                the criterion is for these base parameters; the others are estimated too, but count
                                    as nuisance. Groups: gravity (what acts at rest), inertia (what acts in motion only),
                                    inertial, rotor, friction, and kinds such as coulomb, viscous, mass, first-moment
+  --prior 0.2 --scale value --plausible-robots 20
+                                   relative precision for the worst of 20 robots drawn from the prior (seed 0)
 
 \b
 Criteria of predicted torques (--criterion torque-deviation: mean variance; max-torque-deviation: largest variance):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from excite.information.chosen_parameters import ChosenParameters
 from excite.information.criteria import ConditionNumber, Criterion
 from excite.information.interest import columns_of_interest
+from excite.information.plausible_robots import WorstRobot, value_ratios
 from excite.information.target import IdentificationTarget
 from excite.information.task_torques import task_torques
 from excite.information.torque_deviation import TorqueCriterion
@@ -26,16 +27,20 @@ class Goal:
         Columns of the parameters of interest; none where all count alike.
     torques : ndarray, shape (K, b), optional
         Rows of the torques to be predicted, for a criterion of them.
+    ratios : ndarray, shape (R, b), optional
+        Values of parameters of plausible robots over the described ones.
     """
 
     chosen: tuple[int, ...] = ()
     torques: Array | None = None
+    ratios: Array | None = None
 
     def of(self, criterion: Criterion) -> Criterion:
         """A criterion as a function of M in the chosen convention."""
         if self.torques is not None and isinstance(criterion, TorqueCriterion):
             return criterion.of_rows(self.torques)
-        return ChosenParameters(criterion, self.chosen) if self.chosen else criterion
+        criterion = ChosenParameters(criterion, self.chosen) if self.chosen else criterion
+        return criterion if self.ratios is None else WorstRobot(criterion, self.ratios)
 
 
 def goal_of(target: IdentificationTarget, task: Task) -> Goal:
@@ -56,10 +61,11 @@ def goal_of(target: IdentificationTarget, task: Task) -> Goal:
     criterion: Criterion = instance("criterion", objective.criterion)
     name = name_of(objective.criterion)
     if isinstance(criterion, TorqueCriterion):
-        if objective.interest:
+        if objective.interest or objective.plausible_robots is not None:
+            what = "interest" if objective.interest else "plausible_robots"
             raise InputError(
-                f"interest: the criterion {name} is for predicted torques, in which every parameter counts; leave "
-                "`interest` out, or give `criterion='trace'`"
+                f"{what}: the criterion {name} is for predicted torques, in which every parameter counts, and which do "
+                f"not depend on their values; leave `{what}` out, or give `criterion='trace'`"
             )
         return Goal(torques=task_torques(target, task))
     if objective.task_motion is not None:
@@ -73,4 +79,5 @@ def goal_of(target: IdentificationTarget, task: Task) -> Goal:
             f"interest: the criterion {name} of a single parameter is always 1; name several parameters, or give "
             "`criterion='trace'`"
         )
-    return Goal(chosen)
+    count = objective.plausible_robots
+    return Goal(chosen, ratios=None if count is None else value_ratios(target, task, count))

@@ -110,6 +110,8 @@ def minimised_text(task: Task) -> str:
     if objective.scale != "unit":
         what = "values" if objective.scale == "value" else "prior deviations"
         parts.append(f"columns times the {what} of parameters")
+    if objective.plausible_robots is not None:
+        parts.append(f"worst of {objective.plausible_robots} plausible robots and the described one")
     return ", ".join(parts)
 
 

@@ -11,7 +11,7 @@ from excite.registry import is_own
 
 _METHOD = 1  # to be raised where the same problem is bounded in another manner
 _PARTS = ("model", "trajectory", "objective", "limits")
-_LEFT_OUT = ("class", "criterion", "require", "interest", "task_motion")
+_LEFT_OUT = ("class", "criterion", "require", "interest", "task_motion", "plausible_robots")
 
 
 def bounded_problem_sha256(design: DesignedMotion) -> str | None:

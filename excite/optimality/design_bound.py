@@ -168,7 +168,7 @@ def bound(
     ------
     InputError
         The model integrates over time windows, a coordinate has no limit of its acceleration, an unknown criterion, or
-        a design for some of the parameters or for predicted torques.
+        a design for some of the parameters, for predicted torques or for several robots.
     ConicSolverError
         The relaxation could not be solved.
     """
@@ -186,7 +186,8 @@ def bound(
 def _check_bounded(design: DesignedMotion) -> None:
     """Raise `InputError` where a bound on criteria of all parameters says nothing of what a design minimises."""
     objective = design.task.objective
-    if objective.interest or isinstance(instance("criterion", objective.criterion), TorqueCriterion):
+    of_torques = isinstance(instance("criterion", objective.criterion), TorqueCriterion)
+    if objective.interest or objective.plausible_robots or of_torques:
         raise InputError(
             f"{design.name} minimises {minimised_text(design.task)}, of which no bound is known; "
             "bounds are for designs whose criterion is one of all parameters alike"

@@ -64,6 +64,9 @@ class Objective:
     task_motion : str, TaskMotion or Design, optional
         Motion whose torques the criteria of predicted torques are for: a design, its folder, or a file like
         trajectory.csv; if not given, states within the limits, see `excite.information.task_torques`.
+    plausible_robots : int, optional
+        Number of robots, drawn from the prior, of which the worst counts beside the described one; for ``scale`` value,
+        see `excite.information.plausible_robots`.
     nearly_unidentifiable : {"keep", "drop"}
         What becomes of base parameters that motions show in theory only, such as those that exist by the rounding of an
         angle: they are kept, and the design says so, or left out of the base, in design and identification.
@@ -103,6 +106,13 @@ class Objective:
         metavar="DIR|FILE.csv",
         late=True,
     )
+    plausible_robots: int | None = option(
+        None,
+        "integer",
+        "With --scale value, the worst of this many robots drawn from the prior counts.",
+        metavar="N",
+        late=True,
+    )
     nearly_unidentifiable: str = option(
         "keep",
         "name",
@@ -123,6 +133,11 @@ class Objective:
             )
         if self.scale == "prior" and self.prior is None:
             raise InputError("`scale='prior'` needs prior knowledge, but none is given; give `prior`")
+        if self.plausible_robots is not None and (self.scale != "value" or self.prior is None):
+            raise InputError(
+                "`plausible_robots` are drawn from prior knowledge, and differ in the values that columns are scaled "
+                "by; give `prior` and `scale='value'`"
+            )
         if self.interest and self.base == "orthonormal":
             raise InputError(
                 "`interest` names base parameters, but columns of the orthonormal base are not single parameters; "

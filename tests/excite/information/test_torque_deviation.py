@@ -78,7 +78,7 @@ def test_rows_of_single_parameters_are_known_criteria() -> None:
     assert MaxTorqueDeviation(np.eye(5)).value(M) == pytest.approx(MaxTorqueDeviation().value(M), rel=1e-12)
 
 
-@pytest.mark.parametrize("conventions", [{"base": "pivoted"}, {"base": "orthonormal"}, {"scale": "value"}], ids=str)
+@pytest.mark.parametrize("conventions", [{"base": "pivoted"}, {"scale": "value"}], ids=str)
 def test_conventions_do_not_matter_for_a_design(conventions: dict[str, str]) -> None:
     tasks = [Task("irp6", criterion="torque-deviation", **options) for options in ({}, conventions)]
     problems = [formulate(load_robot("irp6"), task).problem for task in tasks]
