@@ -273,6 +273,29 @@ def choose_criterion() -> str:
     return table(head, [(goal, *row) for goal, row in cells.items()], "benchmarks/results/criteria.json")
 
 
+def choose_interest() -> str:
+    """What designs for some parameters or for torques gain over plain ones, in two robots."""
+    rows = []
+    for name, study in result("results/chosen_parameters")["studies"].items():
+        values = study["values"]
+        robot = {"irp6": "IRp-6", "P1": "Panda"}[name]
+        for goal in [goal for goal in values if goal not in ("condition", "logdet", "trace")]:
+            reached = [values[other][goal] / values["condition"][goal] for other in (goal, "trace", "logdet")]
+            rows.append((robot, goal, *(f"{value:.2f}" for value in reached)))
+    head = ("robot", "deviation, over that of `condition`", "designed for it", "`trace`", "`logdet`")
+    return table(head, rows, "benchmarks/results/chosen_parameters.json")
+
+
+def choose_torque_limit() -> str:
+    """Robots of a box that break a torque limit, for designs with several reserves."""
+    rows = [
+        (row["limit"], f"{row['condition_number']:.3g}", *row["broken"].values())
+        for row in result("results/chosen_parameters")["limits"]
+    ]
+    head = ("torque limits", "cond(W)", "of 200 robots off by up to 10 %, break one", "off by up to 20 %")
+    return table(head, rows, "benchmarks/results/chosen_parameters.json")
+
+
 def interval_coverage() -> str:
     """How often intervals hold the truth with plain defaults."""
     cases = [case for case in result("coverage/results/coverage")["cases"] if case["name"].startswith("plain defaults")]
@@ -321,6 +344,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "sensitivity": sensitivities,
     "choose-model": choose_model,
     "choose-criterion": choose_criterion,
+    "choose-interest": choose_interest,
+    "choose-torque-limit": choose_torque_limit,
     "interval-coverage": interval_coverage,
 }
 

@@ -9,6 +9,9 @@ the inverse of the chosen parameters' block of ``M^-1``: what is known of them w
 [Atkinson, Donev, Tobias 2007, chapter 10]. It does not depend on how the other parameters are chosen or scaled. With
 ``det`` this is D_s-optimality, with the trace A_s-optimality.
 
+The best motion for some parameters may not show the others at all, with W singular. So what is minimised has a small
+part of the D-optimality of all parameters too, which grows without bound there; the value that is reported has not.
+
 [Atkinson, Donev, Tobias 2007] "Optimum Experimental Designs, with SAS", Oxford University Press.
 """
 
@@ -22,6 +25,7 @@ import scipy.linalg
 from excite.information.criteria import Criterion
 from regressors.samples import Array
 
+OTHERS = 0.05  # part of log det^(-1/2b) of all parameters: the chosen deviations were at most 5 % larger with it
 _RIDGE = 1e-13  # of the normalised matrix: keeps the factor of a singular one finite
 
 
@@ -56,7 +60,10 @@ class ChosenParameters(Criterion):
         return np.inf if L is None else self.criterion.value(self._complement(L))
 
     def smooth(self, M: Array, sharpness: float) -> tuple[float, Array]:
-        """Its smooth approximation, with the gradient ``G = K G_S K'``, ``K = [E; -M_NN^-1 M_NS]``."""
+        """Its smooth approximation and `OTHERS` of ``-(1/2b) log det M``, with the gradient of the sum.
+
+        That of the former is ``K G_S K'``, ``K = [E; -M_NN^-1 M_NS]``; of the latter ``-(1/2b) M^-1``.
+        """
         value, G, _ = self._smooth(M, sharpness)
         return value, G
 
@@ -78,9 +85,11 @@ class ChosenParameters(Criterion):
         # M_NN = L_NN L_NN', M_SN = L_SN L_NN': M_NN^-1 M_NS = L_NN^-T L_SN'
         rest = scipy.linalg.solve_triangular(L[:others, :others], L[others:, :others].T, trans="T", lower=True)
         K = np.vstack([-rest, np.eye(len(self.chosen))])
-        G = np.empty_like(M)
-        G[np.ix_(self._order(len(M)), self._order(len(M)))] = K @ of_complement @ K.T
-        return value, G, None if singular else complement
+        part = OTHERS / len(M) if others else 0.0
+        half = scipy.linalg.solve_triangular(L, np.eye(len(M)), lower=True)  # M^-1 = half' half
+        G, order = np.empty_like(M), self._order(len(M))
+        G[np.ix_(order, order)] = K @ of_complement @ K.T - 0.5 * part * half.T @ half
+        return value - part * float(np.log(np.diag(L)).sum()), G, None if singular else complement
 
     def _order(self, size: int) -> list[int]:
         """The other columns, then the chosen ones."""

@@ -163,6 +163,25 @@ def test_gradient_with_respect_to_the_motion() -> None:
     assert slope == pytest.approx((f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h), rel=1e-6)
 
 
+def test_the_other_parameters_stay_identifiable() -> None:
+    """The best motion for gravity alone would hardly move, and leave five parameters of thirteen unknown."""
+    options = {"criterion": "trace", "noise": (2.0, 8.0, 4.0), "weighted": True, "starts": 2, "executor": "serial"}
+    design = excite.design_trajectory(Task("irp6", interest=("gravity",), **options))
+    assert design.condition_number < 2000
+    assert not design.nearly_unidentifiable
+
+
+@given(SEED, st.sampled_from(NAMES))
+def test_what_is_minimised_has_a_part_of_the_volume_of_all(seed: int, name: str) -> None:
+    W = regressor(seed)
+    M = W.T @ W / 40
+    others = np.delete(W, CHOSEN, axis=1)
+    rest = W[:, CHOSEN] - others @ np.linalg.lstsq(others, W[:, CHOSEN])[0]
+    own = instance("criterion", name).smooth(rest.T @ rest / 40, 4.0)[0]
+    volume = np.log(instance("criterion", "logdet").value(M))
+    assert of_chosen(name).smooth(M, 4.0)[0] == pytest.approx(own + 0.05 * volume, rel=1e-8, abs=1e-8)
+
+
 def test_designs(tmp_path: Path) -> None:
     task = Task("irp6", harmonics=3, starts=1, executor="serial", criterion="trace")
     plain = excite.design_trajectory(task)
