@@ -292,7 +292,7 @@ def choose_torque_limit() -> str:
         (row["limit"], f"{row['condition_number']:.3g}", *row["broken"].values())
         for row in result("results/chosen_parameters")["limits"]
     ]
-    head = ("torque limits", "cond(W)", "of 200 robots off by up to 10 %, break one", "off by up to 20 %")
+    head = ("torque limits", "cond(W)", "of 200 robots off by 10 %, break one", "off by 20 %")
     return table(head, rows, "benchmarks/results/chosen_parameters.json")
 
 

@@ -109,7 +109,7 @@ class Objective:
     plausible_robots: int | None = option(
         None,
         "integer",
-        "With --scale value, the worst of this many robots drawn from the prior counts.",
+        "The worst of this many robots drawn from the prior counts; see below.",
         metavar="N",
         late=True,
     )
