@@ -83,6 +83,7 @@ if TYPE_CHECKING:
     from excite.tasks.model_choice import ModelChoice
     from excite.tasks.objective import Belief, Objective
     from excite.tasks.output import Output
+    from excite.tasks.precision_target import PrecisionTarget
     from excite.tasks.search import Search
     from excite.tasks.task import Task
     from excite.tasks.trajectory_choice import TrajectoryChoice
@@ -160,6 +161,7 @@ _PLACES = {
     "Objective": "excite.tasks.objective",
     "Output": "excite.tasks.output",
     "Payload": "excite.simulation.payload",
+    "PrecisionTarget": "excite.tasks.precision_target",
     "Recipe": "excite.identification.recipe",
     "RegressorModel": "regressors.models.model",
     "Robot": "regressors.robot.robot",
@@ -284,6 +286,7 @@ __all__ = [
     "PayloadModel",
     "PayloadMotion",
     "PayloadResult",
+    "PrecisionTarget",
     "Recipe",
     "RegressorModel",
     "Robot",
