@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from excite.design.campaign import plan_campaign
     from excite.design.comparison import compare
     from excite.design.design import Design
+    from excite.design.design_for_precision import design_for_precision
     from excite.design.optimisation import design_trajectory
     from excite.design.solvers.solver import Solver
     from excite.errors import (
@@ -192,6 +193,7 @@ _PLACES = {
     "bound": "excite.optimality.design_bound",
     "compare": "excite.design.comparison",
     "degrade": "excite.simulation.degradation.degrade",
+    "design_for_precision": "excite.design.design_for_precision",
     "design_trajectory": "excite.design.optimisation",
     "draw": "excite.plots.drawable",
     "export_model": "excite.export.models.export_model",
@@ -319,6 +321,7 @@ __all__ = [
     "compare",
     "degrade",
     "design_payload_motion",
+    "design_for_precision",
     "design_trajectory",
     "draw",
     "export_model",

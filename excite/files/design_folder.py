@@ -197,6 +197,7 @@ def design_content(design: Design) -> dict[str, Any]:
                 {**vars(hardly), "together": list(hardly.together)} for hardly in design.nearly_unidentifiable
             ],
         },
+        **({"precision": design.precision.to_dict()} if design.precision is not None else {}),
         "solver": _solver(design),
         "provenance": design.provenance,
     }

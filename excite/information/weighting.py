@@ -15,13 +15,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.information.allowed_half_widths import allowed_half_widths
 from excite.information.metrics import noise_per_row
 from excite.information.prior import Prior, prior_of
 from excite.information.target import IdentificationTarget
 from excite.registry import name_of
+from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.models.base import few_states, random_states
 from regressors.samples import Array, Samples
+
+_SCALES = {"value": "values", "prior": "prior deviations", "precision": "allowed half-widths"}
+_NO_SAY = 30.0  # by which columns of parameters that do not matter are longer than those that do
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +71,14 @@ def weighting_of(target: IdentificationTarget, task: Task) -> Weighting:
     InputError
         A parameter to be scaled by unknown prior knowledge, or names that the model does not have.
     """
-    by_noise = task.objective.weighted or task.objective.prior is not None
+    precise = task.objective.scale == "precision"
+    by_noise = task.objective.weighted or task.objective.prior is not None or precise
     noise = noise_per_row(task.objective.noise if by_noise else (1.0,), target.model)
     T = target.transforms[task.objective.base]
     if task.objective.prior is None and task.objective.scale == "unit":
         return Weighting(noise, np.zeros(2 * (target.base.rank,)), T)
+    if precise:
+        return Weighting(noise, np.zeros(2 * (target.base.rank,)), T * _precision_scale(target, task))
     prior = prior_of(target.model, target.base, task.objective.prior)
     precision = np.zeros(T.shape) if task.objective.prior is None else prior.precision
     return Weighting(noise, precision, T * _scale(target, task, prior, T))
@@ -88,6 +97,22 @@ def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> 
     return scale
 
 
+def _precision_scale(target: IdentificationTarget, task: Task) -> Array:
+    """Allowed half-widths; parameters of which nothing is asked get scales that leave them no say."""
+    precision = task.objective.precision
+    assert isinstance(precision, PrecisionTarget)
+    if task.objective.base != "gautier":
+        raise InputError("scale precision: a precision is that of the base parameters; leave out `base`")
+    allowed = allowed_half_widths(precision, target)
+    free = ~np.isfinite(allowed)
+    if not free.any():
+        return allowed
+    states = target.motion.states(random_states(target.robot, few_states(target.model)))
+    length = np.linalg.norm(target.model.instants(states)[:, target.base.index], axis=0)
+    typical = float(np.median((length * allowed)[~free]))
+    return np.asarray(np.where(free, _NO_SAY * typical / np.where(length > 0, length, 1.0), allowed))
+
+
 def _column(target: IdentificationTarget, column: Array) -> str:
     """Name of the model column that a column of a transform corresponds to."""
     return target.model.names[int(np.argmin(np.linalg.norm(target.base.D - column[:, None], axis=0)))]
@@ -97,14 +122,14 @@ def minimised_text(task: Task) -> str:
     """What a task minimises, such as ``condition, base gautier, rows divided by their noise``."""
     objective = task.objective
     parts = [name_of(objective.criterion), f"base {objective.base}"]
-    if objective.weighted or objective.prior is not None:
+    if objective.weighted or objective.prior is not None or objective.scale == "precision":
         parts.append("rows divided by their noise")
     if isinstance(objective.prior, int | float):
         parts.append(f"the description's values known to {100 * objective.prior:g} %")
     elif objective.prior is not None:
         parts.append(f"{len(objective.prior)} parameters known beforehand")
     if objective.scale != "unit":
-        what = "values" if objective.scale == "value" else "prior deviations"
+        what = _SCALES[objective.scale]
         parts.append(f"columns times the {what} of parameters")
     return ", ".join(parts)
 

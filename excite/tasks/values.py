@@ -11,9 +11,10 @@ from typing import Any
 
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import Kind, options_of
+from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.stored_files import UnopenedFile
-from regressors.errors import InputError
-from regressors.quantities import check, shown
+from regressors.errors import InputError, UnknownName
+from regressors.quantities import check, number_of, shown
 
 AUTO, NONE, ALL = "auto", "none", "all"
 MARGINS = (AUTO, NONE)
@@ -39,7 +40,7 @@ def strict(part: Any) -> None:
             continue
         try:
             plain = _CONVERSIONS[option.kind](value)
-        except _Unfit as error:
+        except (_Unfit, ValueError) as error:
             raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
         if (option.kind in _NUMBERS and not isinstance(plain, UnopenedFile)) or (
             option.kind in ("prior", "margin", "count") and isinstance(plain, Real)
@@ -176,6 +177,28 @@ def _prior(value: object) -> object:
     return _number(value) if isinstance(value, Real) else value
 
 
+def _precision(value: object) -> PrecisionTarget:
+    if isinstance(value, PrecisionTarget):
+        return value
+    if isinstance(value, Mapping):
+        unknown = [str(name) for name in value if name not in PrecisionTarget.__dataclass_fields__]
+        if unknown:
+            raise UnknownName("entry of `precision`", unknown[0], tuple(PrecisionTarget.__dataclass_fields__))
+        return PrecisionTarget(**value)
+    return PrecisionTarget(share_of(value) if isinstance(value, str) else _number(value))
+
+
+def share_of(text: str) -> float:
+    """A share from text: ``5%`` or ``0.05``.
+
+    Raises
+    ------
+    ValueError
+        Neither.
+    """
+    return number_of(text.removesuffix("%").rstrip()) / 100.0 if text.endswith("%") else number_of(text)
+
+
 _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "flag": _flag,
     "integer": _integer,
@@ -197,6 +220,7 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "payload": _payload,
     "drives": _drives,
     "parameters": _parameters,
+    "precision": _precision,
 }
 EXPECTED: dict[Kind, str] = {
     "flag": "true or false",
@@ -219,6 +243,7 @@ EXPECTED: dict[Kind, str] = {
     "payload": "a list of numbers, or the name of a file",
     "drives": "all, none, or names or numbers of drives",
     "parameters": "standard parameters, each with a finite number",
+    "precision": "a share such as 0.05, or a precision target",
 }
 
 

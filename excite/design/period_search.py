@@ -1,0 +1,213 @@
+"""The period of the shortest experiment that meets a precision target.
+
+A motion of a longer period sees more at once, and every run costs its approach and return; but runs come in whole
+numbers, and a period that is just long enough for one of them less is the best. So periods are tried a factor of
+sqrt 2 apart, each begun with the best motion of the one before; then those in between at which interpolation predicts
+one run less. The highest frequency stays that of the task's period and harmonics.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.design.design import Design
+from excite.design.period_trial import PeriodTrial
+from excite.errors import NoFeasibleMotionError
+from excite.tasks.stored_files import InitialDesign
+from excite.tasks.task import Task
+from regressors.errors import InputError
+
+STEP = math.sqrt(2.0)
+LONGEST = 6.0  # times the task's period
+_FEWEST = 2  # harmonics, or what the family has instead
+_STARTS = 2  # of the search at a period that begins with the motion of another one
+_BETWEEN = 4  # periods between those of the ladder that are tried
+_WORTH = 0.01  # part of the robot time that a period in between must promise
+_IDLE = 2  # periods in a row without gain after which the ladder ends
+
+Solve = Callable[[Task], Design]
+Report = Callable[[str], None]
+
+
+@dataclass
+class PeriodSearch:
+    """Periods tried so far.
+
+    Parameters
+    ----------
+    task : Task
+        With a precision, and the period and harmonics that state the highest frequency.
+    solve : callable
+        Finds the best motion of a task.
+    report : callable
+        Takes a sentence on the progress.
+    """
+
+    task: Task
+    solve: Solve
+    report: Report = lambda _: None
+
+    def __post_init__(self) -> None:
+        self.trials: list[PeriodTrial] = []
+        self.refusals: list[InputError | NoFeasibleMotionError] = []
+        self.interrupted = False
+
+    def run(self) -> list[PeriodTrial]:
+        """Try the ladder of periods, and those in between that promise less robot time.
+
+        Raises
+        ------
+        InputError, NoFeasibleMotionError
+            No period has a motion within the limits; of the last that was tried.
+        """
+        try:
+            self._climb()
+            self._refine()
+        except KeyboardInterrupt:
+            if not self.trials:
+                raise
+            self.interrupted = True
+        if not self.trials:
+            raise self.refusals[-1]
+        return self.trials
+
+    @property
+    def best(self) -> PeriodTrial:
+        """The period with the least robot time that meets the target; if none does in time, the most precise one."""
+        return best_trial(self.trials, self.task.objective.max_time)
+
+    def _climb(self) -> None:
+        idle = 0
+        for period in ladder(self.task):
+            before = min((trial.robot_seconds for trial in self.trials), default=math.inf)
+            if period >= before or idle >= _IDLE:
+                break
+            trial = self._try(period)
+            idle = idle + 1 if trial is not None and trial.robot_seconds >= before else 0
+
+    def _refine(self) -> None:
+        for _ in range(_BETWEEN):
+            period = promising_period(self.trials, self.task.objective.max_time)
+            if self.interrupted or period is None or self._try(period) is None:
+                return
+
+    def _try(self, period: float) -> PeriodTrial | None:
+        """Search at one period; None where it has no motion."""
+        begin = min(self.trials, key=lambda trial: abs(math.log(trial.period / period)), default=None)
+        try:
+            design = self.solve(task_at(self.task, period, begin))
+        except (InputError, NoFeasibleMotionError) as error:
+            self.refusals.append(error)
+            self.report(f"{period:g} s is not possible: {error}")
+            return None
+        trial = PeriodTrial(period, design.task.trajectory.richness[1], design)
+        self.trials = sorted([*self.trials, trial], key=lambda each: each.period)
+        self.report(f"{period:g} s: {runs_text(trial.runs, trial.seconds)}")
+        if design.interrupted:
+            raise KeyboardInterrupt
+        return trial
+
+
+def best_trial(trials: Sequence[PeriodTrial], max_time: float) -> PeriodTrial:
+    """The trial with the least robot time that meets the target; if none does in time, the most precise one.
+
+    Parameters
+    ----------
+    trials : sequence of PeriodTrial
+    max_time : float
+        [s]
+    """
+    shortest = min(trials, key=lambda trial: trial.robot_seconds)
+    if shortest.robot_seconds <= max_time:
+        return shortest
+    return min(trials, key=lambda trial: trial.reach(max_time))
+
+
+def runs_text(runs: int, seconds: float) -> str:
+    """Robot time of some runs, such as ``3 runs of 14 s: 42 s of robot time``."""
+    each = f"{runs} runs of {seconds:.4g} s" if runs > 1 else f"1 run of {seconds:.4g} s"
+    return f"{each}: {runs * seconds:.4g} s of robot time"
+
+
+def ladder(task: Task) -> list[float]:
+    """Periods a factor of sqrt 2 apart, from that of two harmonics to `LONGEST` times the task's, shortest first.
+
+    Parameters
+    ----------
+    task : Task
+    """
+    period, richness = task.trajectory.period, task.trajectory.richness[1]
+    lowest = math.ceil(math.log(_FEWEST / richness, STEP) - 1e-9) if richness > _FEWEST else 0
+    highest = math.floor(math.log(LONGEST, STEP))
+    periods = [float(f"{period * STEP**k:.4g}") for k in range(lowest, highest + 1)]
+    most = task.objective.max_time
+    return [each for each in periods if each <= most] or [min(period, most)]
+
+
+def task_at(task: Task, period: float, begin: PeriodTrial | None) -> Task:
+    """The task at another period, with as many harmonics as keep its highest frequency.
+
+    Parameters
+    ----------
+    task : Task
+    period : float
+        [s]
+    begin : PeriodTrial, optional
+        Whose motion the search begins with.
+    """
+    option, richness = task.trajectory.richness
+    changed = {option: max(_FEWEST, math.floor(richness * period / task.trajectory.period + 1e-3))}
+    choice = replace(task.trajectory, period=period, **changed)  # type: ignore[arg-type]
+    if begin is None:
+        return task.changed(trajectory=choice, starts=task.search.first, rounds=None, budget=None)
+    return task.changed(
+        trajectory=choice, begin=motion_of_trial(begin), starts=_STARTS, rounds=None, budget=None
+    )
+
+
+def motion_of_trial(trial: PeriodTrial) -> InitialDesign:
+    """The motion of a trial, for a search to begin with."""
+    design = trial.design
+    series = {"joints": list(design.moving.joint_names), **design.trajectory.family.to_dict(design.trajectory.x)}
+    return InitialDesign(f"the best motion of {trial.period:g} s", series)
+
+
+def promising_period(trials: Sequence[PeriodTrial], max_time: float) -> float | None:
+    """A period between two that were tried, at which one run less is predicted to be enough; None if none is worth it.
+
+    Between neighbours, the logarithms of the deviations over their allowed half-widths and of the robot time of a run
+    are linear in that of the period.
+
+    Parameters
+    ----------
+    trials : sequence of PeriodTrial
+        In the order of their periods.
+    max_time : float
+        Robot time beyond which nothing is sought [s].
+    """
+    least = (1.0 - _WORTH) * min(min(trial.robot_seconds for trial in trials), max_time / (1.0 - _WORTH))
+    best: float | None = None
+    for low, high in zip(trials, trials[1:], strict=False):
+        for runs in range(max(1, high.runs), low.runs):
+            period = _crossing(low, high, runs)
+            if period is None or not low.period * 1.005 < period < high.period / 1.005:
+                continue
+            share = math.log(period / low.period) / math.log(high.period / low.period)
+            seconds = runs * low.seconds ** (1.0 - share) * high.seconds**share
+            if seconds < least:
+                best, least = period, seconds
+    return best
+
+
+def _crossing(low: PeriodTrial, high: PeriodTrial, runs: int) -> float | None:
+    """Shortest period at which a number of runs is predicted to be enough, of three digits, rounded up."""
+    uses = np.log([low.run.use(runs), high.run.use(runs)])
+    if not uses[0] > 0.0 >= uses[1]:
+        return None
+    period = low.period * (high.period / low.period) ** float(uses[0] / (uses[0] - uses[1]))
+    unit = 10.0 ** (math.floor(math.log10(period)) - 2)
+    return float(f"{math.ceil(period / unit - 1e-9) * unit:.3g}")
