@@ -12,8 +12,8 @@ from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.optimisation import Progress, solve
-from excite.design.period_search import PeriodSearch, motion_of_trial
-from excite.design.period_trial import PeriodTrial, PrecisionSearch, pareto_front
+from excite.design.period_search import PeriodSearch
+from excite.design.period_trial import PrecisionSearch, pareto_front
 from excite.registry import name_of
 from excite.storage.destination import Destination
 from excite.storage.lock import locked
@@ -24,7 +24,6 @@ from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.robot.robot import Robot
 
-PERIODS = "periods"
 _CRITERIA = ("condition", "max-deviation")
 
 Prepare = Callable[[Formulation, str], KeptStarts]
@@ -116,7 +115,7 @@ def search_for_precision(
     task : Task
         With a precision.
     prepare : callable
-        Gives the folder of starts for a formulation: of a period such as ``periods/14.1``, or ``starts`` at the end.
+        Gives the folder of starts for a formulation, by the name of the search, such as ``14.1s-warm``.
     solve : callable
         Finds the best motion of a formulation.
     report : callable
@@ -124,21 +123,19 @@ def search_for_precision(
     """
     task = precise_task(task)
 
-    def solved(at_period: Task) -> Design:
+    def solved(at_period: Task, name: str) -> Design:
         formulation = formulate(robot, at_period)
-        return solve(formulation, prepare(formulation, f"{PERIODS}/{at_period.trajectory.period:g}"))
+        return solve(formulation, prepare(formulation, f"{at_period.trajectory.period:g}s-{name}"))
 
     search = PeriodSearch(task, solved, report)
-    search.run()
-    best = search.best
-    if search.interrupted:
-        return _with_search(replace(best.design, interrupted=True), search)
-    report(f"searching on at {best.period:g} s")
-    try:
-        final = _final(robot, task, best, prepare, solve)
-    except KeyboardInterrupt:
-        return _with_search(replace(best.design, interrupted=True), search)
-    return _with_search(final, search)
+    best = search.run().design
+    front = pareto_front(search.trials, task.objective.max_time)
+    return replace(
+        best,
+        interrupted=search.interrupted,
+        provenance={**best.provenance, "cpu_seconds": search.seconds},
+        precision_search=PrecisionSearch(tuple(search.trials), front),
+    )
 
 
 def precise_task(task: Task) -> Task:
@@ -157,29 +154,12 @@ def precise_task(task: Task) -> Task:
         raise InputError("no precision is asked for; give `precision`, such as 0.05")
     if name_of(task.objective.criterion) not in _CRITERIA:
         raise InputError(
-            f"criterion {name_of(task.objective.criterion)}: the shortest experiment that meets a precision minimises the "
-            "largest half-width, `criterion='max-deviation'`; leave out the criterion"
+            f"criterion {name_of(task.objective.criterion)}: the shortest experiment that meets a precision minimises "
+            "the largest half-width, `criterion='max-deviation'`; leave out the criterion"
         )
     if task.trajectory.grows:
         raise InputError(
-            "harmonics: the search for a precision tries periods, with as many harmonics as keep the highest frequency; "
-            "give a number of `harmonics`"
+            "harmonics: the search for a precision tries periods, with as many harmonics as keep the highest "
+            "frequency; give a number of `harmonics`"
         )
     return task.changed(criterion="max-deviation", scale="precision")
-
-
-def _final(robot: Robot, task: Task, best: PeriodTrial, prepare: Prepare, solve: Solve) -> Design:
-    """The design of the task's own search, begun with the motion of a trial; that motion's where it is no better."""
-    changed = best.design.task.changed(search=replace(task.search, begin=motion_of_trial(best)))
-    formulation = formulate(robot, changed)
-    return solve(formulation, prepare(formulation, "starts"))
-
-
-def _with_search(design: Design, search: PeriodSearch) -> Design:
-    """The design with the periods that were tried, itself instead of the trial of its own."""
-    period = design.task.trajectory.period
-    own = PeriodTrial(period, design.task.trajectory.richness[1], design)
-    trials = (*(trial for trial in search.trials if trial.period != period), own)
-    trials = tuple(sorted(trials, key=lambda trial: trial.period))
-    front = pareto_front(trials, search.task.objective.max_time)
-    return replace(design, precision_search=PrecisionSearch(trials, front))

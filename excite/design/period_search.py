@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -24,12 +26,13 @@ from regressors.errors import InputError
 STEP = math.sqrt(2.0)
 LONGEST = 6.0  # times the task's period
 _FEWEST = 2  # harmonics, or what the family has instead
-_STARTS = 2  # of the search at a period that begins with the motion of another one
+_ROUNDS = 2  # of the search at a period, after its random starts
 _BETWEEN = 4  # periods between those of the ladder that are tried
+_SHORTER = 4  # periods tried below the best one, after its last search
 _WORTH = 0.01  # part of the robot time that a period in between must promise
 _IDLE = 2  # periods in a row without gain after which the ladder ends
 
-Solve = Callable[[Task], Design]
+Solve = Callable[[Task, str], Design]
 Report = Callable[[str], None]
 
 
@@ -42,7 +45,7 @@ class PeriodSearch:
     task : Task
         With a precision, and the period and harmonics that state the highest frequency.
     solve : callable
-        Finds the best motion of a task.
+        Finds the best motion of a task; of several searches at the same period, its second argument is the name.
     report : callable
         Takes a sentence on the progress.
     """
@@ -54,30 +57,29 @@ class PeriodSearch:
     def __post_init__(self) -> None:
         self.trials: list[PeriodTrial] = []
         self.refusals: list[InputError | NoFeasibleMotionError] = []
+        self.seconds = 0.0
         self.interrupted = False
 
-    def run(self) -> list[PeriodTrial]:
-        """Try the ladder of periods, and those in between that promise less robot time.
+    def run(self) -> PeriodTrial:
+        """Try the ladder of periods, those in between that promise less robot time, and search on at the best.
 
         Raises
         ------
         InputError, NoFeasibleMotionError
             No period has a motion within the limits; of the last that was tried.
+        KeyboardInterrupt
+            Interrupted before any motion was found.
         """
         try:
             self._climb()
             self._refine()
+            self._finish()
         except KeyboardInterrupt:
             if not self.trials:
                 raise
             self.interrupted = True
         if not self.trials:
             raise self.refusals[-1]
-        return self.trials
-
-    @property
-    def best(self) -> PeriodTrial:
-        """The period with the least robot time that meets the target; if none does in time, the most precise one."""
         return best_trial(self.trials, self.task.objective.max_time)
 
     def _climb(self) -> None:
@@ -91,25 +93,82 @@ class PeriodSearch:
 
     def _refine(self) -> None:
         for _ in range(_BETWEEN):
-            period = promising_period(self.trials, self.task.objective.max_time)
-            if self.interrupted or period is None or self._try(period) is None:
+            if not self.trials:
+                return
+            period = promising_period(self.trials, self.task.objective.max_time, self.task.output.rate)
+            if period is None or self._try(period) is None:
                 return
 
+    def _finish(self) -> None:
+        """Search at the best period as the task says, then shorten it as far as as many runs are enough."""
+        if not self.trials:
+            return
+        best = best_trial(self.trials, self.task.objective.max_time)
+        self.report(f"searching on at {best.period:g} s")
+        self._keep(self._solved(self.task, best.period, "last", best))
+        best = best_trial(self.trials, self.task.objective.max_time)
+        runs, lower = best.runs, 0.5 * best.period
+        for _ in range(_SHORTER):
+            period = self._shorter(best, lower)
+            if runs * best.seconds > self.task.objective.max_time or period is None:
+                return
+            trial = self._keep(self._solved(_single(self.task), period, f"shorter-{best.period:g}", best))
+            if trial is not None and trial.runs <= runs:
+                best = trial
+            else:
+                lower = period
+
+    def _shorter(self, best: PeriodTrial, lower: float) -> float | None:
+        """A period at which the same runs may be enough, above one at which they are not; None if none is worth it."""
+        use = best.run.use(best.runs)
+        wanted = max(best.period * use**2, 0.5 * (lower + best.period))  # deviations fall with its root, or faster
+        period = _at_rate(wanted, self.task.output.rate)
+        return period if lower < period < (1.0 - _WORTH) * best.period else None
+
     def _try(self, period: float) -> PeriodTrial | None:
-        """Search at one period; None where it has no motion."""
-        begin = min(self.trials, key=lambda trial: abs(math.log(trial.period / period)), default=None)
+        """Search at one period, from random motions and from the best motion of a neighbour; None if it has none."""
+        near = min(self.trials, key=lambda trial: abs(math.log(trial.period / period)), default=None)
+        random = self._keep(self._solved(_brief(self.task), period, "random", None))
+        warm = None if near is None else self._keep(self._solved(_single(self.task), period, "warm", near))
+        trials = [trial for trial in (random, warm) if trial is not None]
+        if not trials:
+            return None
+        trial = min(trials, key=lambda trial: trial.run.use(1))
+        self.report(f"{period:g} s: {runs_text(trial.runs, trial.seconds)}")
+        return trial
+
+    def _solved(self, task: Task, period: float, name: str, begin: PeriodTrial | None) -> Design | None:
         try:
-            design = self.solve(task_at(self.task, period, begin))
+            return self.solve(task_at(task, period, begin), name)
         except (InputError, NoFeasibleMotionError) as error:
             self.refusals.append(error)
-            self.report(f"{period:g} s is not possible: {error}")
+            self.report(f"{period:g} s: no motion: {error}")
             return None
-        trial = PeriodTrial(period, design.task.trajectory.richness[1], design)
-        self.trials = sorted([*self.trials, trial], key=lambda each: each.period)
-        self.report(f"{period:g} s: {runs_text(trial.runs, trial.seconds)}")
+
+    def _keep(self, design: Design | None) -> PeriodTrial | None:
+        """Take a design as the trial of its period, unless a better one is there."""
+        if design is None:
+            return None
+        period, richness = design.task.trajectory.period, design.task.trajectory.richness[1]
+        trial = PeriodTrial(period, richness, design)
+        self.seconds += float(str(design.provenance["cpu_seconds"]))
+        same = [each for each in self.trials if each.period == period and each.run.use(1) <= trial.run.use(1)]
+        if not same:
+            others = [each for each in self.trials if each.period != period]
+            self.trials = sorted([*others, trial], key=lambda each: each.period)
         if design.interrupted:
             raise KeyboardInterrupt
-        return trial
+        return same[0] if same else trial
+
+
+def _brief(task: Task) -> Task:
+    """The task with a search of random motions and a few rounds."""
+    return task.changed(starts=None, rounds=_ROUNDS, budget=None)
+
+
+def _single(task: Task) -> Task:
+    """The task with a search of one start."""
+    return task.changed(starts=1, rounds=None, budget=None)
 
 
 def best_trial(trials: Sequence[PeriodTrial], max_time: float) -> PeriodTrial:
@@ -143,9 +202,15 @@ def ladder(task: Task) -> list[float]:
     period, richness = task.trajectory.period, task.trajectory.richness[1]
     lowest = math.ceil(math.log(_FEWEST / richness, STEP) - 1e-9) if richness > _FEWEST else 0
     highest = math.floor(math.log(LONGEST, STEP))
-    periods = [float(f"{period * STEP**k:.4g}") for k in range(lowest, highest + 1)]
+    periods = [_at_rate(period * STEP**k, task.output.rate) for k in range(lowest, highest + 1)]
     most = task.objective.max_time
     return [each for each in periods if each <= most] or [min(period, most)]
+
+
+def _at_rate(period: float, rate: float) -> float:
+    """The next period of a whole number of samples, in tenths of a second where the rate allows [s]."""
+    unit = 0.1 if abs(0.1 * rate - round(0.1 * rate)) < 1e-9 and period > 2.0 else 1.0 / rate
+    return float(f"{math.ceil(period / unit - 1e-6) * unit:.12g}")
 
 
 def task_at(task: Task, period: float, begin: PeriodTrial | None) -> Task:
@@ -160,13 +225,9 @@ def task_at(task: Task, period: float, begin: PeriodTrial | None) -> Task:
         Whose motion the search begins with.
     """
     option, richness = task.trajectory.richness
-    changed = {option: max(_FEWEST, math.floor(richness * period / task.trajectory.period + 1e-3))}
-    choice = replace(task.trajectory, period=period, **changed)  # type: ignore[arg-type]
-    if begin is None:
-        return task.changed(trajectory=choice, starts=task.search.first, rounds=None, budget=None)
-    return task.changed(
-        trajectory=choice, begin=motion_of_trial(begin), starts=_STARTS, rounds=None, budget=None
-    )
+    changed: dict[str, Any] = {option: max(_FEWEST, math.floor(richness * period / task.trajectory.period + 1e-6))}
+    task = task.changed(trajectory=replace(task.trajectory, period=period, **changed))
+    return task if begin is None else task.changed(begin=motion_of_trial(begin))
 
 
 def motion_of_trial(trial: PeriodTrial) -> InitialDesign:
@@ -176,7 +237,7 @@ def motion_of_trial(trial: PeriodTrial) -> InitialDesign:
     return InitialDesign(f"the best motion of {trial.period:g} s", series)
 
 
-def promising_period(trials: Sequence[PeriodTrial], max_time: float) -> float | None:
+def promising_period(trials: Sequence[PeriodTrial], max_time: float, rate: float) -> float | None:
     """A period between two that were tried, at which one run less is predicted to be enough; None if none is worth it.
 
     Between neighbours, the logarithms of the deviations over their allowed half-widths and of the robot time of a run
@@ -188,12 +249,14 @@ def promising_period(trials: Sequence[PeriodTrial], max_time: float) -> float | 
         In the order of their periods.
     max_time : float
         Robot time beyond which nothing is sought [s].
+    rate : float
+        Of the samples, of which a period is a whole number [Hz].
     """
     least = (1.0 - _WORTH) * min(min(trial.robot_seconds for trial in trials), max_time / (1.0 - _WORTH))
     best: float | None = None
-    for low, high in zip(trials, trials[1:], strict=False):
+    for low, high in pairwise(trials):
         for runs in range(max(1, high.runs), low.runs):
-            period = _crossing(low, high, runs)
+            period = _crossing(low, high, runs, rate)
             if period is None or not low.period * 1.005 < period < high.period / 1.005:
                 continue
             share = math.log(period / low.period) / math.log(high.period / low.period)
@@ -203,11 +266,10 @@ def promising_period(trials: Sequence[PeriodTrial], max_time: float) -> float | 
     return best
 
 
-def _crossing(low: PeriodTrial, high: PeriodTrial, runs: int) -> float | None:
-    """Shortest period at which a number of runs is predicted to be enough, of three digits, rounded up."""
+def _crossing(low: PeriodTrial, high: PeriodTrial, runs: int, rate: float) -> float | None:
+    """Shortest period at which a number of runs is predicted to be enough, rounded up."""
     uses = np.log([low.run.use(runs), high.run.use(runs)])
     if not uses[0] > 0.0 >= uses[1]:
         return None
     period = low.period * (high.period / low.period) ** float(uses[0] / (uses[0] - uses[1]))
-    unit = 10.0 ** (math.floor(math.log10(period)) - 2)
-    return float(f"{math.ceil(period / unit - 1e-9) * unit:.3g}")
+    return _at_rate(period, rate)

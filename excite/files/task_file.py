@@ -18,8 +18,8 @@ from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.objective import Belief
 from excite.tasks.option import Kind, options_of
-from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.options_of_model import options_of_model
+from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.task import PARTS, Task
 from excite.tasks.values import COUNTS, EXPECTED, MARGINS, NONE

@@ -56,8 +56,8 @@ class Objective:
         with deviations. It is added to M; the rows of W are then divided by their noise, see
         `excite.information.weighting`.
     scale : {"unit", "prior", "value", "precision"}
-        Scale of each column's parameter: its SI unit, its prior deviation, its value, or the half-width that `precision`
-        allows it; rows are then divided by their noise.
+        Scale of each column's parameter: its SI unit, its prior deviation, its value, or the half-width that
+        `precision` allows it; rows are then divided by their noise.
     require : tuple of str
         Parameters that the motion must identify individually.
     nearly_unidentifiable : {"keep", "drop"}
