@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from excite.design.campaign import plan_campaign
     from excite.design.comparison import compare
     from excite.design.design import Design
-    from excite.design.design_for_precision import design_for_precision
     from excite.design.optimisation import design_trajectory
     from excite.design.solvers.solver import Solver
     from excite.errors import (
@@ -71,6 +70,7 @@ if TYPE_CHECKING:
     from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures
     from excite.plots.drawable import draw
+    from excite.precision.design_for_precision import design_for_precision
     from excite.report.write_report import write_report
     from excite.simulation.degradation.degradation import Degradation
     from excite.simulation.degradation.degrade import degrade
@@ -193,7 +193,7 @@ _PLACES = {
     "bound": "excite.optimality.design_bound",
     "compare": "excite.design.comparison",
     "degrade": "excite.simulation.degradation.degrade",
-    "design_for_precision": "excite.design.design_for_precision",
+    "design_for_precision": "excite.precision.design_for_precision",
     "design_trajectory": "excite.design.optimisation",
     "draw": "excite.plots.drawable",
     "export_model": "excite.export.models.export_model",

@@ -15,7 +15,6 @@ from excite.cli.streams import remark
 from excite.cli.verbosity import verbosity
 from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
-from excite.design.design_for_precision import search_for_precision
 from excite.design.design_memory import TYPICAL_STARTS, search_seconds
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
@@ -25,6 +24,7 @@ from excite.estimates.long_work import announce
 from excite.files.design_folder import check_no_design, data_files, figure_files, write_design, write_starts
 from excite.files.precision_files import seeks_precision
 from excite.files.resumed_search import holds_unfinished_design, resume_search
+from excite.precision.design_for_precision import search_for_precision
 from excite.storage.atomic import writing
 from excite.storage.result_folder import result_folder
 from excite.tasks.robot_of_task import installed_robot

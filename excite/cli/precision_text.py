@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from excite.design.period_search import runs_text
+from excite.precision.period_search import runs_text
 
 if TYPE_CHECKING:
     from excite.design.design import Design
     from excite.information.precision_forecast import ParameterPrecision, PrecisionForecast
+    from excite.precision.out_of_reach import OutOfReach
+
+_NAMED = 3  # parameters with what they move with
 
 
 def precision_lines(design: Design) -> list[str]:
@@ -29,7 +32,23 @@ def precision_lines(design: Design) -> list[str]:
     wide = forecast.too_wide
     count = f"{len(wide)} of {sum(p.allowed is not None for p in forecast.parameters)} parameters"
     most = design.task.objective.max_time
-    return [f"out of reach within {most:g} s: after {text}, {count} are too wide; worst parameter {_width(wide[0])}"]
+    lines = [f"out of reach within {most:g} s: after {text}, {count} are too wide"]
+    search = design.precision_search
+    if search is None or search.out_of_reach is None:
+        return [*lines, f"worst parameter {_width(wide[0])}"]
+    return [*lines, *_obstacles(search.out_of_reach)]
+
+
+def _obstacles(found: OutOfReach) -> list[str]:
+    """The widest parameters, and what would separate them."""
+    lines = [parameter.text for parameter in found.parameters[:_NAMED]]
+    if len(found.parameters) > _NAMED:
+        lines.append(f"too wide also: {', '.join(p.name for p in found.parameters[_NAMED:])}")
+    tried = "; ".join(
+        f"{trial.change}: {trial.narrower:.2f} times narrower, {trial.robot_seconds:.4g} s" for trial in found.trials
+    )
+    best = "nothing that was tried separates them" if found.best is None else f"what helps most is {found.best.change}"
+    return [*lines, f"the same motion would take {found.robot_seconds:.4g} s of robot time; {best} (tried: {tried})"]
 
 
 def _width(parameter: ParameterPrecision) -> str:

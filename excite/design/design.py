@@ -31,7 +31,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 if TYPE_CHECKING:
-    from excite.design.period_trial import PrecisionSearch
+    from excite.precision.period_trial import PrecisionSearch
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from excite.design.design import Design
-from excite.design.period_trial import PeriodTrial, PrecisionSearch
 from excite.information.precision_forecast import PrecisionForecast
 from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, log_scale, plain, tidy
+from excite.precision.period_trial import PeriodTrial, PrecisionSearch
 from regressors.errors import InputError
 
 _MOST_RUNS = 200

@@ -12,8 +12,9 @@ from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.optimisation import Progress, solve
-from excite.design.period_search import PeriodSearch
-from excite.design.period_trial import PrecisionSearch, pareto_front
+from excite.precision.out_of_reach import OutOfReach, out_of_reach
+from excite.precision.period_search import PeriodSearch
+from excite.precision.period_trial import PrecisionSearch, pareto_front
 from excite.registry import name_of
 from excite.storage.destination import Destination
 from excite.storage.lock import locked
@@ -134,8 +135,19 @@ def search_for_precision(
         best,
         interrupted=search.interrupted,
         provenance={**best.provenance, "cpu_seconds": search.seconds},
-        precision_search=PrecisionSearch(tuple(search.trials), front),
+        precision_search=PrecisionSearch(tuple(search.trials), front, _obstacles(best, search, report)),
     )
+
+
+def _obstacles(best: Design, search: PeriodSearch, report: Callable[[str], None]) -> OutOfReach | None:
+    """What keeps the target out of reach; None where it is met, or where there is no time to try."""
+    if search.interrupted:
+        return None
+    try:
+        return out_of_reach(best, report)
+    except KeyboardInterrupt:
+        search.interrupted = True
+        return None
 
 
 def precise_task(task: Task) -> Task:

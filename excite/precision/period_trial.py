@@ -9,6 +9,7 @@ from typing import Any
 
 from excite.design.design import Design
 from excite.information.precision_forecast import RunInformation
+from excite.precision.out_of_reach import OutOfReach
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +106,13 @@ class PrecisionSearch:
     trials : tuple of PeriodTrial
         In the order of their periods.
     front : tuple of FrontPoint
+    out_of_reach : OutOfReach, optional
+        What keeps the target out of reach, where it is.
     """
 
     trials: tuple[PeriodTrial, ...]
     front: tuple[FrontPoint, ...]
+    out_of_reach: OutOfReach | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -125,4 +129,5 @@ class PrecisionSearch:
                 for trial in self.trials
             ],
             "front": [asdict(point) for point in self.front],
+            **({"out_of_reach": asdict(self.out_of_reach)} if self.out_of_reach is not None else {}),
         }

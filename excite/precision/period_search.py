@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from excite.design.design import Design
-from excite.design.period_trial import PeriodTrial
 from excite.errors import NoFeasibleMotionError
+from excite.precision.period_trial import PeriodTrial
 from excite.tasks.stored_files import InitialDesign
 from excite.tasks.task import Task
 from regressors.errors import InputError
