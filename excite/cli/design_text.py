@@ -36,7 +36,7 @@ _NEXT = (
     "play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and torques; "
     "compare candidates with excite compare DIR..."
 )
-_NEXT_RUNS = "play trajectory.csv {runs} (rehearse it slowly first), and identify from the logs of all runs together"
+_NEXT_RUNS = "play trajectory.csv {runs} (rehearse it slowly first), and identify from that log"
 _MOST_STARTS = 30
 _NEAR = 0.5  # limits used beyond this fraction are listed; design.json has all of them
 
@@ -164,7 +164,7 @@ def _next(design: Design) -> str:
     if design.precision is None:
         return _NEXT
     runs = design.precision.runs
-    return _NEXT_RUNS.format(runs="once" if runs == 1 else f"{runs} times")
+    return _NEXT_RUNS.format(runs="once" if runs == 1 else f"{runs} times in one recording")
 
 
 def _starts(design: Design) -> Table:

@@ -124,11 +124,11 @@ def search_for_precision(
     """
     task = precise_task(task)
 
-    def solved(at_period: Task, name: str) -> Design:
-        formulation = formulate(robot, at_period)
-        return solve(formulation, prepare(formulation, f"{at_period.trajectory.period:g}s-{name}"))
+    def solved(formulation: Formulation, name: str) -> Design:
+        period = formulation.task.trajectory.period
+        return solve(formulation, prepare(formulation, f"{period:g}s-{name}"))
 
-    search = PeriodSearch(task, solved, report)
+    search = PeriodSearch(task, lambda at_period: formulate(robot, at_period), solved, report)
     best = search.run().design
     front = pareto_front(search.trials, task.objective.max_time)
     return replace(

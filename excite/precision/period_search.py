@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from excite.design.design import Design
+from excite.design.formulation import Formulation
 from excite.errors import NoFeasibleMotionError
 from excite.precision.period_trial import PeriodTrial
 from excite.tasks.stored_files import InitialDesign
@@ -32,7 +33,8 @@ _SHORTER = 4  # periods tried below the best one, after its last search
 _WORTH = 0.01  # part of the robot time that a period in between must promise
 _IDLE = 2  # periods in a row without gain after which the ladder ends
 
-Solve = Callable[[Task, str], Design]
+Formulate = Callable[[Task], Formulation]
+Solve = Callable[[Formulation, str], Design]
 Report = Callable[[str], None]
 
 
@@ -44,13 +46,16 @@ class PeriodSearch:
     ----------
     task : Task
         With a precision, and the period and harmonics that state the highest frequency.
+    formulate : callable
+        Builds and checks the problem of a task.
     solve : callable
-        Finds the best motion of a task; of several searches at the same period, its second argument is the name.
+        Finds the best motion; its second argument is the name of the search, of which there are several at a period.
     report : callable
         Takes a sentence on the progress.
     """
 
     task: Task
+    formulate: Formulate
     solve: Solve
     report: Report = lambda _: None
 
@@ -139,11 +144,19 @@ class PeriodSearch:
 
     def _solved(self, task: Task, period: float, name: str, begin: PeriodTrial | None) -> Design | None:
         try:
-            return self.solve(task_at(task, period, begin), name)
-        except (InputError, NoFeasibleMotionError) as error:
-            self.refusals.append(error)
-            self.report(f"{period:g} s: no motion: {error}")
+            formulation = self.formulate(task_at(task, period, begin))
+        except InputError as error:
+            self._refuse(period, error)
             return None
+        try:
+            return self.solve(formulation, name)
+        except NoFeasibleMotionError as error:
+            self._refuse(period, error)
+            return None
+
+    def _refuse(self, period: float, error: InputError | NoFeasibleMotionError) -> None:
+        self.refusals.append(error)
+        self.report(f"{period:g} s: no motion: {error}")
 
     def _keep(self, design: Design | None) -> PeriodTrial | None:
         """Take a design as the trial of its period, unless a better one is there."""

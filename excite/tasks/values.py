@@ -40,7 +40,7 @@ def strict(part: Any) -> None:
             continue
         try:
             plain = _CONVERSIONS[option.kind](value)
-        except (_Unfit, ValueError) as error:
+        except _Unfit as error:
             raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
         if (option.kind in _NUMBERS and not isinstance(plain, UnopenedFile)) or (
             option.kind in ("prior", "margin", "count") and isinstance(plain, Real)
@@ -185,7 +185,12 @@ def _precision(value: object) -> PrecisionTarget:
         if unknown:
             raise UnknownName("entry of `precision`", unknown[0], tuple(PrecisionTarget.__dataclass_fields__))
         return PrecisionTarget(**value)
-    return PrecisionTarget(share_of(value) if isinstance(value, str) else _number(value))
+    if not isinstance(value, str):
+        return PrecisionTarget(_number(value))
+    try:
+        return PrecisionTarget(share_of(value))
+    except ValueError as error:
+        raise error if isinstance(error, InputError) else _Unfit from error
 
 
 def share_of(text: str) -> float:
