@@ -12,6 +12,8 @@ from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.optimisation import Progress, solve
+from excite.information.target import target_of
+from excite.information.weighting import weighting_of
 from excite.precision.out_of_reach import OutOfReach, out_of_reach
 from excite.precision.period_search import PeriodSearch
 from excite.precision.period_trial import PrecisionSearch, pareto_front
@@ -123,6 +125,7 @@ def search_for_precision(
         Called with a sentence on each period.
     """
     task = precise_task(task)
+    weighting_of(target_of(robot, task), task)  # what no period can change is refused before any is tried
 
     def solved(formulation: Formulation, name: str) -> Design:
         period = formulation.task.trajectory.period

@@ -129,7 +129,11 @@ def test_fewest_runs_are_enough_and_one_less_is_not(design: excite.Design) -> No
     assert short.too_wide[0] == short.worst
 
 
-def test_the_search_meets_a_coarse_target_and_continues_from_its_folder(tmp_path: Path) -> None:
+def test_the_search_meets_a_coarse_target_and_continues_from_its_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(period_search, "_ROUNDS", 0)
+    monkeypatch.setattr(period_search, "_SHORTER", 1)
     options: dict[str, Any] = {"noise": 1.0, "joints": ("1", "2"), "search": ONE, "folder": tmp_path}
     first = excite.design_for_precision("irp6", "200%", **options)
     computed: list[StartResult] = []
