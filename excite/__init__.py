@@ -84,7 +84,7 @@ if TYPE_CHECKING:
     from excite.tasks.model_choice import ModelChoice
     from excite.tasks.objective import Belief, Objective
     from excite.tasks.output import Output
-    from excite.tasks.precision_target import PrecisionTarget
+    from excite.tasks.precision_target import PrecisionTarget, TaskMotion
     from excite.tasks.search import Search
     from excite.tasks.task import Task
     from excite.tasks.trajectory_choice import TrajectoryChoice
@@ -176,6 +176,7 @@ _PLACES = {
     "Solver": "excite.design.solvers.solver",
     "SpectralCriterion": "excite.information.criteria",
     "Task": "excite.tasks.task",
+    "TaskMotion": "excite.tasks.precision_target",
     "Terms": "regressors.models.columns",
     "TimeCourse": "excite.timecourse.time_course",
     "TimeStudy": "excite.timecourse.time_study",
@@ -302,6 +303,7 @@ __all__ = [
     "Solver",
     "SpectralCriterion",
     "Task",
+    "TaskMotion",
     "Terms",
     "TimeCourse",
     "TimeStudy",

@@ -73,6 +73,7 @@ with probability 95 %, the half-width of every 99 % interval is at most that sha
   share: 0.05                   of all parameters; left out, nothing is asked of those that are not named
   parameters: {X5: 0.1}         of some, by name
   groups: {friction: 0.1}       of gravity, inertia, friction, or a kind such as coulomb
+  torques: {motion: task.csv, share: 0.05}   error of predicted torques along a motion, of its RMS torque per joint
   scales: {X2: 0.5}             value that stands for the described one; one about zero counts with its size
   --period and --harmonics state the highest frequency, which stays; --max-time is the most robot time [s]
 

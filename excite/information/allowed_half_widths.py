@@ -77,7 +77,7 @@ def allowed_half_widths(precision: PrecisionTarget, target: IdentificationTarget
             "give one in `scales`"
         )
     allowed = np.where(np.isfinite(scale), share * np.nan_to_num(scale), np.inf)
-    if not np.any(np.isfinite(allowed)):
+    if not np.any(np.isfinite(allowed)) and precision.torques is None:
         raise InputError(
             f"precision: it asks nothing of the {base.rank} base parameters, since the description of "
             f"{target.robot.name!r} states no value of those that it names; give values in `scales`"

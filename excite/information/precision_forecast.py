@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from excite.information.allowed_half_widths import allowed_half_widths
 from excite.information.half_widths import half_width_factor, residual_degrees_of_freedom
 from excite.information.target import IdentificationTarget
+from excite.information.torque_precision import TorquePrecision, torque_precision
 from excite.information.visible_base import inverse_half
 from excite.tasks.precision_target import PrecisionTarget
 from regressors.samples import Array, Samples
@@ -24,7 +26,7 @@ _MOST_RUNS = 10**9
 
 @dataclass(frozen=True)
 class ParameterPrecision:
-    """Half-width of one base parameter's confidence interval.
+    """Half-width of one base parameter's confidence interval, or of the error of a joint's torque on a task motion.
 
     Parameters
     ----------
@@ -130,18 +132,36 @@ class RunInformation:
         half = inverse_half(W / np.tile(noise, W.shape[0] // noise.size)[:, None])
         return cls(target, precision, half, W.shape[0], seconds)
 
-    @property
+    @cached_property
+    def torques(self) -> TorquePrecision | None:
+        """The torques along the task motion, where there is one."""
+        asked = self.precision.torques
+        return None if asked is None else torque_precision(asked, self.target)
+
+    @cached_property
     def allowed(self) -> Array:
-        """Largest half-widths, shape (b,); infinite where nothing is asked."""
-        return allowed_half_widths(self.precision, self.target)
+        """Largest half-widths of the parameters, infinite if nothing is asked, and of the torques of a task motion."""
+        allowed = allowed_half_widths(self.precision, self.target)
+        return allowed if self.torques is None else np.append(allowed, self.torques.allowed)
+
+    @cached_property
+    def deviation(self) -> Array:
+        """Standard deviations after one run, in the order of `allowed`."""
+        deviation = np.asarray(np.linalg.norm(self.half, axis=1))
+        return deviation if self.torques is None else np.append(deviation, self.torques.deviations(self.half))
 
     @property
-    def deviation(self) -> Array:
-        """Standard deviations after one run, shape (b,)."""
-        return np.asarray(np.linalg.norm(self.half, axis=1))
+    def names(self) -> tuple[str, ...]:
+        """Names of what has a half-width."""
+        return (*self.target.base.names, *(() if self.torques is None else self.torques.names))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their units."""
+        return (*self.target.base.units, *(() if self.torques is None else self.torques.units))
 
     def half_widths(self, runs: int) -> Array:
-        """Half-widths after a number of runs, shape (b,)."""
+        """Half-widths after a number of runs, in the order of `allowed`."""
         return np.asarray(self._factor(runs) * self.deviation / math.sqrt(runs))
 
     def use(self, runs: int) -> float:
@@ -161,7 +181,7 @@ class RunInformation:
     def forecast(self, max_time: float) -> PrecisionForecast:
         """Of the fewest runs that meet the target, or of as many as a robot time leaves room for, at least one."""
         runs = min(self.fewest_runs(), max(1, math.floor(max_time / self.seconds)))
-        base, given = self.target.base, self.precision
+        given = self.precision
         return PrecisionForecast(
             runs,
             self.seconds,
@@ -169,7 +189,7 @@ class RunInformation:
             given.probability,
             tuple(
                 ParameterPrecision(name, unit, float(h), float(a) if np.isfinite(a) else None)
-                for name, unit, h, a in zip(base.names, base.units, self.half_widths(runs), self.allowed, strict=True)
+                for name, unit, h, a in zip(self.names, self.units, self.half_widths(runs), self.allowed, strict=True)
             ),
         )
 

@@ -19,6 +19,7 @@ from excite.information.allowed_half_widths import allowed_half_widths
 from excite.information.metrics import noise_per_row
 from excite.information.prior import Prior, prior_of
 from excite.information.target import IdentificationTarget
+from excite.information.torque_precision import torque_precision
 from excite.registry import name_of
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.task import Task
@@ -27,6 +28,7 @@ from regressors.models.base import few_states, random_states
 from regressors.samples import Array, Samples
 
 _SCALES = {"value": "values", "prior": "prior deviations", "precision": "allowed half-widths"}
+_LITTLE = 1e-6  # of what is asked, added where a task motion does not show a parameter
 _NO_SAY = 30.0  # by which columns of parameters that do not matter are longer than those that do
 
 
@@ -78,7 +80,7 @@ def weighting_of(target: IdentificationTarget, task: Task) -> Weighting:
     if task.objective.prior is None and task.objective.scale == "unit":
         return Weighting(noise, np.zeros(2 * (target.base.rank,)), T)
     if precise:
-        return Weighting(noise, np.zeros(2 * (target.base.rank,)), T * _precision_scale(target, task))
+        return Weighting(noise, np.zeros(2 * (target.base.rank,)), _precision_transform(target, task))
     prior = prior_of(target.model, target.base, task.objective.prior)
     precision = np.zeros(T.shape) if task.objective.prior is None else prior.precision
     return Weighting(noise, precision, T * _scale(target, task, prior, T))
@@ -95,6 +97,22 @@ def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> 
         names = ", ".join(_column(target, T[:, k]) for k in bad)
         raise InputError(f"scale {task.objective.scale}: {what} for {names}")
     return scale
+
+
+def _precision_transform(target: IdentificationTarget, task: Task) -> Array:
+    """Columns times allowed half-widths; or such that A-optimality adds what is asked of parameters and torques.
+
+    With ``R'R = sum of G_i / a_i^2 + diag(1 / a_j^2)`` and ``T = R^-1``, ``tr((T' M T)^-1) = tr(M^-1 R'R)``.
+    """
+    precision = task.objective.precision
+    assert isinstance(precision, PrecisionTarget)
+    if precision.torques is None:
+        return np.diag(_precision_scale(target, task))
+    wanted = torque_precision(precision.torques, target).information
+    wanted = wanted + np.diag(allowed_half_widths(precision, target) ** -2.0)
+    size = np.sqrt(np.diag(wanted) + _LITTLE * np.trace(wanted) / len(wanted) * (np.diag(wanted) == 0.0))
+    scaled = wanted / np.outer(size, size) + _LITTLE * np.eye(len(wanted))
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(scaled).T * size))
 
 
 def _precision_scale(target: IdentificationTarget, task: Task) -> Array:

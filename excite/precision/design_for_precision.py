@@ -27,7 +27,7 @@ from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.robot.robot import Robot
 
-_CRITERIA = ("condition", "max-deviation")
+_CRITERIA = ("condition", "max-deviation", "trace")
 
 Prepare = Callable[[Formulation, str], KeptStarts]
 Solve = Callable[[Formulation, KeptStarts], Design]
@@ -177,4 +177,6 @@ def precise_task(task: Task) -> Task:
             "harmonics: the search for a precision tries periods, with as many harmonics as keep the highest "
             "frequency; give a number of `harmonics`"
         )
-    return task.changed(criterion="max-deviation", scale="precision")
+    asked = task.objective.precision
+    along = isinstance(asked, PrecisionTarget) and asked.torques is not None
+    return task.changed(criterion="trace" if along else "max-deviation", scale="precision")

@@ -137,12 +137,14 @@ _LOAD_NAME = f"a known load of {_LOAD[0]:g} kg in every other run"
 
 def _too_wide(run: RunInformation, parameter: ParameterPrecision) -> TooWide:
     names = run.target.base.names
+    assert parameter.allowed is not None
+    if parameter.name not in names:  # the torque of a joint
+        return TooWide(parameter.name, parameter.unit, parameter.half_width, parameter.allowed, ())
     k = names.index(parameter.name)
-    unit = run.half / run.deviation[:, None]
+    unit = run.half / np.linalg.norm(run.half, axis=1)[:, None]
     correlation = unit @ unit[k]
     order = [int(j) for j in np.argsort(-np.abs(correlation)) if j != k and abs(correlation[j]) >= _TOGETHER]
     together = tuple((names[j], float(correlation[j])) for j in order[:_PARTNERS])
-    assert parameter.allowed is not None
     return TooWide(parameter.name, parameter.unit, parameter.half_width, parameter.allowed, together)
 
 
@@ -214,4 +216,4 @@ def _with_load(design: Design, run: RunInformation) -> float:
     M = 0.5 * (W.T @ W + own)
     length = np.sqrt(np.diag(M))
     half = inverse_half(np.linalg.cholesky(M / np.outer(length, length)).T * length)
-    return float(np.max(run.deviation / run.allowed) / np.max(np.linalg.norm(half, axis=1) / run.allowed))
+    return float(run.use(1) / replace(run, half=half).use(1))

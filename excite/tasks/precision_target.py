@@ -2,14 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.columns import BODY_KINDS, COMBINATION, FIRST_MOMENT, FRICTION_KINDS, INERTIA, MASS, ROTOR
+from regressors.samples import Samples
 
 GROUPS = ("gravity", "inertia", "friction")
 KINDS = tuple(kind for kind in (*BODY_KINDS, ROTOR, *FRICTION_KINDS, COMBINATION) if kind not in GROUPS)
+
+
+_MOST_INSTANTS = 200  # of a task motion that are kept
+
+
+@dataclass(frozen=True)
+class TaskMotion:
+    """A motion whose torques are to be predicted well.
+
+    Parameters
+    ----------
+    share : float
+        Of the root mean square torque of each joint along the motion: the largest half-width of the root mean square
+        error of the predicted torque.
+    joints : tuple of str
+    q, dq, ddq : tuple of tuple of float, shape (N, joints)
+        Positions, velocities and accelerations at some of its instants, alike in time [rad, rad/s, ..., or with m].
+
+    Raises
+    ------
+    InputError
+        A share that is not above zero, or instants that do not fit.
+    """
+
+    share: float
+    joints: tuple[str, ...]
+    q: tuple[tuple[float, ...], ...]
+    dq: tuple[tuple[float, ...], ...]
+    ddq: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        if not 0.0 < _number("share of torques", self.share) < float("inf"):
+            raise InputError(f"precision: share of torques must be a number above zero, given {self.share!r}")
+        object.__setattr__(self, "joints", tuple(self.joints))
+        for name in ("q", "dq", "ddq"):
+            rows = tuple(tuple(map(float, row)) for row in getattr(self, name))
+            object.__setattr__(self, name, rows)
+            if not rows or len(rows) != len(self.q) or any(len(row) != len(self.joints) for row in rows):
+                raise InputError(f"precision: {name} of the task motion needs a row of {len(self.joints)} per instant")
+
+    @classmethod
+    def of(cls, samples: Samples, joints: Sequence[str], share: float) -> TaskMotion:
+        """Of samples at equal steps of time; 200 of their instants at most are kept.
+
+        Parameters
+        ----------
+        samples : Samples
+        joints : sequence of str
+            Of the columns of the samples.
+        share : float
+        """
+        step = -(-len(samples.q) // _MOST_INSTANTS)
+        q, dq, ddq = (part[::step].tolist() for part in (samples.q, samples.dq, samples.ddq))
+        return cls(share, tuple(joints), q, dq, ddq)
 
 
 @dataclass(frozen=True)
@@ -28,6 +83,9 @@ class PrecisionTarget:
     scales : mapping of str to float
         Value that stands for the described one of a base parameter, above zero, in its unit: for parameters that are
         described as about zero, or not at all. See `excite.information.allowed_half_widths` for the default.
+    torques : TaskMotion, optional
+        A motion along which torques are to be predicted that well, beside what is asked of parameters; give ``share``
+        None for the torques alone.
     level : float
         Of the confidence intervals.
     probability : float
@@ -45,10 +103,13 @@ class PrecisionTarget:
     parameters: Mapping[str, float] = field(default_factory=dict)
     groups: Mapping[str, float] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
+    torques: TaskMotion | None = None
     level: float = 0.99
     probability: float = 0.95
 
     def __post_init__(self) -> None:
+        if isinstance(self.torques, Mapping):
+            object.__setattr__(self, "torques", TaskMotion(**self.torques))
         for name in self.groups:
             if name not in (*GROUPS, *KINDS):
                 raise UnknownName("group of parameters", name, (*GROUPS, *KINDS))
@@ -59,7 +120,7 @@ class PrecisionTarget:
         for name in ("level", "probability"):
             if not 0.0 < _number(name, getattr(self, name)) < 1.0:
                 raise InputError(f"precision: {name} must be between 0 and 1, given {getattr(self, name)!r}")
-        if self.share is None and not self.parameters and not self.groups:
+        if self.share is None and not self.parameters and not self.groups and self.torques is None:
             raise InputError("precision: nothing is asked for; give a `share`, or shares of `parameters` or `groups`")
 
 
