@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.information.parameter_groups import group_of
 from excite.information.parameter_sizes import base_sizes
 from excite.information.prior import prior_of
 from excite.information.target import IdentificationTarget
-from excite.tasks.precision_target import PrecisionTarget, group_of
+from excite.tasks.precision_target import PrecisionTarget
 from regressors.errors import InputError, UnknownName
 from regressors.models.columns import Column
 from regressors.samples import Array

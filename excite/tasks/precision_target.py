@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from regressors.errors import InputError, UnknownName
-from regressors.models.columns import BODY_KINDS, COMBINATION, FIRST_MOMENT, FRICTION_KINDS, INERTIA, MASS, ROTOR
-from regressors.samples import Samples
+
+if TYPE_CHECKING:  # what describes options must be imported in no time
+    from regressors.samples import Samples
 
 GROUPS = ("gravity", "inertia", "friction")
-KINDS = tuple(kind for kind in (*BODY_KINDS, ROTOR, *FRICTION_KINDS, COMBINATION) if kind not in GROUPS)
-
-
 _MOST_INSTANTS = 200  # of a task motion that are kept
 
 
@@ -111,8 +110,8 @@ class PrecisionTarget:
         if isinstance(self.torques, Mapping):
             object.__setattr__(self, "torques", TaskMotion(**self.torques))
         for name in self.groups:
-            if name not in (*GROUPS, *KINDS):
-                raise UnknownName("group of parameters", name, (*GROUPS, *KINDS))
+            if name not in (known := _groups()):
+                raise UnknownName("group of parameters", name, known)
         shares = {"share": self.share, **self.parameters, **self.groups, **self.scales}
         for name, value in shares.items():
             if value is not None and not 0.0 < _number(name, value) < float("inf"):
@@ -124,23 +123,14 @@ class PrecisionTarget:
             raise InputError("precision: nothing is asked for; give a `share`, or shares of `parameters` or `groups`")
 
 
+def _groups() -> tuple[str, ...]:
+    """Groups, then the kinds of columns."""
+    from regressors.models.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
+
+    return tuple(dict.fromkeys((*GROUPS, *BODY_KINDS, ROTOR, *FRICTION_KINDS)))
+
+
 def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"precision: {name} must be a number, given {value!r}")
     return float(value)
-
-
-def group_of(kind: str, unit: str) -> str | None:
-    """Group in `GROUPS` of a column: friction, gravity or inertia; None for what belongs to none.
-
-    Parameters
-    ----------
-    kind : str
-        Of the column; a combination is told apart by its unit.
-    unit : str
-    """
-    if kind in FRICTION_KINDS:
-        return "friction"
-    if kind in (MASS, FIRST_MOMENT) or (kind == COMBINATION and unit in ("kg", "kg m")):
-        return "gravity"
-    return "inertia" if kind in (INERTIA, ROTOR, COMBINATION) else None

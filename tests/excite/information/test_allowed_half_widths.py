@@ -5,10 +5,11 @@ import pytest
 
 import excite
 from excite.information.allowed_half_widths import ABOUT_ZERO, allowed_half_widths, precision_scales
+from excite.information.parameter_groups import group_of
 from excite.information.parameter_sizes import base_sizes
 from excite.information.prior import prior_of
 from excite.information.target import IdentificationTarget, target_of
-from excite.tasks.precision_target import PrecisionTarget, group_of
+from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import robot_and_task
 from regressors.errors import InputError, UnknownName
 
