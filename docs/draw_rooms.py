@@ -183,9 +183,9 @@ def main(arguments: list[str]) -> None:
         figure = draw(rooms())
         metadata = {"Date": None, "Creator": None} if out.suffix == ".svg" else None
         figure.savefig(out, metadata=metadata, facecolor="white", dpi=110)
-    if out.suffix == ".svg":  # a hundredth of a point is enough
+    if out.suffix == ".svg":  # a tenth of a point is enough
         text = out.read_text(encoding="utf-8")
-        out.write_text(re.sub(r"\d+\.\d{3,}", lambda found: f"{float(found[0]):.2f}", text), encoding="utf-8")
+        out.write_text(re.sub(r"\d+\.\d{2,}", lambda found: f"{float(found[0]):.1f}", text), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures
     from excite.plots.drawable import draw
+    from excite.precision.design_for_precision import design_for_precision
     from excite.report.write_report import write_report
     from excite.simulation.degradation.degradation import Degradation
     from excite.simulation.degradation.degrade import degrade
@@ -83,6 +84,7 @@ if TYPE_CHECKING:
     from excite.tasks.model_choice import ModelChoice
     from excite.tasks.objective import Belief, Objective
     from excite.tasks.output import Output
+    from excite.tasks.precision_target import PrecisionTarget, TaskTorques
     from excite.tasks.search import Search
     from excite.tasks.task import Task
     from excite.tasks.task_motion import TaskMotion
@@ -161,6 +163,7 @@ _PLACES = {
     "Objective": "excite.tasks.objective",
     "Output": "excite.tasks.output",
     "Payload": "excite.simulation.payload",
+    "PrecisionTarget": "excite.tasks.precision_target",
     "Recipe": "excite.identification.recipe",
     "RegressorModel": "regressors.models.model",
     "Robot": "regressors.robot.robot",
@@ -175,6 +178,7 @@ _PLACES = {
     "SpectralCriterion": "excite.information.criteria",
     "Task": "excite.tasks.task",
     "TaskMotion": "excite.tasks.task_motion",
+    "TaskTorques": "excite.tasks.precision_target",
     "Terms": "regressors.models.columns",
     "TimeCourse": "excite.timecourse.time_course",
     "TimeStudy": "excite.timecourse.time_study",
@@ -192,6 +196,7 @@ _PLACES = {
     "bound": "excite.optimality.design_bound",
     "compare": "excite.design.comparison",
     "degrade": "excite.simulation.degradation.degrade",
+    "design_for_precision": "excite.precision.design_for_precision",
     "design_trajectory": "excite.design.optimisation",
     "draw": "excite.plots.drawable",
     "export_model": "excite.export.models.export_model",
@@ -286,6 +291,7 @@ __all__ = [
     "PayloadModel",
     "PayloadMotion",
     "PayloadResult",
+    "PrecisionTarget",
     "Recipe",
     "RegressorModel",
     "Robot",
@@ -300,6 +306,7 @@ __all__ = [
     "SpectralCriterion",
     "Task",
     "TaskMotion",
+    "TaskTorques",
     "Terms",
     "TimeCourse",
     "TimeStudy",
@@ -318,6 +325,7 @@ __all__ = [
     "calibrate_gains",
     "compare",
     "degrade",
+    "design_for_precision",
     "design_payload_motion",
     "design_trajectory",
     "draw",

@@ -105,6 +105,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "order": Quantity("", 1, 10, whole=True),
     # objective
     "noise": replace(NOISE, zero=False),
+    "precision": Quantity("", 1e-9, 1e9),
+    "max_time": TIME,
     "prior": Quantity("", 1e-9, 1e9),
     "prior_value": ANY,
     "prior_deviation": Quantity("", 1e-12, 1e12),

@@ -16,7 +16,14 @@ GROUPS = {
     "Robots and models": ("regressors",),
     "Motions": ("excite.trajectories",),
     "Limits": ("constraints",),
-    "Designs": ("excite.design", "excite.tasks", "excite.files", "excite.campaigns", "excite.optimality"),
+    "Designs": (
+        "excite.design",
+        "excite.tasks",
+        "excite.files",
+        "excite.campaigns",
+        "excite.optimality",
+        "excite.precision",
+    ),
     "Criteria and solvers": ("excite.information", "excite.design.solvers"),
     "Simulation": ("excite.simulation", "excite.timecourse", "excite.montecarlo"),
     "Logs and identification": (

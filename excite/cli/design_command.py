@@ -47,6 +47,7 @@ Examples:
   excite design panda --torque-margin 0.2 --tool-box=-0.6:0.6,-0.6:0.6,0.1: --tool-speed 1.5 --out designs/panda
   excite design arm.urdf --acceleration-limit 10 --world world.yaml --out designs/arm
   excite design irp6 --home 0,0.2,-0.2,0,0 --speed 0.1,0.5 --out designs/irp6-home
+  excite design irp6 --precision 5% --noise 2 --out designs/irp6-5-percent
   excite design irp6 --task task.yaml --out designs/irp6     (options given here win over the file's)
 
 \b
@@ -78,6 +79,16 @@ Criteria of predicted torques (--criterion torque-deviation: mean variance; max-
   neither                          for 500 states, uniform within the limits (seed 0)
 
 \b
+How precise the result is to be (--precision 5%, or a YAML file): the shortest period and number of runs after which,
+with probability 95 %, the half-width of every 99 % interval is at most that share of the described value
+  share: 0.05                   of all parameters; left out, nothing is asked of those that are not named
+  parameters: {X5: 0.1}         of some, by name
+  groups: {friction: 0.1}       of gravity, inertia, friction, or a kind such as coulomb
+  torques: {motion: task.csv, share: 0.05}   error of predicted torques along a motion, of its RMS torque per joint
+  scales: {X2: 0.5}             value that stands for the described one; one about zero counts with its size
+  --period and --harmonics state the highest frequency, which stays; --max-time is the most robot time [s]
+
+\b
 Contents of --world FILE (YAML; lengths in m, frames of the links and of the base):
   clearance: 0.01
   robot: [{link: link_3, from: [0, 0, -0.2], to: [0, 0, 0], radius: 0.08}]    or urdf: its <collision> elements
@@ -90,8 +101,10 @@ What is written to DIR:
   trajectory.csv   time [s], then position, velocity, acceleration of every joint [rad, rad/s, rad/s^2];
                    with --home also approach and return, and a column segment: approach, excite, return
   trajectory-V.csv the same motion at part V of its speed (--speed), for rehearsals
+  precision.json   with --precision: half-widths, periods tried, robot time against precision (precision.csv, a figure)
   design.json      criteria, limits over continuous time, predicted accuracy, everything to run it again
   *.png, or --figures  the motion within its limits, the singular spectrum, the progress of the search
+  periods/         with --precision: the starts of every search, so that the same command after a kill goes on
   starts/          every start, written as soon as it ends; the same command after a kill goes on from them""",
 )
 @click.argument("robot", type=RobotName())
@@ -194,7 +207,8 @@ def _status(design: Design) -> int:
     if design.interrupted:
         say("excite: interrupted; the best feasible motion so far is saved")
         return interrupted_status()
-    return 0 if design.feasible else NOT_HELD
+    met = design.precision is None or design.precision.met
+    return 0 if design.feasible and met else NOT_HELD
 
 
 def _typed(ctx: click.Context) -> dict[str, Any]:

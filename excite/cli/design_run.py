@@ -12,16 +12,20 @@ from excite.cli.messages import in_options
 from excite.cli.progress import progress_of_starts
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark
+from excite.cli.verbosity import verbosity
 from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
 from excite.design.design_memory import TYPICAL_STARTS, search_seconds
 from excite.design.formulation import Formulation, formulate
-from excite.design.kept_starts import KeptStarts
+from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.multistart import ready_workers
 from excite.design.optimisation import solve
 from excite.estimates.long_work import announce
-from excite.files.design_folder import check_no_design, data_files, figure_files, write_design
+from excite.files.design_folder import check_no_design, data_files, figure_files, write_design, write_starts
+from excite.files.precision_files import seeks_precision
 from excite.files.resumed_search import holds_unfinished_design, resume_search
+from excite.precision.design_for_precision import search_for_precision
+from excite.storage.atomic import writing
 from excite.storage.result_folder import result_folder
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
@@ -29,6 +33,7 @@ from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
 _SearchUntil = Callable[[Callable[[], None]], Design]  # of what is called when only saving remains
+PERIODS = "periods"  # folder of the searches at each period that a precision takes
 _ENDED = "Ctrl-C ends it, and the best so far is saved"
 
 
@@ -60,7 +65,9 @@ def design_and_write(
     with result_folder(out):
         names = [*data_files(task), *figure_files(task, figures.formats)]
         check_no_design(out, names, replace=force or holds_unfinished_design(out))
-        if task.trajectory.grows:
+        if seeks_precision(task):
+            begin = _precision_search(robot, task, out, notes, force=force, fresh=fresh)
+        elif task.trajectory.grows:
             begin = _harmonics_search(robot, task, out, notes, force=force, fresh=fresh)
         else:
             formulation = formulate(robot, task)
@@ -116,6 +123,40 @@ def _harmonics_search(
         return _plain_search(robot, formulation, kept)(lambda: None)
 
     return lambda _: design_with_harmonics(robot, task, prepared, solved)
+
+
+def _precision_search(
+    robot: Robot, task: Task, out: Path, notes: tuple[str, ...], *, force: bool, fresh: bool
+) -> _SearchUntil:
+    """A search for the shortest experiment; every search that an earlier run has finished is taken from its folder."""
+    for note in notes:
+        remark(f"excite: note: {in_options(note)}")
+
+    def prepared(formulation: Formulation, name: str) -> KeptStarts:
+        starts = out / PERIODS / name
+        with writing(starts):
+            starts.mkdir(parents=True, exist_ok=True)
+        try:
+            return keep_starts(starts, formulation, fresh=fresh)
+        except InputError:
+            if not force:
+                raise
+            return keep_starts(starts, formulation, fresh=True)
+
+    def solved(formulation: Formulation, kept: KeptStarts) -> Design:
+        tell(f"looking for the best motion of {formulation.task.trajectory.period:g} s")
+        if verbosity().verbose:
+            return _plain_search(robot, formulation, kept)(lambda: None)
+        with ready_workers(formulation) if _left(kept) else nullcontext(), _nothing_left(kept):
+            return solve(robot, formulation, kept)
+
+    def begin(at_end: Callable[[], None]) -> Design:
+        design = search_for_precision(robot, task, prepared, solved, lambda text: remark(f"excite: {in_options(text)}"))
+        at_end()
+        write_starts(design, out)
+        return design
+
+    return begin
 
 
 def _print_what_is_known(formulation: Formulation, kept: KeptStarts, notes: tuple[str, ...]) -> None:

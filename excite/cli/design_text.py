@@ -11,6 +11,7 @@ from rich.text import Text
 
 from excite.cli.literal_console import console
 from excite.cli.messages import in_options
+from excite.cli.precision_text import half_width_table, precision_lines
 from excite.cli.summary import Summary, compact_table, some_of
 from excite.design.unchecked import kept_text
 from excite.information.metrics import noise_text
@@ -35,6 +36,7 @@ _NEXT = (
     "play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and torques; "
     "compare candidates with excite compare DIR..."
 )
+_NEXT_RUNS = "play trajectory.csv {runs} (rehearse it slowly first), and identify from that log"
 _MOST_STARTS = 30
 _NEAR = 0.5  # limits used beyond this fraction are listed; design.json has all of them
 
@@ -50,11 +52,17 @@ def design_summary(design: Design, files: Sequence[Path]) -> Summary:
     """
     return Summary(
         verdict=_verdict(design),
-        holds=design.feasible,
-        facts=[_asked(design), *_unchecked(design), *_nearest_limits(design), *_transfer_lines(design)],
+        holds=design.feasible and (design.precision is None or design.precision.met),
+        facts=[
+            *precision_lines(design),
+            _asked(design),
+            *_unchecked(design),
+            *_nearest_limits(design),
+            *_transfer_lines(design),
+        ],
         notes=design.notes,
         files=files,
-        next_steps=[_NEXT],
+        next_steps=[_next(design)],
         all_in="design.json",
     )
 
@@ -143,7 +151,11 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     out.print(_limits(design))
     for line in _transfer_lines(design):
         out.print(line, soft_wrap=True)
+    for line in precision_lines(design):
+        out.print(line, soft_wrap=True)
     out.print(_predictions(design))
+    if design.precision is not None:
+        out.print(half_width_table(design.precision))
     for note in design.notes[first:]:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(Text(_kept(design), style="" if design.feasible else "bold red"), soft_wrap=True)
@@ -151,7 +163,14 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     if design.harmonics_trials:
         out.print(_rungs(design))
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
-    out.print(f"next: {_NEXT}", soft_wrap=True)
+    out.print(f"next: {_next(design)}", soft_wrap=True)
+
+
+def _next(design: Design) -> str:
+    if design.precision is None:
+        return _NEXT
+    runs = design.precision.runs
+    return _NEXT_RUNS.format(runs="once" if runs == 1 else f"{runs} times in one recording")
 
 
 def _starts(design: Design) -> Table:

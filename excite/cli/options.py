@@ -339,6 +339,27 @@ class PriorOption(click.ParamType["float | dict[str, dict[str, float]]"]):
         return number
 
 
+class PrecisionOption(click.ParamType["float | dict[str, Any]"]):
+    """A precision: a share, in per cent or as a number, or a file."""
+
+    name = "precision"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | dict[str, Any]:
+        """Convert the text to a share, or to the content of the file that it names."""
+        from excite.tasks.values import share_of
+
+        if not isinstance(value, str):
+            return value  # type: ignore[no-any-return]
+        try:
+            share = share_of(value)
+        except ValueError:
+            from excite.files.precision_target_file import read_precision_target
+
+            return read_precision_target(Path(value))
+        _check_all(self, "precision", [share], param, ctx)
+        return share
+
+
 class Names(click.ParamType[tuple[str, ...]]):
     """Names or numbers separated by commas."""
 

@@ -20,6 +20,7 @@ from excite.cli.options import (
     PartName,
     PayloadOption,
     Pose,
+    PrecisionOption,
     PriorOption,
     Ranges,
     Triple,
@@ -50,6 +51,7 @@ _TYPES: dict[Kind, Any] = {
     "mount": Mount(),
     "payload": PayloadOption(),
     "drives": DriveNames(),
+    "precision": PrecisionOption(),
 }
 
 

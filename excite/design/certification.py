@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from constraints.bounds.certificate import LimitUse, limit_uses
@@ -16,9 +18,12 @@ from excite.design.stated_limits import remedy
 from excite.errors import NoFeasibleMotionError
 from excite.information.metrics import measures, noise_per_row, noise_text, predictions, singular_spectrum
 from excite.information.nearly_unidentifiable import nearly_unidentifiable, nearly_unidentifiable_note
+from excite.information.precision_forecast import RunInformation
 from excite.information.weighting import known_with
+from excite.tasks.precision_target import PrecisionTarget
 from excite.trajectories import Trajectory
 from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
 
 
 def certify(
@@ -77,7 +82,7 @@ def certify(
         notes = (nearly_unidentifiable_note(hardly, formulation.target, what_noise, dropped=dropped), *notes)
     if note := starts.note(interrupted=interrupted):
         notes = (*notes, note)
-    return Design(
+    design = Design(
         robot=robot,
         task=formulation.task,
         target=formulation.target,
@@ -100,6 +105,16 @@ def certify(
         nearly_unidentifiable=hardly,
         shape=shape if isinstance(shape := formulation.blueprint.shape, World) else None,
     )
+    return _with_precision(design, samples, noise)
+
+
+def _with_precision(design: Design, samples: Samples, noise: Array) -> Design:
+    """The design with the runs that it takes to the precision that its task asks for, where it asks for one."""
+    objective = design.task.objective
+    if not isinstance(objective.precision, PrecisionTarget):
+        return design
+    of_run = RunInformation.of(objective.precision, design.target, samples, noise, design.sequence.duration)
+    return replace(design, run_information=of_run)
 
 
 def _closest(broken: list[LimitUse], formulation: Formulation) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.geometry import World
@@ -17,6 +18,7 @@ from excite.design.start_results import StartResult
 from excite.design.unchecked import Unchecked
 from excite.information.metrics import PredictedAccuracy
 from excite.information.nearly_unidentifiable import NearlyUnidentifiable
+from excite.information.precision_forecast import PrecisionForecast, RunInformation
 from excite.information.target import IdentificationTarget
 from excite.information.weighting import PriorAndPosterior
 from excite.registry import built_in
@@ -27,6 +29,9 @@ from excite.trajectories.sequence import EXCITE, MotionSequence, Piece, WholeRob
 from regressors.models.base import Base
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
+
+if TYPE_CHECKING:
+    from excite.precision.period_trial import PrecisionSearch
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,6 +84,10 @@ class Design(DesignedMotion):
         Numbers of harmonics that a search tried which chose it, in order; none otherwise.
     shape : World, optional
         Shape of the robot by which self-collision was checked, where it is that of the robot's own file.
+    run_information : RunInformation, optional
+        What one run brings towards the precision that the task asks for.
+    precision_search : PrecisionSearch, optional
+        Periods that were tried, where the shortest experiment was sought.
     """
 
     robot: Robot
@@ -111,6 +120,14 @@ class Design(DesignedMotion):
         return len(self.starts) + self.further_starts
 
     shape: World | None = None
+    run_information: RunInformation | None = None
+    precision_search: PrecisionSearch | None = None
+
+    @property
+    def precision(self) -> PrecisionForecast | None:
+        """Runs that meet the precision that the task asks for within its `max_time`, and their half-widths."""
+        run = self.run_information
+        return None if run is None else run.forecast(self.task.objective.max_time)
 
     @property
     def moving(self) -> Robot:

@@ -14,6 +14,7 @@ from excite.design.kept_starts import remove_starts, remove_temporary
 from excite.design.start_results import write_start
 from excite.files.content_hashes import HASHES, motion_hashes
 from excite.files.figure_names import figure_names
+from excite.files.precision_files import CONTENT, FIGURE, TABLE, seeks_precision, write_precision
 from excite.files.task_file import task_content
 from excite.files.trajectory_csv import write_trajectory
 from excite.information.metrics import CONVENTIONS as MEANINGS
@@ -49,12 +50,14 @@ def check_no_design(folder: Path, names: Collection[str], *, replace: bool = Fal
 
 def data_files(task: Task) -> list[str]:
     """Names of a design's files beside the figures, ``design.json`` first."""
-    return [DESIGN, TRAJECTORY, *(rehearsal_name(speed) for speed in task.output.speed)]
+    searched = (CONTENT, TABLE) if seeks_precision(task) else ()
+    return [DESIGN, TRAJECTORY, *searched, *(rehearsal_name(speed) for speed in task.output.speed)]
 
 
 def figure_files(task: Task, formats: Collection[str] = ("png",)) -> list[str]:
     """Names of a design's figures."""
-    return figure_names((*_FIGURES, *(() if task.limits.world is None else _WORLD_FIGURES)), formats)
+    own = (FIGURE,) if seeks_precision(task) else ()
+    return figure_names((*_FIGURES, *own, *(() if task.limits.world is None else _WORLD_FIGURES)), formats)
 
 
 def starts_folder(folder: Path) -> Path:
@@ -103,11 +106,23 @@ def save_design(design: Design, folder: str | Path, *, replace: bool = False) ->
     folder = Path(folder)
     with result_folder(folder):
         check_no_design(folder, data_files(design.task), replace=replace)
-        starts = starts_folder(folder)
-        remove_starts(starts)
-        for start in design.starts:
-            write_start(starts, start)
+        write_starts(design, folder)
         return write_design(design, folder)
+
+
+def write_starts(design: Design, folder: Path) -> None:
+    """Write the starts of a design into its folder, in place of those that are there.
+
+    Parameters
+    ----------
+    design : Design
+    folder : Path
+        Of the design, locked by `result_folder`.
+    """
+    starts = starts_folder(folder)
+    remove_starts(starts)
+    for start in design.starts:
+        write_start(starts, start)
 
 
 def write_design(design: Design, folder: Path, figures: Collection[str] | None = None) -> list[Path]:
@@ -131,7 +146,8 @@ def write_design(design: Design, folder: Path, figures: Collection[str] | None =
     InputError
         A file cannot be written; an older design stays.
     """
-    names = data_files(design.task)
+    searched = (CONTENT, TABLE) if design.precision_search is not None else ()
+    names = [*data_files(design.task), *searched]
     older = _older_files(folder)
     run = design.provenance.get("run")
     run = None if run is None else str(run)
@@ -139,7 +155,9 @@ def write_design(design: Design, folder: Path, figures: Collection[str] | None =
         write_trajectory(design, staged / TRAJECTORY)
         for speed in design.task.output.speed:
             write_trajectory(design, staged / rehearsal_name(speed), speed)
-        hashes = motion_hashes(trajectory_entry(design), sorted(staged.glob("*.csv")))
+        if searched:
+            write_precision(design, staged)
+        hashes = motion_hashes(trajectory_entry(design), sorted(staged.glob("trajectory*.csv")))
         write_json(staged / DESIGN, {**design_content(design), HASHES: hashes})
     return [folder / name for name in names]
 
@@ -198,6 +216,7 @@ def design_content(design: Design) -> dict[str, Any]:
                 {**vars(hardly), "together": list(hardly.together)} for hardly in design.nearly_unidentifiable
             ],
         },
+        **({"precision": design.precision.to_dict()} if design.precision is not None else {}),
         "solver": _solver(design),
         "provenance": design.provenance,
     }

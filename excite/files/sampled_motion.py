@@ -18,7 +18,7 @@ from regressors.input_files import LOG, opened
 from regressors.quoting import shortened
 from regressors.samples import Array, Samples
 
-_RATES = ("position", "velocity", "acceleration")
+RATES = ("position", "velocity", "acceleration")
 _STILL = 1e-9  # rad or m
 
 
@@ -41,9 +41,9 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
     UnknownName
         A column that is not there.
     """
-    header, table, _ = read_table(path, _RATES)
+    header, table, _ = read_table(path, RATES)
     column = {name: table[:, k] for k, name in enumerate(header)}
-    for name in ("time", *(f"{joint}.{rate}" for joint in joints for rate in _RATES)):
+    for name in ("time", *(f"{joint}.{rate}" for joint in joints for rate in RATES)):
         if name not in column:
             raise UnknownName(f"column in {path}", name, header)
     for name, values in column.items():
@@ -53,7 +53,7 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
                 f"{path}: {joint} moves, but the design holds it still and moves {', '.join(joints)}; "
                 "`approach_and_return=False` leaves out the approach from home and the return"
             )
-    q, dq, ddq = (np.column_stack([column[f"{joint}.{rate}"] for joint in joints]) for rate in _RATES)
+    q, dq, ddq = (np.column_stack([column[f"{joint}.{rate}"] for joint in joints]) for rate in RATES)
     try:
         return SampledMotion(Samples(column["time"], q, dq, ddq, np.full_like(q, np.nan)))
     except InputError as error:

@@ -19,6 +19,7 @@ from excite.tasks.mounts import MOUNTS
 from excite.tasks.objective import Belief
 from excite.tasks.option import Kind, options_of
 from excite.tasks.options_of_model import options_of_model
+from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.task import PARTS, Task
 from excite.tasks.task_motion import TaskMotion
@@ -58,6 +59,13 @@ def _count(value: object) -> object:
     raise ValueError(f"should be {EXPECTED['count']}, given {described(value)}")
 
 
+def _precision(value: object) -> object:
+    """A share, as a number or in per cent, or the entries of a `PrecisionTarget`."""
+    if isinstance(value, str | int | float | dict) and not isinstance(value, bool):
+        return value
+    raise ValueError(f"should be {EXPECTED['precision']}, given {described(value)}")
+
+
 def _drives(value: object) -> object:
     """True, false, or names or numbers of drives; one of them without brackets, all and none likewise."""
     if isinstance(value, bool):
@@ -95,12 +103,13 @@ _TYPES: Mapping[Kind, Any] = {
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
     "drives": Annotated[Any, AfterValidator(_drives)],
     "parameters": dict[str, _NUMBER],
+    "precision": Annotated[Any, AfterValidator(_precision)],
 }
 
 
 def _type(name: str, kind: Kind) -> Any:
     """Type of an option's value; of numbers also their range."""
-    checked = name in QUANTITIES and kind != "prior"
+    checked = name in QUANTITIES and kind not in ("prior", "precision")
     return Annotated[_TYPES[kind], AfterValidator(within(name))] if checked else _TYPES[kind]
 
 
@@ -284,5 +293,7 @@ def task_content(task: Task) -> dict[str, Any]:
         options["prior"] = {belief.name: dataclasses.asdict(belief) for belief in known}
         for entry in options["prior"].values():
             del entry["name"]
+    if isinstance(task.objective.precision, PrecisionTarget):
+        options["precision"] = task.objective.precision.to_dict()
     described = {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip}
     return {**described, "snap_angles": task.snap_angles, **options}

@@ -19,14 +19,13 @@ from excite.identification.residuals import effective_samples
 from excite.identification.row_stretches import row_stretches
 from excite.identification.solution import LinearSolution, solve_triangular_system
 from excite.identification.streamed_rows import Rows
+from excite.information.half_widths import residual_degrees_of_freedom
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array, Index
 
 _EQUAL = ("least-squares", "recursive")  # methods that weight all rows equally
 _WEIGHTED = ("weighted", "huber", "physical", "log-cholesky")
 METHODS = (*_EQUAL, *_WEIGHTED)
-_PER_DEGREE = 4  # effective rows of an equation, whose spectrum is estimated at the motion's frequencies alone
-_LEAST = 3
 _BLOCK = 2**13  # rows that are multiplied at once
 _SHOWN = 1e-3  # share of its mean by which a stretch of rows must show a direction
 
@@ -78,7 +77,7 @@ def robust_covariance(
     seen = np.isfinite(np.diag(estimate.covariance))
     kept = np.where(np.outer(seen, seen), covariance, estimate.covariance)
     spent = observations.y.size - estimate.degrees_of_freedom
-    freedom = max(_LEAST, int((rows.effective - spent) / (_PER_DEGREE * len(observations.equations))))
+    freedom = residual_degrees_of_freedom(rows.effective, spent, len(observations.equations))
     return replace(estimate, covariance=kept, degrees_of_freedom=freedom, notes=(*estimate.notes, note))
 
 

@@ -15,13 +15,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.information.allowed_half_widths import allowed_half_widths
 from excite.information.metrics import noise_per_row
 from excite.information.prior import Prior, prior_of
 from excite.information.target import IdentificationTarget
+from excite.information.torque_precision import torque_precision
 from excite.registry import name_of
+from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.models.base import few_states, random_states
 from regressors.samples import Array, Samples
+
+_SCALES = {"value": "values", "prior": "prior deviations", "precision": "allowed half-widths"}
+_LITTLE = 1e-6  # of what is asked, added where a task motion does not show a parameter
+_NO_SAY = 30.0  # by which columns of parameters that do not matter are longer than those that do
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +73,14 @@ def weighting_of(target: IdentificationTarget, task: Task) -> Weighting:
     InputError
         A parameter to be scaled by unknown prior knowledge, or names that the model does not have.
     """
-    by_noise = task.objective.weighted or task.objective.prior is not None
+    precise = task.objective.scale == "precision"
+    by_noise = task.objective.weighted or task.objective.prior is not None or precise
     noise = noise_per_row(task.objective.noise if by_noise else (1.0,), target.model)
     T = target.transforms[task.objective.base]
     if task.objective.prior is None and task.objective.scale == "unit":
         return Weighting(noise, np.zeros(2 * (target.base.rank,)), T)
+    if precise:
+        return Weighting(noise, np.zeros(2 * (target.base.rank,)), _precision_transform(target, task))
     prior = prior_of(target.model, target.base, task.objective.prior)
     precision = np.zeros(T.shape) if task.objective.prior is None else prior.precision
     return Weighting(noise, precision, T * _scale(target, task, prior, T))
@@ -88,6 +99,38 @@ def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> 
     return scale
 
 
+def _precision_transform(target: IdentificationTarget, task: Task) -> Array:
+    """Columns times allowed half-widths; or such that A-optimality adds what is asked of parameters and torques.
+
+    With ``R'R = sum of G_i / a_i^2 + diag(1 / a_j^2)`` and ``T = R^-1``, ``tr((T' M T)^-1) = tr(M^-1 R'R)``.
+    """
+    precision = task.objective.precision
+    assert isinstance(precision, PrecisionTarget)
+    if precision.torques is None:
+        return np.diag(_precision_scale(target, task))
+    wanted = torque_precision(precision.torques, target).information
+    wanted = wanted + np.diag(allowed_half_widths(precision, target) ** -2.0)
+    size = np.sqrt(np.diag(wanted) + _LITTLE * np.trace(wanted) / len(wanted) * (np.diag(wanted) == 0.0))
+    scaled = wanted / np.outer(size, size) + _LITTLE * np.eye(len(wanted))
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(scaled).T * size))
+
+
+def _precision_scale(target: IdentificationTarget, task: Task) -> Array:
+    """Allowed half-widths; parameters of which nothing is asked get scales that leave them no say."""
+    precision = task.objective.precision
+    assert isinstance(precision, PrecisionTarget)
+    if task.objective.base != "gautier":
+        raise InputError("scale precision: a precision is that of the base parameters; leave out `base`")
+    allowed = allowed_half_widths(precision, target)
+    free = ~np.isfinite(allowed)
+    if not free.any():
+        return allowed
+    states = target.motion.states(random_states(target.robot, few_states(target.model)))
+    length = np.linalg.norm(target.model.instants(states)[:, target.base.index], axis=0)
+    typical = float(np.median((length * allowed)[~free]))
+    return np.asarray(np.where(free, _NO_SAY * typical / np.where(length > 0, length, 1.0), allowed))
+
+
 def _column(target: IdentificationTarget, column: Array) -> str:
     """Name of the model column that a column of a transform corresponds to."""
     return target.model.names[int(np.argmin(np.linalg.norm(target.base.D - column[:, None], axis=0)))]
@@ -101,14 +144,14 @@ def minimised_text(task: Task) -> str:
         parts.append(f"parameters of interest {' and '.join(objective.interest)}, the others as nuisance")
     if objective.task_motion is not None:
         parts.append(f"torques of {objective.task_motion}")
-    if objective.weighted or objective.prior is not None:
+    if objective.weighted or objective.prior is not None or objective.scale == "precision":
         parts.append("rows divided by their noise")
     if isinstance(objective.prior, int | float):
         parts.append(f"the description's values known to {100 * objective.prior:g} %")
     elif objective.prior is not None:
         parts.append(f"{len(objective.prior)} parameters known beforehand")
     if objective.scale != "unit":
-        what = "values" if objective.scale == "value" else "prior deviations"
+        what = _SCALES[objective.scale]
         parts.append(f"columns times the {what} of parameters")
     if objective.plausible_robots is not None:
         parts.append(f"worst of {objective.plausible_robots} plausible robots and the described one")

@@ -96,6 +96,12 @@ def _clearance(design: Design) -> Figure:
     return clearance_figure(design)
 
 
+def _precision(design: Design) -> Figure:
+    from excite.plots.precision_plot import precision_figure
+
+    return precision_figure(design)
+
+
 def _workspace(design: Design) -> Figure:
     from excite.plots.workspace_plot import workspace_figure
 
@@ -122,9 +128,10 @@ def design_figures(design: Design) -> dict[str, Figure]:
     -------
     dict of str to Figure
         ``motion``, ``phase``, ``spectrum`` and, where its starts are known, ``convergence``; ``clearance`` and
-        ``workspace`` too, where the task has a world.
+        ``workspace`` too, where the task has a world, and ``precision``, where one was sought.
     """
     figures = FIGURES if design.task.limits.world is None else {**FIGURES, **WORLD_FIGURES}
+    figures = figures if design.precision_search is None else {**figures, "precision": _precision}
     return {name: figure(design) for name, figure in figures.items() if name != "convergence" or design.starts}
 
 

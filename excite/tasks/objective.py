@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from excite.registry import CONVENTIONS, NEARLY, SCALES, check_name
 from excite.tasks.option import option
+from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check
@@ -54,8 +55,9 @@ class Objective:
         Prior knowledge of the parameters: the relative uncertainty of the values in the robot's description, or values
         with deviations. It is added to M; the rows of W are then divided by their noise, see
         `excite.information.weighting`.
-    scale : {"unit", "prior", "value"}
-        Scale of each column's parameter: its SI unit, its prior deviation, or its value.
+    scale : {"unit", "prior", "value", "precision"}
+        Scale of each column's parameter: its SI unit, its prior deviation, its value, or the half-width that
+        `precision` allows it; rows are then divided by their noise.
     require : tuple of str
         Parameters that the motion must identify individually.
     interest : tuple of str
@@ -70,6 +72,11 @@ class Objective:
     nearly_unidentifiable : {"keep", "drop"}
         What becomes of base parameters that motions show in theory only, such as those that exist by the rounding of an
         angle: they are kept, and the design says so, or left out of the base, in design and identification.
+    precision : float or PrecisionTarget, optional
+        How precisely the parameters are to be known: a share of their described values, such as 0.05, or a target. The
+        design states how many runs that takes, and `excite.design_for_precision` searches for the shortest experiment.
+    max_time : float
+        Robot time beyond which a precision counts as out of reach [s].
 
     Raises
     ------
@@ -119,6 +126,16 @@ class Objective:
         "Parameters whose predicted deviation is beyond 100 times their size.",
         choices=NEARLY,
     )
+    precision: float | PrecisionTarget | None = option(
+        None,
+        "precision",
+        "Half-widths of the intervals, as a share of each parameter, for which the shortest experiment is sought.",
+        metavar="P%|FILE",
+        late=True,
+    )
+    max_time: float = option(
+        600.0, "number", "Robot time beyond which a precision is out of reach [s].", metavar="S", late=True
+    )
 
     def __post_init__(self) -> None:
         strict(self)
@@ -142,6 +159,12 @@ class Objective:
             raise InputError(
                 "`interest` names base parameters, but columns of the orthonormal base are not single parameters; "
                 "choose another `base`"
+            )
+        if self.scale == "precision" and self.precision is None:
+            raise InputError("`scale='precision'` needs a precision, but none is given; give `precision`")
+        if self.precision is not None and self.prior is not None:
+            raise InputError(
+                "`precision` counts what the runs measure alone, without prior knowledge; leave out `prior`"
             )
         if self.scale != "unit" and self.base == "orthonormal":
             raise InputError(

@@ -57,6 +57,14 @@ class TaskMotion:
         """Its name."""
         return self.name
 
+    def __eq__(self, other: object) -> bool:
+        """Whether both have the same instants, and come from the same place."""
+        return isinstance(other, TaskMotion) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        """Of its name and joints."""
+        return hash((self.name, self.joints))
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         states = {state: getattr(self, state).tolist() for state in STATES}

@@ -11,9 +11,10 @@ from typing import Any
 
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import Kind, options_of
+from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.stored_files import UnopenedFile
-from regressors.errors import InputError
-from regressors.quantities import check, shown
+from regressors.errors import InputError, UnknownName
+from regressors.quantities import check, number_of, shown
 
 AUTO, NONE, ALL = "auto", "none", "all"
 MARGINS = (AUTO, NONE)
@@ -176,6 +177,33 @@ def _prior(value: object) -> object:
     return _number(value) if isinstance(value, Real) else value
 
 
+def _precision(value: object) -> PrecisionTarget:
+    if isinstance(value, PrecisionTarget):
+        return value
+    if isinstance(value, Mapping):
+        unknown = [str(name) for name in value if name not in PrecisionTarget.__dataclass_fields__]
+        if unknown:
+            raise UnknownName("entry of `precision`", unknown[0], tuple(PrecisionTarget.__dataclass_fields__))
+        return PrecisionTarget(**value)
+    if not isinstance(value, str):
+        return PrecisionTarget(_number(value))
+    try:
+        return PrecisionTarget(share_of(value))
+    except ValueError as error:
+        raise error if isinstance(error, InputError) else _Unfit from error
+
+
+def share_of(text: str) -> float:
+    """A share from text: ``5%`` or ``0.05``.
+
+    Raises
+    ------
+    ValueError
+        Neither.
+    """
+    return number_of(text.removesuffix("%").rstrip()) / 100.0 if text.endswith("%") else number_of(text)
+
+
 _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "flag": _flag,
     "integer": _integer,
@@ -197,6 +225,7 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "payload": _payload,
     "drives": _drives,
     "parameters": _parameters,
+    "precision": _precision,
 }
 EXPECTED: dict[Kind, str] = {
     "flag": "true or false",
@@ -219,6 +248,7 @@ EXPECTED: dict[Kind, str] = {
     "payload": "a list of numbers, or the name of a file",
     "drives": "all, none, or names or numbers of drives",
     "parameters": "standard parameters, each with a finite number",
+    "precision": "a share such as 0.05, or a precision target",
 }
 
 

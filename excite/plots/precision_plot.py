@@ -1,0 +1,104 @@
+"""Robot time against precision: what each period reaches with its runs, and the front of all."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from excite.design.design import Design
+from excite.information.precision_forecast import PrecisionForecast
+from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, log_scale, plain, tidy
+from excite.precision.period_trial import PeriodTrial, PrecisionSearch
+from regressors.errors import InputError
+
+_MOST_RUNS = 200
+_MOST_PARAMETERS = 30
+
+
+def precision_figure(design: Design) -> Figure:
+    """Draw robot time against precision, and the half-width of each parameter over the allowed one.
+
+    Parameters
+    ----------
+    design : Design
+        With its `precision_search`.
+
+    Returns
+    -------
+    Figure
+        Left, a line of dots per period, one dot per number of runs; the front is a stair, the chosen experiment a
+        diamond. Right, a bar per parameter, the widest first, 30 at most.
+    """
+    _, forecast = _of(design)
+    shown = sorted((p for p in forecast.parameters if p.allowed is not None), key=lambda p: -p.use)[:_MOST_PARAMETERS]
+    title = f"{design.robot.name}: {_runs(forecast)}, {forecast.robot_seconds:.4g} s of robot time"
+    figure = figure_of(12.5, max(4.8, 1.6 + 0.2 * len(shown)), title)
+    left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
+    _draw_front(left, design)
+    _draw_parameters(right, forecast, len(shown))
+    return figure
+
+
+def _of(design: Design) -> tuple[PrecisionSearch, PrecisionForecast]:
+    if design.precision_search is None or design.precision is None:
+        raise InputError("no precision was sought for this design; `design_for_precision` seeks one")
+    return design.precision_search, design.precision
+
+
+def _runs(forecast: PrecisionForecast) -> str:
+    return f"{forecast.runs} run{'s' * (forecast.runs > 1)} of {forecast.seconds:.4g} s"
+
+
+def _draw_front(ax: Axes, design: Design) -> None:
+    search, forecast = _of(design)
+    tidy(ax)
+    longest = max(design.task.objective.max_time, forecast.robot_seconds)
+    for trial in search.trials:
+        seconds, use = _points(trial, longest)
+        ax.plot(seconds, use, "-", color=GREY, alpha=0.4, linewidth=0.8, zorder=1.5)
+        ax.plot(seconds, use, ".", color=GREY, markersize=3.0, zorder=1.6)
+    times = [point.robot_seconds for point in search.front]
+    ax.step([*times, longest], [*(p.use for p in search.front), search.front[-1].use], where="post", color=BLUE)
+    ax.axhline(1.0, color=DARK, linewidth=0.8, linestyle="--")
+    ax.plot([forecast.robot_seconds], [forecast.worst.use], "D", color=VERMILLION, markersize=6.0, zorder=4.0)
+    ax.annotate(
+        _runs(forecast), (forecast.robot_seconds, forecast.worst.use), (8, 8),
+        textcoords="offset points", fontsize=NOTE, color=DARK,
+    )  # fmt: skip
+    uses = [point.use for point in search.front]
+    log_scale(ax.xaxis, 0.8 * min(times), 1.25 * longest)
+    log_scale(ax.yaxis, 0.7 * min(*uses, 1.0), 1.4 * max(*uses, 1.0))
+    ax.set_xlabel("robot time [s]", fontsize=LABEL, color=DARK)
+    ax.set_ylabel("widest half-width / allowed", fontsize=LABEL, color=DARK)
+    text = "front of robot time against precision; below the dashed line the target is met\neach grey line is a period"
+    ax.set_title(plain(text), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+
+
+def _points(trial: PeriodTrial, longest: float) -> tuple[list[float], list[float]]:
+    """Robot times and uses of the numbers of runs of a period."""
+    most = min(_MOST_RUNS, max(1, int(longest / trial.seconds)))
+    runs = np.unique(np.geomspace(1, most, 40).round().astype(int)).tolist()
+    return [n * trial.seconds for n in runs], [trial.run.use(n) for n in runs]
+
+
+def _draw_parameters(ax: Axes, forecast: PrecisionForecast, count: int) -> None:
+    asked = sorted((p for p in forecast.parameters if p.allowed is not None), key=lambda p: -p.use)
+    shown = asked[:count]
+    tidy(ax)
+    ax.grid(False, axis="y")
+    colours = [VERMILLION if p.use > 1.0 else BLUE for p in shown]
+    ax.barh(range(len(shown)), [p.use for p in shown], height=0.62, color=colours)
+    ax.axvline(1.0, color=DARK, linewidth=0.8, linestyle="--")
+    ax.set_yticks(range(len(shown)), [plain(p.name) for p in shown], fontsize=NOTE)
+    ax.set_ylim(len(shown) - 0.4, -0.6)
+    widest = max(p.use for p in shown)
+    if widest > 10.0:
+        log_scale(ax.xaxis, 0.5 * min(p.use for p in shown), 1.3 * widest)
+    else:
+        ax.set_xlim(0.0, 1.15 * max(widest, 1.0))
+    ax.set_xlabel("half-width / allowed", fontsize=LABEL, color=DARK)
+    left_out = len(asked) - len(shown)
+    more = f"; {left_out} more are narrower" if left_out else ""
+    text = f"{100 * forecast.level:g} % intervals, with probability {100 * forecast.probability:g} %{more}"
+    ax.set_title(plain(text), loc="left", y=1.0, fontsize=LABEL, color=DARK)
