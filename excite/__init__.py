@@ -19,6 +19,7 @@ from excite.own_packages import check_packages
 if TYPE_CHECKING:
     from constraints.collision.collision_limits import Collisions
     from constraints.limit import Limit
+    from constraints.limits.plausible_torque import PlausibleTorqueLimit
     from constraints.limits.tool import ToolBox, ToolSpeed
     from constraints.limits.torque import TorqueLimit
     from constraints.nonlinear import NonlinearConstraint
@@ -162,6 +163,7 @@ _PLACES = {
     "Output": "excite.tasks.output",
     "Payload": "excite.simulation.payload",
     "Recipe": "excite.identification.recipe",
+    "PlausibleTorqueLimit": "constraints.limits.plausible_torque",
     "RegressorModel": "regressors.models.model",
     "Robot": "regressors.robot.robot",
     "Samples": "regressors.samples",
@@ -286,6 +288,7 @@ __all__ = [
     "PayloadModel",
     "PayloadMotion",
     "PayloadResult",
+    "PlausibleTorqueLimit",
     "Recipe",
     "RegressorModel",
     "Robot",
