@@ -19,6 +19,7 @@ from excite.own_packages import check_packages
 if TYPE_CHECKING:
     from constraints.collision.collision_limits import Collisions
     from constraints.limit import Limit
+    from constraints.limits.plausible_torque import PlausibleTorqueLimit
     from constraints.limits.tool import ToolBox, ToolSpeed
     from constraints.limits.torque import TorqueLimit
     from constraints.nonlinear import NonlinearConstraint
@@ -165,6 +166,7 @@ _PLACES = {
     "Payload": "excite.simulation.payload",
     "PrecisionTarget": "excite.tasks.precision_target",
     "Recipe": "excite.identification.recipe",
+    "PlausibleTorqueLimit": "constraints.limits.plausible_torque",
     "RegressorModel": "regressors.models.model",
     "Robot": "regressors.robot.robot",
     "Samples": "regressors.samples",
@@ -291,6 +293,7 @@ __all__ = [
     "PayloadModel",
     "PayloadMotion",
     "PayloadResult",
+    "PlausibleTorqueLimit",
     "PrecisionTarget",
     "Recipe",
     "RegressorModel",
