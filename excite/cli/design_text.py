@@ -151,8 +151,8 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     out.print(_limits(design))
     for line in _transfer_lines(design):
         out.print(line, soft_wrap=True)
-    for line in precision_lines(design):
-        out.print(line, soft_wrap=True)
+    for fact in precision_lines(design):
+        out.print(fact, soft_wrap=isinstance(fact, str))
     out.print(_predictions(design))
     if design.precision is not None:
         out.print(half_width_table(design.precision))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from excite.cli.summary import compact_table
 from excite.precision.period_search import runs_text
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 _NAMED = 3  # parameters with what they move with
 
 
-def precision_lines(design: Design) -> list[str]:
+def precision_lines(design: Design) -> list[str | Table]:
     """Runs, robot time and the worst parameter; nothing where no precision is asked for.
 
     Parameters
@@ -32,23 +33,25 @@ def precision_lines(design: Design) -> list[str]:
     wide = forecast.too_wide
     count = f"{len(wide)} of {sum(p.allowed is not None for p in forecast.parameters)} parameters"
     most = design.task.objective.max_time
-    lines = [f"out of reach within {most:g} s: after {text}, {count} are too wide"]
+    lines: list[str | Table] = [f"out of reach within {most:g} s: after {text}, {count} are too wide"]
     search = design.precision_search
     if search is None or search.out_of_reach is None:
         return [*lines, f"worst parameter {_width(wide[0])}"]
     return [*lines, *_obstacles(search.out_of_reach)]
 
 
-def _obstacles(found: OutOfReach) -> list[str]:
+def _obstacles(found: OutOfReach) -> list[str | Table]:
     """The widest parameters, and what would separate them."""
-    lines = [parameter.text for parameter in found.parameters[:_NAMED]]
+    lines: list[str | Table] = [parameter.text for parameter in found.parameters[:_NAMED]]
     if len(found.parameters) > _NAMED:
         lines.append(f"too wide also: {', '.join(p.name for p in found.parameters[_NAMED:])}")
-    tried = "; ".join(
-        f"{trial.change}: {trial.narrower:.2f} times narrower, {trial.robot_seconds:.4g} s" for trial in found.trials
-    )
+    rows = [(trial.change, f"{trial.narrower:.2f} times", f"{trial.robot_seconds:.4g} s") for trial in found.trials]
     best = "nothing that was tried separates them" if found.best is None else f"what helps most is {found.best.change}"
-    return [*lines, f"the same motion would take {found.robot_seconds:.4g} s of robot time; {best} (tried: {tried})"]
+    return [
+        *lines,
+        f"the same motion would take {found.robot_seconds:.4g} s of robot time; {best}",
+        *compact_table("tried, one at a time", "narrower", "robot time", rows=rows),
+    ]
 
 
 def _width(parameter: ParameterPrecision) -> str:

@@ -27,8 +27,6 @@ from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.robot.robot import Robot
 
-_CRITERIA = ("condition", "max-deviation", "trace")
-
 Prepare = Callable[[Formulation, str], KeptStarts]
 Solve = Callable[[Formulation, KeptStarts], Design]
 
@@ -167,16 +165,17 @@ def precise_task(task: Task) -> Task:
     """
     if task.objective.precision is None:
         raise InputError("no precision is asked for; give `precision`, such as 0.05")
-    if name_of(task.objective.criterion) not in _CRITERIA:
+    asked = task.objective.precision
+    along = isinstance(asked, PrecisionTarget) and asked.torques is not None
+    own, given = "trace" if along else "max-deviation", name_of(task.objective.criterion)
+    if given not in ("condition", own):
         raise InputError(
-            f"criterion {name_of(task.objective.criterion)}: the shortest experiment that meets a precision minimises "
-            "the largest half-width, `criterion='max-deviation'`; leave out the criterion"
+            f"criterion {given}: the shortest experiment that meets this precision minimises {own} in units of what is "
+            "allowed; leave out the criterion"
         )
     if task.trajectory.grows:
         raise InputError(
             "harmonics: the search for a precision tries periods, with as many harmonics as keep the highest "
             "frequency; give a number of `harmonics`"
         )
-    asked = task.objective.precision
-    along = isinstance(asked, PrecisionTarget) and asked.torques is not None
-    return task.changed(criterion="trace" if along else "max-deviation", scale="precision")
+    return task.changed(criterion=own, scale="precision")
