@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from excite.plots import write_figures
     from excite.plots.drawable import draw
     from excite.precision.design_for_precision import design_for_precision
+    from excite.precision.next_motion import NextMotion, PrecisionInHand, next_motion
     from excite.report.write_report import write_report
     from excite.simulation.degradation.degradation import Degradation
     from excite.simulation.degradation.degrade import degrade
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
     from excite.simulation.settings import SimulationSettings
     from excite.simulation.simulate import simulate
     from excite.simulation.simulation import Simulation
+    from excite.tasks.earlier_information import EarlierInformation
     from excite.tasks.installation import Installation
     from excite.tasks.limit_choice import LimitChoice
     from excite.tasks.model_choice import ModelChoice
@@ -133,6 +135,7 @@ _PLACES = {
     "Design": "excite.design.design",
     "DesignBound": "excite.optimality.design_bound",
     "DifferentialModel": "regressors.models.differential",
+    "EarlierInformation": "excite.tasks.earlier_information",
     "EnergyModel": "regressors.models.energy",
     "Estimate": "excite.identification.estimate",
     "Estimator": "excite.identification.estimator",
@@ -158,11 +161,13 @@ _PLACES = {
     "ModelChoice": "excite.tasks.model_choice",
     "ModelFormat": "excite.export.models.model_format",
     "MotionFormat": "excite.export.motions.motion_format",
+    "NextMotion": "excite.precision.next_motion",
     "NoFeasibleMotionError": "excite.errors",
     "NonlinearConstraint": "constraints.nonlinear",
     "NumericalError": "regressors.errors",
     "Objective": "excite.tasks.objective",
     "Output": "excite.tasks.output",
+    "PrecisionInHand": "excite.precision.next_motion",
     "Payload": "excite.simulation.payload",
     "PrecisionTarget": "excite.tasks.precision_target",
     "Recipe": "excite.identification.recipe",
@@ -210,6 +215,7 @@ _PLACES = {
     "load_design": "excite.files.design_json",
     "load_result": "excite.files.result_json",
     "load_robot": "regressors.readers.library",
+    "next_motion": "excite.precision.next_motion",
     "plan_campaign": "excite.design.campaign",
     "plan_friction": "excite.friction.plan.plan_friction",
     "read_friction": "excite.files.friction_file",
@@ -257,6 +263,7 @@ __all__ = [
     "Design",
     "DesignBound",
     "DifferentialModel",
+    "EarlierInformation",
     "EnergyModel",
     "Estimate",
     "Estimator",
@@ -284,6 +291,7 @@ __all__ = [
     "ModelChoice",
     "ModelFormat",
     "MotionFormat",
+    "NextMotion",
     "NoFeasibleMotionError",
     "NonlinearConstraint",
     "NumericalError",
@@ -294,6 +302,7 @@ __all__ = [
     "PayloadMotion",
     "PayloadResult",
     "PlausibleTorqueLimit",
+    "PrecisionInHand",
     "PrecisionTarget",
     "Recipe",
     "RegressorModel",
@@ -342,6 +351,7 @@ __all__ = [
     "load_design",
     "load_result",
     "load_robot",
+    "next_motion",
     "plan_campaign",
     "plan_friction",
     "read_friction",

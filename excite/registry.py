@@ -125,6 +125,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     "reader": {
         "design": "excite.files.design_json:load_design",
+        "earlier": "excite.files.earlier_files:earlier_information",
         "friction": "excite.files.friction_file:read_friction",
         "friction plan": "excite.files.friction_plan_folder:read_plan",
         "kept friction": "excite.files.friction_file:kept_curves",

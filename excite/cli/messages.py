@@ -23,6 +23,7 @@ _COMMANDS: Mapping[str, str] = {
     "plan_campaign": "'excite plan'",
     "run_campaign": "'excite campaign run'",
     "identify": "'excite identify'",
+    "next_motion": "'excite plan'",
     "simulate": "'excite simulate'",
     "verify": "'excite verify'",
     "compare": "'excite compare'",

@@ -1,17 +1,19 @@
-"""``excite plan``: the shortest campaign of partial motions that identifies every parameter."""
+"""``excite plan``: the shortest campaign of partial motions; or, for a precision, the next motion after others."""
 
 from __future__ import annotations
 
 import shlex
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from excite.cli.command import Command
-from excite.cli.options import Names, Number, RobotName, snap_option
-from excite.cli.task_options import task_options
+from excite.cli.options import Folder, Names, Number, RobotName, snap_option
+from excite.cli.task_options import task_options, typed_options
 from excite.registry import MODELS
 from excite.tasks.model_choice import FURTHER_FRICTION
 
@@ -21,8 +23,12 @@ if TYPE_CHECKING:
     from excite.tasks.task import Task
 
 
+_OF_NEXT_MOTION = ("after", "noise", "of", "period", "starts", "task_file", "out", "force")
+
+
 @click.command(
     cls=Command,
+    groups={"Next motion": ("precision", *_OF_NEXT_MOTION[:-2])},
     name="plan",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
@@ -31,10 +37,20 @@ Examples:
   excite plan irp6 --model energy --at-once 1
   excite plan panda --no-friction --at-once 3
   excite plan irp6 --friction-curves friction.yaml
+  excite plan irp6 --precision 5% --after results/a --out designs/b
 
 \b
-Each motion is then designed on its own:
-  excite design irp6 --drives 1,3 --out designs/irp6-13""",
+Each motion of a campaign is then designed on its own:
+  excite design irp6 --drives 1,3 --out designs/irp6-13
+
+\b
+With --precision, what results and designs in --after tell of the parameters is weighed against it: the exit status is 0
+where it is enough, 1 where another motion is needed, which --out writes.
+  --precision 5%, or a YAML file   as of 'excite design'
+  --of measured                    of the values that the results have measured, where they have (described: of the
+                                   robot's description)
+  --period 10                      of the next motion; that of the shortest experiment if not given
+  --task task.yaml                 limits, home, search and all other options of a design""",
 )
 @click.argument("robot", type=RobotName())
 @click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
@@ -57,7 +73,24 @@ Each motion is then designed on its own:
 )
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @task_options(("model",), only=(*FURTHER_FRICTION, "stribeck_speed"))
+@task_options(("objective",), only=("precision", "after", "noise"))
+@task_options(("search",), only=("starts",))
+@click.option(
+    "--of",
+    type=click.Choice(("measured", "described")),
+    default="measured",
+    help="Values that --precision is a share of.",
+)
+@click.option("--period", type=Number(), metavar="S", help="Period of the next motion [s].")
+@click.option(
+    "--task", "task_file", type=click.Path(path_type=Path), metavar="FILE", help="Task file of the next motion."
+)
+@click.option("--out", type=Folder(), metavar="DIR", help="Folder for the next motion.")
+@click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
+@click.pass_context
 def command(
+    ctx: click.Context,
+    /,
     robot: str,
     base_link: str | None,
     tip: str | None,
@@ -68,12 +101,25 @@ def command(
     friction: bool,
     friction_curves: str | None,
     rotor: bool,
+    precision: float | dict[str, Any] | None,
+    after: tuple[str, ...],
+    noise: tuple[float, ...] | None,
+    starts: int | None,
+    of: str,
+    period: float | None,
+    task_file: Path | None,
+    out: Path | None,
+    force: bool,
     **further: Any,
 ) -> None:
     """Propose the shortest campaign: few motions of few drives of ROBOT that together identify every parameter.
 
-    Drives that do not move hold their own coordinate, as brakes and position control do.
+    Drives that do not move hold their own coordinate, as brakes and position control do. With --precision, propose the
+    next motion after the results and designs in --after, or say that they are enough.
     """
+    if precision is not None:
+        sys.exit(_next_motion(ctx, robot, task_file, of, out, force=force))
+    _check_not_typed(ctx)
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
@@ -92,6 +138,31 @@ def command(
     campaign = excite.plan_campaign(task, at_once)
     design = _design_command(task, friction_curves)
     show(_summary(campaign, design), lambda: asdict(campaign), lambda: _print(campaign, design))
+
+
+def _next_motion(
+    ctx: click.Context, robot: str, task_file: Path | None, of: str, out: Path | None, *, force: bool
+) -> int:
+    """Plan the next motion of a sequence; the exit status."""
+    from excite.cli.main import NOT_HELD
+    from excite.cli.next_motion_run import plan_next_motion
+    from excite.files.task_file import read_task_file, task_from_options
+
+    filed = read_task_file(task_file) if task_file else {}
+    named = ("base_link", "tip", "snap_angles")
+    typed = typed_options(ctx) | {name: ctx.params[name] for name in named if ctx.params[name] is not None}
+    if "period" in typed:
+        typed["scale"] = "precision"  # at that period, not at the shortest
+    task = task_from_options({"model": "differential", **filed, **typed, "robot": robot})
+    return 0 if plan_next_motion(task, of, out, force=force) else NOT_HELD
+
+
+def _check_not_typed(ctx: click.Context) -> None:
+    """Refuse options of the next motion without a precision."""
+    for name in _OF_NEXT_MOTION:
+        if ctx.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            flag = {"task_file": "--task"}.get(name, f"--{name}")
+            raise click.UsageError(f"{flag} is for the next motion towards a precision; give --precision too")
 
 
 def _design_command(task: Task, curves: str | None) -> str:

@@ -51,6 +51,7 @@ _TYPES: dict[Kind, Any] = {
     "mount": Mount(),
     "payload": PayloadOption(),
     "drives": DriveNames(),
+    "folders": Names(),
     "precision": PrecisionOption(),
 }
 
@@ -107,7 +108,7 @@ def _click_option(name: str, default: Any, option: Option, text: str) -> Callabl
         both = f"--{option.flag.replace('/', '/--')}" if option.flag and "/" in option.flag else flag_of(name, option)
         return click.option(both, name, is_flag=True, default=default, help=text)
     default = "none" if option.kind == "drives" else default
-    several = option.kind == "poses" or name == "constraints"
+    several = option.kind in ("poses", "folders") or name == "constraints"
     kind = str if name == "constraints" else _type(name, option)
     shown = ",".join(default) if isinstance(default, tuple) and default and option.kind == "names" else default
     return click.option(
@@ -118,7 +119,13 @@ def _click_option(name: str, default: Any, option: Option, text: str) -> Callabl
         default=None if shown in ((), None) or option.kind == "triple" else shown,
         metavar=option.metavar,
         help=text,
+        callback=_all_of if option.kind == "folders" else None,
     )
+
+
+def _all_of(ctx: click.Context, param: click.Parameter, value: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
+    """Names of an option that is given several times, each time with one or several."""
+    return tuple(name for several in value for name in several)
 
 
 def _type(name: str, option: Option) -> Any:

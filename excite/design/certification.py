@@ -16,6 +16,7 @@ from excite.design.formulation import Formulation
 from excite.design.start_results import StartResult
 from excite.design.stated_limits import remedy
 from excite.errors import NoFeasibleMotionError
+from excite.information.earlier_precision import information_in_hand
 from excite.information.metrics import measures, noise_per_row, noise_text, predictions, singular_spectrum
 from excite.information.nearly_unidentifiable import nearly_unidentifiable, nearly_unidentifiable_note
 from excite.information.precision_forecast import RunInformation
@@ -113,7 +114,8 @@ def _with_precision(design: Design, samples: Samples, noise: Array) -> Design:
     objective = design.task.objective
     if not isinstance(objective.precision, PrecisionTarget):
         return design
-    of_run = RunInformation.of(objective.precision, design.target, samples, noise, design.sequence.duration)
+    in_hand = information_in_hand(design.target, design.task)
+    of_run = RunInformation.of(objective.precision, design.target, samples, noise, design.sequence.duration, in_hand)
     return replace(design, run_information=of_run)
 
 

@@ -16,6 +16,7 @@ from excite.design.blueprint import Blueprint, restricted_limits
 from excite.design.design_memory import check_richness, design_prediction
 from excite.design.given_task_motion import with_task_motion
 from excite.design.imposed_limits import has_room, nonlinear_limits, roomy_pose
+from excite.design.information_in_hand import with_information_in_hand
 from excite.design.problem import Problem
 from excite.design.problem_identity import ProblemIdentity, problem_identity
 from excite.design.stated_limits import StatedLimits, shape_of, stated_limits
@@ -104,7 +105,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         Unknown joints, limits that are not stated, contradict each other or leave a joint unbounded, a model without a
         visible parameter, or too few harmonics for its parameters.
     """
-    task = with_task_motion(with_initial_design(task))
+    task = with_information_in_hand(robot, with_task_motion(with_initial_design(task)))
     check_richness(task)
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")

@@ -19,7 +19,8 @@ from excite.tasks.task import Task
 
 _SEARCH = 2  # to be raised where the same problem is searched in another manner
 PACKAGES = ("excite-trajectories", "casadi", "daqp", "numpy", "scipy")
-_ANYWHERE = ("starts", "rounds", "budget", "executor", "workers", "begin")  # a start depends on the motion of `begin`
+_ANYWHERE = ("starts", "rounds", "budget", "executor", "workers", "begin", "after")
+# a start depends on the motion of `begin`, and on what `after` adds to the information
 _SHOWN, _LONGEST = 3, 40  # differences that a message names; characters of names and values that it shows
 
 
@@ -81,6 +82,8 @@ def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
             content[name] = {**content.get(name, {}), **kept}
         content["own"] = {name: reference(_class_of(kind, name)) for kind, name in own_parts(task)}
         content["begin"] = plain_value(blueprint.initial)
+        if task.objective.after:
+            content["after"] = plain_value(blueprint.precision)
     except NotComparable as error:
         return ProblemIdentity(content, str(error))
     return ProblemIdentity(content)

@@ -13,6 +13,7 @@ from excite.design.design import Design
 from excite.design.kept_starts import remove_starts, remove_temporary
 from excite.design.start_results import write_start
 from excite.files.content_hashes import HASHES, motion_hashes
+from excite.files.earlier_content import earlier_content
 from excite.files.figure_names import figure_names
 from excite.files.precision_files import CONTENT, FIGURE, TABLE, seeks_precision, write_precision
 from excite.files.task_file import task_content
@@ -191,6 +192,7 @@ def design_content(design: Design) -> dict[str, Any]:
         "task": task_content(design.task),
         "shape": None if design.shape is None else design.shape.to_dict(),
         **_beginning(design),
+        **_in_hand(design),
         "trajectory": trajectory_entry(design),
         "criteria": {name: _finite(value) for name, value in design.criteria.items()},
         "conventions": MEANINGS,
@@ -231,6 +233,12 @@ def _beginning(design: Design) -> dict[str, Any]:
     """The motion that the search began with, so that it can be run again without the folder of that design."""
     begin = design.task.search.begin
     return {"begins_with": dict(begin.trajectory)} if isinstance(begin, InitialDesign) else {}
+
+
+def _in_hand(design: Design) -> dict[str, Any]:
+    """The information in hand, so that the task can be run again without the folders that it is from."""
+    after = design.task.objective.after
+    return {"after": [earlier_content(each) for each in after]} if after else {}
 
 
 def _sequence(design: Design) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from excite.files.stored_task import stored_task
 from excite.files.task_file import stored_part, task_content
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
+from excite.identification.noise_density import noise_density
 from excite.identification.prediction import relative_error
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues
@@ -132,6 +133,7 @@ def result_content(result: Identification) -> dict[str, Any]:
             log: dict(zip((name for name, _ in observations.equations), map(_finite, row), strict=True))
             for log, row in zip(observations.logs, estimate.noise.tolist(), strict=True)
         },
+        "noise_density": _noise_density(result),
         "residuals": [
             {name: _finite(x) if isinstance(x, float) else x for name, x in vars(diagnosis).items()}
             for diagnosis in residual_diagnostics(estimate, observations)
@@ -143,6 +145,14 @@ def result_content(result: Identification) -> dict[str, Any]:
         **between_logs_content(result),
         "provenance": dict(result.provenance),
     }
+
+
+def _noise_density(result: Identification) -> dict[str, float] | None:
+    """Density of the noise of each equation; None where that of one is not known."""
+    density = noise_density(result.estimate, result.observations)
+    if not np.all(np.isfinite(density)):
+        return None
+    return {name: float(x) for (name, _), x in zip(result.observations.equations, density, strict=True)}
 
 
 def _log(part: Any) -> dict[str, Any]:

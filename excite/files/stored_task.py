@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from excite.files.earlier_content import earlier_of_content
 from excite.files.task_file import task_from_options
 from excite.files.world_file import world_of
 from excite.tasks.stored_files import InitialDesign, StoredRobot
@@ -42,4 +43,6 @@ def stored_task(content: Mapping[str, Any], robot: Robot, allowed: Collection[st
         )
     if content.get("begins_with") is not None:
         options["begin"] = InitialDesign(str(options.get("begin")), content["begins_with"])
+    if content.get("after") is not None:
+        options["after"] = [earlier_of_content(each) for each in content["after"]]
     return task_from_options(options, stored=True, allowed=allowed, **own)

@@ -41,6 +41,10 @@ def _several(value: object) -> object:
     return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
+def _folders(value: object) -> object:
+    return [value] if isinstance(value, str) else value
+
+
 def _text(value: object) -> object:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
@@ -103,6 +107,7 @@ _TYPES: Mapping[Kind, Any] = {
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
     "drives": Annotated[Any, AfterValidator(_drives)],
     "parameters": dict[str, _NUMBER],
+    "folders": Annotated[list[str], BeforeValidator(_folders)],
     "precision": Annotated[Any, AfterValidator(_precision)],
 }
 
@@ -212,6 +217,8 @@ def _stored(name: str, value: Any, allowed: Collection[str]) -> Any:
         return UnopenedFile(name, value)
     if isinstance(value, str) and name in BUILT_IN:
         return stored_part(name, value, allowed)
+    if name == "after":
+        return tuple(UnopenedFile(name, each) if isinstance(each, str) else each for each in value)
     if name == "constraints":
         return tuple(stored_part("constraint", part, allowed) for part in value)
     return value
@@ -281,6 +288,8 @@ def task_content(task: Task) -> dict[str, Any]:
             value = getattr(getattr(task, part), field.name)
             if not option.late or value != field.default:
                 options[field.name] = _part_name(option.part, value) if option.part is not None else value
+    if "after" in options:
+        options["after"] = [str(each) for each in task.objective.after]
     options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
     options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own settings
     if task.limits.torque_margin is None:

@@ -1,7 +1,8 @@
 """Half-widths after several runs of one motion, and the fewest runs that meet a precision target.
 
-Information adds, so that n runs of a motion with covariance C leave ``C / n``; their rows also settle the estimate of
-the noise, see `excite.information.half_widths`.
+Information adds, so that n runs of a motion with covariance C leave ``C / n``, and ``(n C^-1 + P)^-1`` after earlier
+experiments with the information P; their rows also settle the estimate of the noise, see
+`excite.information.half_widths`.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from excite.information.allowed_half_widths import allowed_half_widths
+from excite.information.earlier_precision import InformationInHand
 from excite.information.half_widths import half_width_factor, residual_degrees_of_freedom
 from excite.information.target import IdentificationTarget
 from excite.information.torque_precision import TorquePrecision, torque_precision
@@ -115,6 +117,8 @@ class RunInformation:
         Equations of one run.
     seconds : float
         Robot time of one run [s].
+    in_hand : InformationInHand, optional
+        Of earlier experiments.
     """
 
     target: IdentificationTarget
@@ -122,15 +126,22 @@ class RunInformation:
     half: Array
     rows: int
     seconds: float
+    in_hand: InformationInHand | None = None
 
     @classmethod
     def of(
-        cls, precision: PrecisionTarget, target: IdentificationTarget, samples: Samples, noise: Array, seconds: float
+        cls,
+        precision: PrecisionTarget,
+        target: IdentificationTarget,
+        samples: Samples,
+        noise: Array,
+        seconds: float,
+        in_hand: InformationInHand | None = None,
     ) -> RunInformation:
         """Of a motion, at the instants that the model requires, for the noise of each equation."""
         W = target.model.assemble(samples)[:, target.base.index]
         half = inverse_half(W / np.tile(noise, W.shape[0] // noise.size)[:, None])
-        return cls(target, precision, half, W.shape[0], seconds)
+        return cls(target, precision, half, W.shape[0], seconds, in_hand)
 
     @cached_property
     def torques(self) -> TorquePrecision | None:
@@ -147,8 +158,11 @@ class RunInformation:
     @cached_property
     def deviation(self) -> Array:
         """Standard deviations after one run, in the order of `allowed`."""
-        deviation = np.asarray(np.linalg.norm(self.half, axis=1))
-        return deviation if self.torques is None else np.append(deviation, self.torques.deviations(self.half))
+        return self._deviations(self.half)
+
+    def _deviations(self, half: Array) -> Array:
+        deviation = np.asarray(np.linalg.norm(half, axis=1))
+        return deviation if self.torques is None else np.append(deviation, self.torques.deviations(half))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -162,14 +176,19 @@ class RunInformation:
 
     def half_widths(self, runs: int) -> Array:
         """Half-widths after a number of runs, in the order of `allowed`."""
-        return np.asarray(self._factor(runs) * self.deviation / math.sqrt(runs))
+        if self.in_hand is None:
+            return np.asarray(self._factor(runs) * self.deviation / math.sqrt(runs))
+        together = np.vstack([self.in_hand.R, math.sqrt(runs) * np.linalg.pinv(self.half)])
+        return np.asarray(self._factor(runs) * self._deviations(inverse_half(together)))
 
     def use(self, runs: int) -> float:
         """Largest half-width over the allowed one after a number of runs."""
         return float(np.max(self.half_widths(runs) / self.allowed))
 
     def fewest_runs(self, factor: float = 1.0) -> int:
-        """The fewest runs with a `use` of at most a factor."""
+        """The fewest runs with a `use` of at most a factor; at least one."""
+        if self.in_hand is not None:
+            return self._fewest_in_addition(factor)
         use = float(np.max(self.deviation / self.allowed)) / factor
         if not use * self._factor(_MOST_RUNS) < math.sqrt(_MOST_RUNS):
             return _MOST_RUNS
@@ -177,6 +196,18 @@ class RunInformation:
         while use * self._factor(runs) > math.sqrt(runs):
             runs += 1
         return runs
+
+    def _fewest_in_addition(self, factor: float) -> int:
+        """The fewest runs beside what is in hand, by bisection."""
+        low, high = 0, 1
+        while self.use(high) > factor:
+            if high >= _MOST_RUNS:
+                return _MOST_RUNS
+            low, high = high, 2 * high
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if self.use(middle) > factor else (low, middle)
+        return high
 
     def forecast(self, max_time: float) -> PrecisionForecast:
         """Of the fewest runs that meet the target, or of as many as a robot time leaves room for, at least one."""
@@ -197,4 +228,5 @@ class RunInformation:
         f = residual_degrees_of_freedom(
             float(runs) * self.rows, self.target.base.rank, len(self.target.model.row_labels)
         )
+        f += 0 if self.in_hand is None else self.in_hand.degrees_of_freedom
         return half_width_factor(f, level=self.precision.level, probability=self.precision.probability)

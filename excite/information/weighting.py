@@ -1,8 +1,9 @@
 """Weighted information matrix of a criterion: rows divided by noise, prior knowledge, scaled columns.
 
 ``M = T' (W' S^-1 W + P) T / N``: S the covariance of the noise, alike at all instants and independent from equation to
-equation; P the inverse of the prior covariance; T from the left-to-right base to the chosen columns, each multiplied by
-the scale of its parameter: its unit, its prior deviation, or its value. The smallest eigenvalue of M then bounds the
+equation; P the inverse of the prior covariance, and the information of earlier experiments; T from the left-to-right
+base to the chosen columns, each multiplied by the scale of its parameter: its unit, its prior deviation, its value, or
+what a precision allows. The smallest eigenvalue of M then bounds the
 largest relative deviation of any combination of parameters, and criteria take the accuracy of the measurements and of
 the prior knowledge into account [PG93].
 
@@ -16,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.information.allowed_half_widths import allowed_half_widths
+from excite.information.earlier_precision import deviations_of, earlier_root
 from excite.information.metrics import noise_per_row
 from excite.information.prior import Prior, prior_of
 from excite.information.target import IdentificationTarget
@@ -41,7 +43,7 @@ class Weighting:
     noise : ndarray, shape (r,)
         Divisor of the rows of each equation: their noise, or 1.
     precision : ndarray, shape (b, b)
-        P in the columns of the left-to-right base; zero without prior knowledge.
+        P in the columns of the left-to-right base; zero without prior knowledge and earlier experiments.
     transform : ndarray, shape (b, b)
         T.
     """
@@ -73,17 +75,24 @@ def weighting_of(target: IdentificationTarget, task: Task) -> Weighting:
     InputError
         A parameter to be scaled by unknown prior knowledge, or names that the model does not have.
     """
-    precise = task.objective.scale == "precision"
-    by_noise = task.objective.weighted or task.objective.prior is not None or precise
-    noise = noise_per_row(task.objective.noise if by_noise else (1.0,), target.model)
-    T = target.transforms[task.objective.base]
-    if task.objective.prior is None and task.objective.scale == "unit":
-        return Weighting(noise, np.zeros(2 * (target.base.rank,)), T)
-    if precise:
-        return Weighting(noise, np.zeros(2 * (target.base.rank,)), _precision_transform(target, task))
-    prior = prior_of(target.model, target.base, task.objective.prior)
-    precision = np.zeros(T.shape) if task.objective.prior is None else prior.precision
+    objective = task.objective
+    noise = noise_per_row(objective.noise if _by_noise(task) else (1.0,), target.model)
+    T, in_hand = target.transforms[objective.base], earlier_root(target, task)
+    precision = in_hand.T @ in_hand
+    if objective.prior is None and objective.scale == "unit":
+        return Weighting(noise, precision, T)
+    if objective.scale == "precision":
+        return Weighting(noise, precision, _precision_transform(target, task))
+    prior = prior_of(target.model, target.base, objective.prior)
+    precision = precision if objective.prior is None else precision + prior.precision
     return Weighting(noise, precision, T * _scale(target, task, prior, T))
+
+
+def _by_noise(task: Task) -> bool:
+    """Whether rows are divided by their noise: asked for, or weighed against what is known beforehand or allowed."""
+    objective = task.objective
+    weighed = objective.prior is not None or len(objective.after) > 0
+    return objective.weighted or weighed or objective.scale == "precision"
 
 
 def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> Array:
@@ -144,12 +153,14 @@ def minimised_text(task: Task) -> str:
         parts.append(f"parameters of interest {' and '.join(objective.interest)}, the others as nuisance")
     if objective.task_motion is not None:
         parts.append(f"torques of {objective.task_motion}")
-    if objective.weighted or objective.prior is not None or objective.scale == "precision":
+    if _by_noise(task):
         parts.append("rows divided by their noise")
     if isinstance(objective.prior, int | float):
         parts.append(f"the description's values known to {100 * objective.prior:g} %")
     elif objective.prior is not None:
         parts.append(f"{len(objective.prior)} parameters known beforehand")
+    if objective.after:
+        parts.append(f"after {', '.join(dict.fromkeys(map(str, objective.after)))}")
     if objective.scale != "unit":
         what = _SCALES[objective.scale]
         parts.append(f"columns times the {what} of parameters")
@@ -180,7 +191,7 @@ class PriorAndPosterior:
 
 
 def known_with(target: IdentificationTarget, task: Task, samples: Samples) -> tuple[PriorAndPosterior, ...]:
-    """Prior and posterior, ``sqrt(diag((W' S^-1 W + P)^-1))``, of each parameter; empty without prior knowledge.
+    """Before and after the experiment, ``sqrt(diag((W' S^-1 W + P)^-1))``, of each parameter.
 
     Parameters
     ----------
@@ -188,17 +199,24 @@ def known_with(target: IdentificationTarget, task: Task, samples: Samples) -> tu
     task : Task
     samples : Samples
         The motion, at the instants that the model requires.
+
+    Returns
+    -------
+    tuple of PriorAndPosterior
+        Empty without prior knowledge and earlier experiments; no value is known of a parameter without the former.
     """
-    if task.objective.prior is None:
+    if task.objective.prior is None and not task.objective.after:
         return ()
     prior, eye = prior_of(target.model, target.base, task.objective.prior), np.eye(target.base.rank)
+    in_hand = earlier_root(target, task)
+    known = in_hand if task.objective.prior is None else np.vstack([in_hand, prior.root])
+    before = deviations_of(known) if len(in_hand) else prior.base_deviations(eye)
+    values = prior.base_values(eye) if task.objective.prior is not None else np.full(target.base.rank, np.nan)
     W = weighting_of(target, task).rows(target.model.assemble(samples)[:, target.base.index])
-    after = np.linalg.norm(np.linalg.pinv(np.linalg.qr(np.vstack([W, prior.root]), mode="r")), axis=1)
+    after = deviations_of(np.vstack([W, known]))
     return tuple(
         PriorAndPosterior(name, _or_none(value), _or_none(deviation), float(s))
-        for name, value, deviation, s in zip(
-            target.base.names, prior.base_values(eye), prior.base_deviations(eye), after, strict=True
-        )
+        for name, value, deviation, s in zip(target.base.names, values, before, after, strict=True)
     )
 
 

@@ -118,7 +118,8 @@ def _title(design: Design) -> str:
 def _explanation(design: Design) -> str:
     """Text of what is minimised, and of the best start's final value as reported."""
     objective = design.task.objective
-    plain = not objective.weighted and objective.prior is None and objective.scale == "unit" and not objective.interest
+    as_measured = not objective.weighted and objective.prior is None and not objective.after
+    plain = as_measured and objective.scale == "unit" and not objective.interest
     measure = _MEASURES.get((name_of(objective.criterion), objective.base)) if plain else None
     best = next(start for start in design.starts if start.index == design.best_start)
     if measure is None:

@@ -55,6 +55,10 @@ class Objective:
         Prior knowledge of the parameters: the relative uncertainty of the values in the robot's description, or values
         with deviations. It is added to M; the rows of W are then divided by their noise, see
         `excite.information.weighting`.
+    after : tuple of path, IdentificationResult, DesignedMotion or EarlierInformation
+        Earlier results, or designs that are going to be played once, or their folders: the information in hand, which
+        is added to M as prior knowledge is. A design that is played twice is given twice. Where no `noise` is given, it
+        is the one that the results have measured.
     scale : {"unit", "prior", "value", "precision"}
         Scale of each column's parameter: its SI unit, its prior deviation, its value, or the half-width that
         `precision` allows it; rows are then divided by their noise.
@@ -94,6 +98,13 @@ class Objective:
     weighted: bool = option(False, "flag", "Divide rows by their noise in the criterion.", flag="weighted/no-weighted")
     prior: float | tuple[Belief, ...] | None = option(
         None, "prior", "Prior knowledge that the criterion includes; see below.", metavar="R|FILE"
+    )
+    after: tuple[Any, ...] = option(
+        (),
+        "folders",
+        "Earlier results, or designs still to be played, whose information the criterion includes; repeatable.",
+        metavar="DIR,...",
+        late=True,
     )
     scale: str = option("unit", "name", "Scale of the parameters in the criterion; see below.", choices=SCALES)
     require: tuple[str, ...] = option(

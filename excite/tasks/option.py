@@ -13,7 +13,7 @@ from typing import Any, Literal
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
     "prior", "margin", "count", "mount", "payload", "drives", "parameters",
-    "precision",
+    "folders", "precision",
 ]  # fmt: skip
 
 

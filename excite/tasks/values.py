@@ -150,6 +150,15 @@ def _any(value: object) -> object:
     return value
 
 
+def _folders(value: object) -> tuple[object, ...]:
+    """Folders, or objects that were read from them; one alone too."""
+    several = hasattr(value, "__iter__") and not isinstance(value, str | bytes | Mapping)
+    folders = tuple(value) if several else (value,)  # type: ignore[arg-type]
+    if any(each is None or isinstance(each, bool | Real | bytes | Mapping) or each == "" for each in folders):
+        raise _Unfit
+    return tuple(str(each) if isinstance(each, Path) else each for each in folders)
+
+
 def _margin(value: object) -> float | str:
     return value if isinstance(value, str) and value in MARGINS else _number(value)
 
@@ -225,6 +234,7 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "payload": _payload,
     "drives": _drives,
     "parameters": _parameters,
+    "folders": _folders,
     "precision": _precision,
 }
 EXPECTED: dict[Kind, str] = {
@@ -248,6 +258,7 @@ EXPECTED: dict[Kind, str] = {
     "payload": "a list of numbers, or the name of a file",
     "drives": "all, none, or names or numbers of drives",
     "parameters": "standard parameters, each with a finite number",
+    "folders": "results or designs, or their folders",
     "precision": "a share such as 0.05, or a precision target",
 }
 

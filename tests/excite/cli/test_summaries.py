@@ -28,6 +28,7 @@ SESSION = {
     "bound": "bound d",
     "campaign run": "campaign run ROBOT.yaml --executor serial --out c",
     "plan": "plan ROBOT",
+    "plan towards a precision": "plan ROBOT --precision 1000% --after r,d",
     "export": "export d --format npz --out play.npz",
     "export of a model": "export r --format urdf --out model.urdf",
     "logs": "logs run.csv --robot ROBOT",
