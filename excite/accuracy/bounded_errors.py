@@ -1,0 +1,57 @@
+"""Errors of an estimate that is held to bounds or pulled, such as to physically possible bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from excite.identification.estimator import Context
+from excite.identification.factors import GroupFactors
+from excite.identification.identification import Identification
+from excite.identification.observations import Observations
+from regressors.models.nominal import standard_values
+from regressors.samples import Array
+
+FREE = ("weighted", "least-squares", "recursive", "huber")  # linear in the measurements, or nearly so
+
+
+def bounded_estimates(
+    result: Identification,
+    rows: Observations,
+    divisor: Array,
+    values: Array,
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> Array:
+    """What an estimator makes of measurements whose weighted least-squares estimates are given, shape (k, p).
+
+    The rows are condensed to p equations ``R beta = R values`` with ``R'R = W' V W``, of noise one.
+
+    Parameters
+    ----------
+    result : Identification
+        Gives the estimator.
+    rows : Observations
+    divisor : ndarray, shape (groups,)
+        Noise of each group.
+    values : ndarray, shape (k, p)
+    progress : callable
+        Called with the number of estimates done, and k.
+    """
+    if result.estimate.method in FREE:
+        return values
+    estimator, target = result.recipe.chosen_estimator(), result.target
+    context = Context(target, result.prepared, result.recipe, standard_values(target.robot))
+    p = len(rows.names)
+    root = GroupFactors.of(rows).stacked(divisor)[:p, :p]
+    first: np.ndarray = np.zeros(p, dtype=np.intp)
+    condensed = replace(
+        rows, W=root, y=np.zeros(p), equation=first, equations=rows.equations[:1], log=first,
+        time=np.zeros(p), noise=np.ones((1, 1)),
+    )  # fmt: skip
+    bounded = []
+    for k, one in enumerate(values, 1):
+        bounded.append(estimator.estimate(replace(condensed, y=root @ one), context).coefficients)
+        progress(k, len(values))
+    return np.array(bounded)
