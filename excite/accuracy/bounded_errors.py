@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.accuracy.linear_equations import LinearEquations
 from excite.identification.estimator import Context
-from excite.identification.factors import GroupFactors
 from excite.identification.identification import Identification
-from excite.identification.observations import Observations
 from regressors.models.nominal import standard_values
 from regressors.samples import Array
 
@@ -19,8 +18,7 @@ FREE = ("weighted", "least-squares", "recursive", "huber")  # linear in the meas
 
 def bounded_estimates(
     result: Identification,
-    rows: Observations,
-    divisor: Array,
+    linear: LinearEquations,
     values: Array,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Array:
@@ -32,9 +30,7 @@ def bounded_estimates(
     ----------
     result : Identification
         Gives the estimator.
-    rows : Observations
-    divisor : ndarray, shape (groups,)
-        Noise of each group.
+    linear : LinearEquations
     values : ndarray, shape (k, p)
     progress : callable
         Called with the number of estimates done, and k.
@@ -43,11 +39,10 @@ def bounded_estimates(
         return values
     estimator, target = result.recipe.chosen_estimator(), result.target
     context = Context(target, result.prepared, result.recipe, standard_values(target.robot))
-    p = len(rows.names)
-    root = GroupFactors.of(rows).stacked(divisor)[:p, :p]
+    p, root, rows = linear.count, linear.root, linear.rows
     first: np.ndarray = np.zeros(p, dtype=np.intp)
     condensed = replace(
-        rows, W=root, y=np.zeros(p), equation=first, equations=rows.equations[:1], log=first,
+        rows, W=root, y=np.zeros(p), names=rows.names[:p], units=rows.units[:p], equation=first, equations=rows.equations[:1], log=first,
         time=np.zeros(p), noise=np.ones((1, 1)),
     )  # fmt: skip
     bounded = []

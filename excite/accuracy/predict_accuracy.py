@@ -14,7 +14,6 @@ from excite.accuracy.motion_errors import motion_errors
 from excite.accuracy.rehearsal import Rehearsal
 from excite.accuracy.torque_errors import torque_errors
 from excite.accuracy.torque_noise import StatedNoise, TorqueNoise
-from excite.identification.covariance import divisors
 from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
 from excite.identification.stated_uncertainty import DELAY, PRESLIDING
@@ -95,11 +94,11 @@ def predict_accuracy(
     progress("rehearsing the experiment", 0, 1)
     simulation = simulate(design, settings, friction=friction)
     result = identify(design.robot, simulation, design=design, recipe=recipe, estimator=estimator, choose=choose)
-    rehearsal = Rehearsal(simulation, result)
+    rehearsal = Rehearsal(simulation, result, _found(recipe, result.choices))
     stated = noise if noise is not None else StatedNoise.of(settings)
     steps = _Steps(progress)
-    seed, found = settings.seed, _found(recipe, result.choices)
-    torques = torque_errors(result, stated, count, seed, found=found, progress=steps("noise of the torques"))
+    seed = settings.seed
+    torques = torque_errors(result, stated, count, seed, rehearsal.found, steps("noise of the torques"))
     motion = np.zeros_like(torques)
     if rehearsal.moves:
         motion = motion_errors(rehearsal, count, seed, steps("noise of the motion"))
@@ -137,12 +136,12 @@ def _found(recipe: Recipe, choices: tuple[Choice, ...]) -> frozenset[str]:
 
 def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, steps: _Steps) -> tuple[ParameterAccuracy, ...]:
     """What the errors by noise of the torques and of the motion, each of shape (k, p), make of each parameter."""
-    result, values = rehearsal.result, rehearsal.values
+    result, exact = rehearsal.result, rehearsal.exact
+    values = exact.solution.values[: exact.count]
     by_torques, by_motion = (np.std(errors, axis=0, ddof=1) for errors in (torques, motion))
     deviation, mean = np.hypot(by_torques, by_motion), values + motion.mean(axis=0)
     if result.estimate.method not in FREE:
-        divisor = divisors(result.estimate)
-        bounded = bounded_estimates(result, rehearsal.exact, divisor, values + torques + motion, steps("bounds"))
+        bounded = bounded_estimates(result, exact, values + torques + motion, steps("bounds"))
         deviation, mean = np.std(bounded, axis=0, ddof=1), bounded.mean(axis=0)
     truth = _truth(rehearsal)
     return tuple(

@@ -7,14 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from excite.identification.covariance import METHODS, divisors
-from excite.identification.equations import equations
-from excite.identification.factors import GroupFactors
+from excite.accuracy.linear_equations import LinearEquations, linear_equations
+from excite.identification.covariance import METHODS
 from excite.identification.identification import Identification
 from excite.identification.known_friction import without_friction
-from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog, prepare
-from excite.identification.solution import solve_triangular_system
 from excite.identification.standstill import without_standstill
 from excite.logs.log import Log
 from excite.simulation.integration import SimulatedRun
@@ -37,10 +34,13 @@ class Rehearsal:
     simulation : Simulation
     result : Identification
         Of its log.
+    found : frozenset of str
+        Settings that every repeat finds again from its own log, see `excite.identification.stated_uncertainty`.
     """
 
     simulation: Simulation
     result: Identification
+    found: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         method, model = self.result.estimate.method, self.result.target.model
@@ -60,18 +60,13 @@ class Rehearsal:
         return motion_settings(self.settings) != exact_settings(self.settings)
 
     @cached_property
-    def exact(self) -> Observations:
+    def exact(self) -> LinearEquations:
         """Equations of the exact motion and the exact torques, with whatever the model does not describe."""
-        return self.observations(self.log(exact_settings(self.settings), np.zeros(self.simulation.robot.n)))
+        return self.equations(self.log(exact_settings(self.settings), np.zeros(self.simulation.robot.n)))
 
-    @cached_property
-    def values(self) -> Array:
-        """Estimate from `exact` with the weights of the noise, without bounds, shape (p,)."""
-        return solve_triangular_system(GroupFactors.of(self.exact).stacked(divisors(self.result.estimate))).values
-
-    def observations(self, log: Log) -> Observations:
+    def equations(self, log: Log) -> LinearEquations:
         """Equations of a log by the settings of the identification."""
-        return equations(self.result.target, [self.prepared(log)], self.result.recipe)
+        return linear_equations(self.result, self.prepared(log), self.found)
 
     def prepared(self, log: Log) -> PreparedLog:
         """Motion and measurements of a log by the settings of the identification."""

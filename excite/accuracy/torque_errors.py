@@ -6,11 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from excite.accuracy.linear_equations import linear_equations
 from excite.accuracy.torque_noise import TorqueNoise
-from excite.identification.curve_uncertainty import estimate_changes
 from excite.identification.equations import right_sides
 from excite.identification.identification import Identification
-from excite.identification.stated_uncertainty import widened_by_found
 from regressors.samples import Array
 
 _NUMBERS = 2**23  # of noise that is held at once
@@ -21,7 +20,6 @@ def torque_errors(
     noise: TorqueNoise,
     count: int,
     seed: int,
-    *,
     found: frozenset[str] = frozenset(),
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Array:
@@ -32,7 +30,7 @@ def torque_errors(
     Parameters
     ----------
     result : Identification
-        Gives W, the weights V and F.
+        Of one log; gives W, the weights V and F.
     noise : TorqueNoise
     count : int
         Samples of the noise n.
@@ -44,12 +42,11 @@ def torque_errors(
     """
     (part,), target, recipe = result.prepared, result.target, result.recipe
     N, n = part.measured.shape
-    estimate, rows = widened_by_found(result.estimate, result.observations, target, (part,), recipe, found)
+    linear = linear_equations(result, part, found)
     rng, errors = np.random.default_rng([seed, 0]), []
-    block = max(1, min(count, len(result.names), _NUMBERS // (N * n)))
+    block = max(1, min(count, _NUMBERS // (N * n)))
     for first in range(0, count, block):
         samples = [noise.draw(part.samples.time, n, rng) for _ in range(min(block, count - first))]
-        changes = estimate_changes(estimate, rows, right_sides(target, part, recipe, np.array(samples)))
-        errors.append(changes[: len(result.names)].T)
+        errors.append(linear.errors(right_sides(target, part, recipe, np.array(samples))))
         progress(min(first + block, count), count)
     return np.concatenate(errors)

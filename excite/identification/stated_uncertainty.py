@@ -47,34 +47,21 @@ def with_uncertainty(
         Which of `FOUND` were found from the same logs.
     """
     origin = noise_origin(target, parts, recipe)
-    wider, rows = widened_by_found(estimate, observations, target, parts, recipe, found)
+    wider, rows = estimate, observations
+    for name, column in found_columns(estimate, target, parts, recipe, found):
+        wider, rows = with_nuisance(wider, rows, column, name)
     wider = with_covariance(wider, rows, recipe.covariance, origin)
     return wider if rows is observations else without_nuisance(wider, estimate)
 
 
-def widened_by_found(
-    estimate: Estimate,
-    observations: Observations,
-    target: IdentificationTarget,
-    parts: Sequence[PreparedLog],
-    recipe: Recipe,
-    found: frozenset[str],
-) -> tuple[Estimate, Observations]:
-    """Estimate and observations with one more parameter for each setting that was found; as for `with_uncertainty`."""
-    wider, rows = estimate, observations
-    for name, column in _columns(estimate, target, parts, recipe, found):
-        wider, rows = with_nuisance(wider, rows, column, name)
-    return wider, rows
-
-
-def _columns(
+def found_columns(
     estimate: Estimate,
     target: IdentificationTarget,
     parts: Sequence[PreparedLog],
     recipe: Recipe,
     found: frozenset[str],
 ) -> list[tuple[str, Array]]:
-    """Names and columns of what was found."""
+    """Names of the settings that were found, and their columns of the equations, shape (m,); see `with_uncertainty`."""
     if not is_supported(estimate):
         return []
     made = {PRESLIDING: presliding_column, DELAY: delay_column}
