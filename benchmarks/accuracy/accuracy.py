@@ -163,8 +163,8 @@ LIMITATIONS = (
     "repeats are logs of one simulated run with other noise, bit for bit those of `excite.simulate` with other seeds, "
     "since noise is not fed back; under `all` every repeat is a run of its own, with a controller whose model is off by "
     "up to 5 % in another way",
-    "friction of panda and ur10e is assumed; their friction changes sign over 0.05 rad/s, which the identification is "
-    "told; that of the irp6 finds it from each log",
+    "friction of panda and ur10e is assumed; it changes sign over 0.1 and 0.35 rad/s, which is stated to the "
+    "identification; for the irp6 it is found from each log",
     "bias: of the parameters that the simulated robot has; under Stribeck friction it has no Coulomb and viscous ones",
     f"{PLAIN}: the prediction takes the settings that `identify` chooses from one simulated log; repeats choose anew "
     "from each log, and a parameter may be missing in some of them",

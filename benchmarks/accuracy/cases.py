@@ -15,10 +15,10 @@ from regressors.friction.curves import CoulombViscous, FrictionCurves
 from regressors.readers.library import load_robot
 
 RATE = 200.0  # of the logs [Hz]
-SIGN_WIDTH = 0.05  # of the friction of panda and ur10e, stated to the identification too [rad/s]
+SIGN_WIDTH = {"panda": 0.1, "ur10e": 0.35}  # of their friction, stated to the identification too [rad/s]
 BREAK_AWAY, STRIBECK = 1.3, 0.05  # friction at rest over Coulomb friction, and its decay [rad/s or m/s]
-FRICTION = {"panda": (1.0, 1.0), "ur10e": (6.0, 8.0)}  # not published: assumed [Nm, Nm s/rad]
-NOISE = {"irp6": 0.3, "panda": 0.3, "ur10e": 0.5}  # [Nm]
+COULOMB, VISCOUS = 0.01, 0.005  # of panda and ur10e, not published: assumed, of the torque limits [1, s/rad]
+NOISE = {"irp6": 3 * (0.3,), "panda": 4 * (0.3,) + 3 * (0.05,), "ur10e": (1.0, 1.0, 0.5, 0.1, 0.1, 0.1)}  # [Nm]
 MOTION: dict[str, dict[str, Any]] = {
     "irp6": {"encoder": 500.0, "position_noise": 1e-4},
     "panda": {"encoder": 8192.0, "position_noise": 4e-4},
@@ -62,13 +62,13 @@ class Condition:
         level = NOISE[robot]
         options = {
             "rate": RATE,
-            "torque_noise": level * self.white,
-            "coloured_noise": level * self.coloured,
+            "torque_noise": tuple(self.white * s for s in level),
+            "coloured_noise": tuple(self.coloured * s for s in level),
             "noise_corner": 2.0,
             "model_error": self.model_error,
             **(MOTION[robot] if self.moves else {}),
         }
-        return options if robot == "irp6" else {**options, "sign_width": SIGN_WIDTH}
+        return options if robot == "irp6" else {**options, "sign_width": SIGN_WIDTH[robot]}
 
     def friction(self, robot: str) -> FrictionCurves | None:
         """Friction of the simulated robot; None for that of its description."""
@@ -84,7 +84,7 @@ class Condition:
         """Options of `predict_accuracy` and `identify` alike."""
         if self.plain:
             return {}
-        width = {} if robot == "irp6" else {"sign_width": SIGN_WIDTH}
+        width = {} if robot == "irp6" else {"sign_width": SIGN_WIDTH[robot]}
         return {"recipe": Recipe(**{"cutoff": 10.0, **width, **self.recipe}), "choose": False}
 
 
@@ -111,5 +111,6 @@ def _friction(robot: str) -> dict[str, tuple[float, float]]:
     """Coulomb and viscous friction of each drive, or joint."""
     described = load_robot(robot)
     if described.transmission is None:
-        return dict.fromkeys(described.joint_names, FRICTION[robot])
+        limits = zip(described.joint_names, described.limits.torque, strict=True)
+        return {name: (COULOMB * float(limit), VISCOUS * float(limit)) for name, limit in limits}
     return {drive.name: (drive.coulomb, drive.viscous) for drive in described.transmission.drives}
