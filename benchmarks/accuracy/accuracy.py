@@ -91,7 +91,7 @@ def predicted_and_repeated(robot: str, condition: Condition) -> dict[str, Any]:
 
 
 def measured_again(simulation: Simulation, seed: int) -> Any:
-    """The log that `simulate` gives with another seed where the controller's model is exact: noise changes no motion."""
+    """The log that `simulate` gives with another seed where the controller's model is exact."""
     settings = replace(simulation.settings, seed=seed)
     log = joint_log(simulation.robot, simulation.run, settings, np.random.default_rng(seed))
     return replace(log, sha256=f"{seed}", truth=simulation.truth)
@@ -161,8 +161,8 @@ LIMITATIONS = (
     f"`compatible`: the ratio may be within a factor {FACTOR} given that",
     "one motion per robot, two starts of the default search, 10 s once, logs of 200 Hz",
     "repeats are logs of one simulated run with other noise, bit for bit those of `excite.simulate` with other seeds, "
-    "since noise is not fed back; under `all` every repeat is a run of its own, with a controller whose model is off by "
-    "up to 5 % in another way",
+    "since noise is not fed back; under `all` every repeat is a run of its own, whose controller has a model that is "
+    "off by up to 5 % in another way",
     "friction of panda and ur10e is assumed; it changes sign over 0.1 and 0.35 rad/s, which is stated to the "
     "identification; for the irp6 it is found from each log",
     "bias: of the parameters that the simulated robot has; under Stribeck friction it has no Coulomb and viscous ones",

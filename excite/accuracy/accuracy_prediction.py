@@ -65,6 +65,8 @@ class AccuracyPrediction:
         Settings of the identification, as plain values.
     notes : tuple of str
         What was chosen and assumed.
+    design_sha256 : str
+        Hash of the motion's coefficients.
     """
 
     name: str
@@ -76,6 +78,7 @@ class AccuracyPrediction:
     conditions: Mapping[str, Any] = field(default_factory=dict)
     identification: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    design_sha256: str = ""
 
     @property
     def precision(self) -> float:

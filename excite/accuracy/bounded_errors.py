@@ -42,9 +42,17 @@ def bounded_estimates(
     p, root, rows = linear.count, linear.root, linear.rows
     first: np.ndarray = np.zeros(p, dtype=np.intp)
     condensed = replace(
-        rows, W=root, y=np.zeros(p), names=rows.names[:p], units=rows.units[:p], equation=first, equations=rows.equations[:1], log=first,
-        time=np.zeros(p), noise=np.ones((1, 1)),
-    )  # fmt: skip
+        rows,
+        W=root,
+        y=np.zeros(p),
+        names=rows.names[:p],
+        units=rows.units[:p],
+        equation=first,
+        equations=rows.equations[:1],
+        log=first,
+        time=np.zeros(p),
+        noise=np.ones((1, 1)),
+    )
     bounded = []
     for k, one in enumerate(values, 1):
         bounded.append(estimator.estimate(replace(condensed, y=root @ one), context).coefficients)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +12,14 @@ import numpy as np
 from excite.accuracy.accuracy_prediction import AccuracyPrediction, ParameterAccuracy
 from excite.accuracy.bounded_errors import FREE, bounded_estimates
 from excite.accuracy.motion_errors import motion_errors
-from excite.accuracy.rehearsal import Rehearsal
+from excite.accuracy.rehearsal import Rehearsal, exact_settings, motion_settings
 from excite.accuracy.torque_errors import torque_errors
 from excite.accuracy.torque_noise import StatedNoise, TorqueNoise
 from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
 from excite.identification.stated_uncertainty import DELAY, PRESLIDING
 from excite.registry import name_of
+from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import changed_settings, simulate
 from regressors.errors import InputError
@@ -33,7 +35,10 @@ if TYPE_CHECKING:
     from regressors.samples import Array
 
 COUNT = 400
-Progress = Callable[[str, int, int], None]
+_OF_IDENTIFY = {field.name for field in fields(Recipe)} - {
+    field.name for kind in (SimulationSettings, Degradation) for field in fields(kind)
+}
+_STEPS = 4  # of progress
 
 
 @numerical_work("the prediction of the accuracy", "noise that is far larger than the torques is the likely cause")
@@ -47,7 +52,7 @@ def predict_accuracy(
     estimator: Estimator | str | None = None,
     choose: bool | Collection[str] = True,
     count: int = COUNT,
-    progress: Progress = lambda *_: None,
+    progress: Callable[[str], None] = lambda _: None,
     **options: Any,
 ) -> AccuracyPrediction:
     """Predict the deviation and the bias that repeats of an experiment will show of each parameter.
@@ -73,9 +78,10 @@ def predict_accuracy(
     count : int
         Random samples; the deviations are known to ``1 / sqrt(2 count)``, 3.5 % for 400.
     progress : callable
-        Called with a description of the step, the number done and their total.
+        Called with a description of each step.
     **options
-        Fields of the settings and of their degradation, by name, such as ``torque_noise=0.5``.
+        By name, such as ``torque_noise=0.5``: fields of the settings and of their degradation; and of the recipe those
+        that the settings do not have too, such as ``cutoff=10``.
 
     Returns
     -------
@@ -86,18 +92,18 @@ def predict_accuracy(
     InputError
         Invalid settings, a model or an estimator that is not supported, or conditions without any noise.
     """
-    check("repeats", count)
-    if count < 2:
-        raise InputError(f"count must be 2 or more, given {count}")
+    check("count", count)
+    how = {name: options.pop(name) for name in list(options) if name in _OF_IDENTIFY}
     settings = changed_settings(settings if settings is not None else SimulationSettings(), options)
-    recipe = recipe if recipe is not None else Recipe()
-    progress("rehearsing the experiment", 0, 1)
-    simulation = simulate(design, settings, friction=friction)
-    result = identify(design.robot, simulation, design=design, recipe=recipe, estimator=estimator, choose=choose)
-    rehearsal = Rehearsal(simulation, result, _found(recipe, result.choices))
     stated = noise if noise is not None else StatedNoise.of(settings)
-    steps = _Steps(progress)
-    seed = settings.seed
+    _check_noise(stated, settings)
+    recipe = recipe if recipe is not None else Recipe()
+    progress("simulating the experiment once")
+    simulation = simulate(design, settings, friction=friction)
+    progress("identifying its log")
+    result = identify(design.robot, simulation, design=design, recipe=recipe, estimator=estimator, choose=choose, **how)
+    rehearsal = Rehearsal(simulation, result, _found(recipe, result.choices))
+    steps, seed = _Steps(progress), settings.seed
     torques = torque_errors(result, stated, count, seed, rehearsal.found, steps("noise of the torques"))
     motion = np.zeros_like(torques)
     if rehearsal.moves:
@@ -113,17 +119,31 @@ def predict_accuracy(
         settings.to_dict(),
         result.recipe.to_dict(),
         _notes(rehearsal),
+        design.coefficients_sha256,
     )
 
 
-class _Steps:
-    """Progress of each step, with its description."""
+def _check_noise(noise: TorqueNoise, settings: SimulationSettings) -> None:
+    quiet = isinstance(noise, StatedNoise) and not any((*noise.white, *noise.coloured))
+    if quiet and motion_settings(settings) == exact_settings(settings):
+        raise InputError(
+            "without noise repeats do not scatter; give `torque_noise`, `coloured_noise`, `encoder`, `position_noise` "
+            "or `velocity_noise`"
+        )
 
-    def __init__(self, progress: Progress) -> None:
+
+class _Steps:
+    """Descriptions of the steps, with how much of each is done."""
+
+    def __init__(self, progress: Callable[[str], None]) -> None:
         self.progress = progress
 
     def __call__(self, what: str) -> Callable[[int, int], None]:
-        return lambda done, total: self.progress(what, done, total)
+        def report(done: int, total: int) -> None:
+            if done == total or done % max(1, total // _STEPS) == 0:
+                self.progress(f"{what}: {done} of {total} samples")
+
+        return report
 
 
 def _found(recipe: Recipe, choices: tuple[Choice, ...]) -> frozenset[str]:
@@ -141,8 +161,9 @@ def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, steps: _Ste
     by_torques, by_motion = (np.std(errors, axis=0, ddof=1) for errors in (torques, motion))
     deviation, mean = np.hypot(by_torques, by_motion), values + motion.mean(axis=0)
     if result.estimate.method not in FREE:
-        bounded = bounded_estimates(result, exact, values + torques + motion, steps("bounds"))
-        deviation, mean = np.std(bounded, axis=0, ddof=1), bounded.mean(axis=0)
+        free = values + torques + motion
+        bounded = bounded_estimates(result, exact, free, steps("bounds"))
+        deviation, mean = np.std(bounded, axis=0, ddof=1), mean + (bounded - free).mean(axis=0)
     truth = _truth(rehearsal)
     return tuple(
         ParameterAccuracy(name, unit, float(m), float(t), float(q), float(s), None if np.isnan(x) else float(m - x))
@@ -161,4 +182,8 @@ def _truth(rehearsal: Rehearsal) -> Array:
 def _notes(rehearsal: Rehearsal) -> tuple[str, ...]:
     result = rehearsal.result
     chosen = tuple(f"{choice.name}: {choice.reason}" for choice in result.choices)
-    return (*rehearsal.simulation.notes, *chosen)
+    notes = (*rehearsal.simulation.notes, *chosen)
+    degradation = rehearsal.settings.degradation
+    if degradation.hold or degradation.drop_rows or degradation.clock_jitter is not None:
+        notes = (*notes, "noise of the torques is taken as if no row were held, missing or stamped late")
+    return notes

@@ -46,8 +46,10 @@ class Rehearsal:
         method, model = self.result.estimate.method, self.result.target.model
         if method not in METHODS:
             raise InputError(f"accuracy is predicted for the estimators {', '.join(METHODS)}, not for {method}")
+        if self.result.recipe.average:
+            raise InputError("accuracy is predicted for every instant of the log; leave out `average`")
         if model.channel != "effort":
-            raise InputError("accuracy is predicted for models of joint torques, not for those of a force/torque sensor")
+            raise InputError("accuracy is predicted for models of joint torques, not for those of a wrench")
 
     @property
     def settings(self) -> SimulationSettings:

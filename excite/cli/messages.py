@@ -24,6 +24,7 @@ _COMMANDS: Mapping[str, str] = {
     "run_campaign": "'excite campaign run'",
     "identify": "'excite identify'",
     "simulate": "'excite simulate'",
+    "predict_accuracy": "'excite predict'",
     "verify": "'excite verify'",
     "compare": "'excite compare'",
     "export_model": "'excite export'",
