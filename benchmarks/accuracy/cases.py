@@ -25,6 +25,7 @@ MOTION: dict[str, dict[str, Any]] = {
     "ur10e": {"encoder": 8192.0, "position_noise": 4e-4},
 }
 PLAIN = "plain defaults"
+IRP6 = ("irp6",)
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,8 @@ class Condition:
         Settings of the identification beside a cutoff of 10 Hz.
     plain : bool
         Nothing is stated; `identify` chooses from each log.
+    robots : tuple of str
+        Which robots are measured so.
     """
 
     name: str
@@ -56,6 +59,7 @@ class Condition:
     model_error: float = 0.0
     recipe: dict[str, Any] = field(default_factory=dict)
     plain: bool = False
+    robots: tuple[str, ...] = tuple(NOISE)
 
     def settings(self, robot: str) -> dict[str, Any]:
         """Options of the simulation."""
@@ -91,10 +95,10 @@ class Condition:
 CONDITIONS = (
     Condition("white", white=1.0),
     Condition("coloured", white=0.3, coloured=1.0),
-    Condition("coloured, equations low-passed at 5 Hz", white=0.3, coloured=1.0, recipe={"low_pass": 5.0}),
+    Condition("coloured, equations low-passed at 5 Hz", white=0.3, coloured=1.0, recipe={"low_pass": 5.0}, robots=IRP6),
     Condition("encoder", white=0.3, moves=True),
-    Condition("encoder, Savitzky-Golay", white=0.3, moves=True, recipe={"signals": "savitzky-golay"}),
-    Condition("encoder, Fourier", white=0.3, moves=True, recipe={"signals": "fourier", "cutoff": None}),
+    Condition("encoder, Savitzky-Golay", white=0.3, moves=True, recipe={"signals": "savitzky-golay"}, robots=IRP6),
+    Condition("encoder, Fourier", white=0.3, moves=True, recipe={"signals": "fourier", "cutoff": None}, robots=IRP6),
     Condition("friction", white=1.0, stribeck=True),
     Condition("all", white=0.3, coloured=1.0, moves=True, stribeck=True, model_error=0.05),
     Condition(f"all, {PLAIN}", white=0.3, coloured=1.0, moves=True, stribeck=True, plain=True),

@@ -46,4 +46,4 @@ def _widest_step(settings: SimulationSettings, joints: int) -> Array:
     step = np.broadcast_to(settings.degradation.position_step, joints)
     if settings.encoder is None:
         return np.asarray(step)
-    return np.maximum(step, 2 * np.pi / np.broadcast_to(settings.encoder, joints))
+    return np.asarray(np.maximum(step, 2 * np.pi / np.broadcast_to(settings.encoder, joints)))

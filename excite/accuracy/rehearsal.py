@@ -21,9 +21,6 @@ from excite.simulation.simulation import Simulation
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
 
-_EXACT_SENSORS = {"encoder": None, "position_noise": (0.0,), "velocity_noise": (0.0,)}
-_EXACT_RECORDER = {"position_step": (0.0,), "hold": 0.0, "clock_jitter": None, "drop_rows": 0.0}
-
 
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
@@ -107,4 +104,5 @@ def motion_settings(settings: SimulationSettings) -> SimulationSettings:
 def exact_settings(settings: SimulationSettings) -> SimulationSettings:
     """The settings of exact sensors and a recorder that loses nothing; gains, delays and drifts stay."""
     quiet = motion_settings(settings)
-    return replace(quiet, **_EXACT_SENSORS, degradation=replace(quiet.degradation, **_EXACT_RECORDER))
+    recorder = replace(quiet.degradation, position_step=(0.0,), hold=0.0, clock_jitter=None, drop_rows=0.0)
+    return replace(quiet, encoder=None, position_noise=(0.0,), velocity_noise=(0.0,), degradation=recorder)

@@ -89,7 +89,7 @@ class MeasuredNoise(TorqueNoise):
 
     def draw(self, time: Array, joints: int, rng: np.random.Generator) -> Array:
         """See `TorqueNoise.draw`."""
-        rate = (time.size - 1) / float(time[-1] - time[0])
+        rate = _rate(time)
         if abs(rate / self.rate - 1) > _SAME_RATE or joints != len(self.joints):
             raise InputError(
                 f"noise was measured of {len(self.joints)} joints at {self.rate:.4g} Hz, and the motion has {joints} "
@@ -140,4 +140,8 @@ def measured_noise(result: Identification, log: int = 0) -> MeasuredNoise:
             e = residual[own]
             fitted = float(np.sqrt(np.mean(e**2)))  # less than the noise by what the parameters take up
             joints.append(noise_of_residuals(e * deviation[group % r] / fitted if fitted > 0 else e))
-    return MeasuredNoise(result.prepared[log].log.rate, tuple(joints))
+    return MeasuredNoise(_rate(result.prepared[log].samples.time), tuple(joints))
+
+
+def _rate(time: Array) -> float:
+    return (time.size - 1) / float(time[-1] - time[0])
