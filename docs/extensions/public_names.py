@@ -18,7 +18,7 @@ GROUPS = {
     "Limits": ("constraints",),
     "Designs": ("excite.design", "excite.tasks", "excite.files", "excite.campaigns", "excite.optimality"),
     "Criteria and solvers": ("excite.information", "excite.design.solvers"),
-    "Simulation": ("excite.simulation", "excite.timecourse", "excite.montecarlo"),
+    "Simulation": ("excite.simulation", "excite.timecourse", "excite.montecarlo", "excite.accuracy"),
     "Logs and identification": (
         "excite.logs",
         "excite.signals",

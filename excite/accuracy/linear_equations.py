@@ -52,7 +52,7 @@ class LinearEquations:
         """Triangular factor of the equations of beta once the settings are eliminated, shape (p, p)."""
         p, k = self.count, self.factor.shape[1] - 1 - self.count
         first = np.concatenate([self.factor[:, p : p + k], self.factor[:, :p]], axis=1)
-        return np.asarray(np.linalg.qr(first, mode="r")[k : k + p, k:])
+        return np.asarray(np.linalg.qr(first, mode="r"))[k : k + p, k:]
 
     def errors(self, changes: Array) -> Array:
         """``(W' V W)^-1 W' V e`` for errors of the right-hand side of shape (m, k), shape (k, p)."""
