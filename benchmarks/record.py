@@ -120,7 +120,8 @@ def _into_readme(name: str, body: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    for folder in (HERE / name for name in ("coverage", "degradation", "identification", "real", "repetitions")):
+    named = ("accuracy", "coverage", "degradation", "identification", "real", "repetitions")
+    for folder in (HERE / name for name in named):
         for file in sorted((folder / "results").glob("*.md")):
             _into_readme(file.stem, file.read_text(encoding="utf-8"), folder)
     _refresh_claims()

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from constraints.limits.tool import ToolBox, ToolSpeed
     from constraints.limits.torque import TorqueLimit
     from constraints.nonlinear import NonlinearConstraint
+    from excite.accuracy.accuracy_prediction import AccuracyPrediction
+    from excite.accuracy.predict_accuracy import predict_accuracy
+    from excite.accuracy.torque_noise import TorqueNoise, measured_noise
     from excite.campaigns.campaign_table import CampaignTable, load_campaign
     from excite.campaigns.run_campaign import run_campaign
     from excite.design.campaign import plan_campaign
@@ -122,6 +125,7 @@ if TYPE_CHECKING:
 check_packages()
 
 _PLACES = {
+    "AccuracyPrediction": "excite.accuracy.accuracy_prediction",
     "BSpline": "excite.trajectories.bspline",
     "Belief": "excite.tasks.objective",
     "Collisions": "constraints.collision.collision_limits",
@@ -191,6 +195,7 @@ _PLACES = {
     "TimeStudy": "excite.timecourse.time_study",
     "Tolerances": "excite.verification.verdict",
     "TooLargeError": "excite.errors",
+    "TorqueNoise": "excite.accuracy.torque_noise",
     "ToolBox": "constraints.limits.tool",
     "ToolSpeed": "constraints.limits.tool",
     "TorqueLimit": "constraints.limits.torque",
@@ -216,8 +221,10 @@ _PLACES = {
     "load_result": "excite.files.result_json",
     "load_robot": "regressors.readers.library",
     "next_motion": "excite.precision.next_motion",
+    "measured_noise": "excite.accuracy.torque_noise",
     "plan_campaign": "excite.design.campaign",
     "plan_friction": "excite.friction.plan.plan_friction",
+    "predict_accuracy": "excite.accuracy.predict_accuracy",
     "read_friction": "excite.files.friction_file",
     "read_log": "excite.logs.log_reading",
     "read_mapping": "excite.logs.mapping",
@@ -249,6 +256,7 @@ _RENAMED = {
 }
 
 __all__ = [
+    "AccuracyPrediction",
     "BSpline",
     "Belief",
     "BrokenLimitError",
@@ -327,6 +335,7 @@ __all__ = [
     "ToolBox",
     "ToolSpeed",
     "TorqueLimit",
+    "TorqueNoise",
     "TrajectoryChoice",
     "Verification",
     "Waypoints",
@@ -351,9 +360,11 @@ __all__ = [
     "load_design",
     "load_result",
     "load_robot",
+    "measured_noise",
     "next_motion",
     "plan_campaign",
     "plan_friction",
+    "predict_accuracy",
     "read_friction",
     "read_log",
     "read_mapping",

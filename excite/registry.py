@@ -112,6 +112,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     # what `save` calls, by the kind of object that is saved
     "writer": {
+        "accuracy": "excite.files.accuracy_file:save_accuracy",
         "bound": "excite.files.bound_file:save_bound",
         "design": "excite.files.design_folder:save_design",
         "result": "excite.files.result_json:save_result",

@@ -174,6 +174,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "motion_tolerance": PERCENT,
     "horizon": TIME,
     "repeats": replace(COUNT, least=0),
+    "count": replace(COUNT, least=2),
     "below": PERCENT,
     "points": COUNT,
     "at_once": Quantity("", 1, 1000, whole=True),

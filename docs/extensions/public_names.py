@@ -25,7 +25,7 @@ GROUPS = {
         "excite.precision",
     ),
     "Criteria and solvers": ("excite.information", "excite.design.solvers"),
-    "Simulation": ("excite.simulation", "excite.timecourse", "excite.montecarlo"),
+    "Simulation": ("excite.simulation", "excite.timecourse", "excite.montecarlo", "excite.accuracy"),
     "Logs and identification": (
         "excite.logs",
         "excite.signals",

@@ -27,6 +27,7 @@ _COMMANDS = {
     "export": "Write a design as a motion that a controller plays, or a result as a model.",
     "simulate": "Simulate the motion of a design, and write what the robot would measure.",
     "logs": "Show what a recording holds, and write the mapping that reads it.",
+    "predict": "Predict how much parameters will scatter from repeat to repeat, under stated noise.",
     "identify": "Estimate a robot's parameters from its logs, with their uncertainty.",
     "verify": "Judge a result on a log that was not used to identify.",
     "study": "Follow estimates over the growing time of logs and simulated designs.",
@@ -37,7 +38,7 @@ _COMMANDS = {
     "bound": "Bound the criteria of all motions within the limits: how far a design is from the best possible.",
 }
 _GROUPS = {
-    "Design a motion": ("robots", "design", "plan", "campaign", "compare", "bound", "export"),
+    "Design a motion": ("robots", "design", "plan", "campaign", "compare", "bound", "predict", "export"),
     "From logs to parameters": ("simulate", "logs", "identify", "verify", "study"),
     "Friction and payload": ("friction", "payload"),
     "Share results": ("report",),

@@ -25,6 +25,7 @@ _COMMANDS: Mapping[str, str] = {
     "identify": "'excite identify'",
     "next_motion": "'excite plan'",
     "simulate": "'excite simulate'",
+    "predict_accuracy": "'excite predict'",
     "verify": "'excite verify'",
     "compare": "'excite compare'",
     "export_model": "'excite export'",

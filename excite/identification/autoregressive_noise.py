@@ -90,6 +90,12 @@ def autoregressive_noise(autocovariance: Array, count: int) -> AutoregressiveNoi
     return best
 
 
+def noise_of_residuals(residual: Array) -> AutoregressiveNoise:
+    """Stationary noise of which one equation's residuals are a sample, shape (n,) in the order of time."""
+    autocovariance = _autocovariance(residual, np.ones((residual.size, 1)))
+    return autoregressive_noise(autocovariance, residual.size)
+
+
 def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float, share: float = 1.0) -> Array:
     """Covariance C of the module's equations, shape (r, r).
 

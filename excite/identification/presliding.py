@@ -25,6 +25,7 @@ from regressors.samples import Array, Samples
 
 WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
 DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
+CLOSE = 1e-3  # of log10 of a size: the search then adds nothing to the scatter by noise, which 2e-2 doubled
 WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exact sign stays
 _ROWS = 10_000
 
@@ -201,7 +202,7 @@ def _refined(family: _Family, score: Score) -> PreslidingCandidate:
     exponents = np.log10(family.sizes)
     best = int(np.argmin([misfit(exponent) for exponent in exponents]))
     bounds = exponents[max(best - 1, 0)], exponents[min(best + 1, exponents.size - 1)]
-    minimum = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 0.02})
+    minimum = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": CLOSE})
     return PreslidingCandidate(Presliding(**{family.kind: float(10.0**minimum.x)}), float(minimum.fun))
 
 

@@ -48,20 +48,20 @@ def with_uncertainty(
     """
     origin = noise_origin(target, parts, recipe)
     wider, rows = estimate, observations
-    for name, column in _columns(estimate, target, parts, recipe, found):
+    for name, column in found_columns(estimate, target, parts, recipe, found):
         wider, rows = with_nuisance(wider, rows, column, name)
     wider = with_covariance(wider, rows, recipe.covariance, origin)
     return wider if rows is observations else without_nuisance(wider, estimate)
 
 
-def _columns(
+def found_columns(
     estimate: Estimate,
     target: IdentificationTarget,
     parts: Sequence[PreparedLog],
     recipe: Recipe,
     found: frozenset[str],
 ) -> list[tuple[str, Array]]:
-    """Names and columns of what was found."""
+    """Names of the settings that were found, and their columns of the equations, shape (m,); see `with_uncertainty`."""
     if not is_supported(estimate):
         return []
     made = {PRESLIDING: presliding_column, DELAY: delay_column}

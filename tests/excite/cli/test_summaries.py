@@ -26,6 +26,7 @@ SESSION = {
     "verify several": "verify r other.csv third.csv --out v",
     "compare": "compare d dh",
     "bound": "bound d",
+    "predict": "predict d --torque-noise 0.3 --rate 200 --count 10",
     "campaign run": "campaign run ROBOT.yaml --executor serial --out c",
     "plan": "plan ROBOT",
     "plan towards a precision": "plan ROBOT --precision 1000% --after r,d",

@@ -44,6 +44,14 @@ def test_a_planted_width_is_found(log: Log) -> None:
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
 
 
+@pytest.mark.parametrize("width", [0.01, 0.02])
+def test_a_width_is_searched_more_closely_than_noise_lets_it_be_known(log: Log, width: float) -> None:
+    assert log.dq is not None
+    z = log.dq @ irp6().transmission.coupling[:3, :3].T
+    result = found(TASK, turned(log, np.tanh(z / width)))
+    assert result.recipe.sign_width == pytest.approx(width, rel=2e-3)
+
+
 def test_a_planted_distance_is_found(log: Log) -> None:
     # Dahl's equation by small steps of Euler along a fine path
     motion, fine = three_joints(), 200

@@ -1,0 +1,1 @@
+"""What repeats of an experiment will show: deviations and biases of the parameters, predicted before it."""

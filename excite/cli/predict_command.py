@@ -1,0 +1,152 @@
+"""``excite predict``: the deviations that repeats of an experiment will show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from excite.cli.command import Command
+from excite.cli.options import Number, NumberOr, Numbers, PartName, own_parts
+from excite.registry import ESTIMATORS, SIGNALS
+from excite.simulation.settings import AUTO
+
+if TYPE_CHECKING:
+    from excite.accuracy.accuracy_prediction import AccuracyPrediction
+    from excite.cli.summary import Summary
+
+_MOST = 12  # parameters in the summary
+_GROUPS = {
+    "Noise": ("torque_noise", "coloured_noise", "noise_corner", "encoder", "position_noise", "velocity_noise"),
+    "Experiment": ("rate", "periods", "model_error", "friction", "breakaway", "torque_gain", "friction_drift"),
+    "Identification": ("signals", "cutoff", "low_pass", "every", "estimator", "choose"),
+    "Prediction": ("count", "seed"),
+}
+
+
+@click.command(
+    cls=Command,
+    groups=_GROUPS,
+    name="predict",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite predict designs/irp6 --torque-noise 0.5
+  excite predict designs/irp6 --torque-noise 0.1 --coloured-noise 0.5 --noise-corner 2 --rate 500
+  excite predict designs/irp6 --torque-noise 0.5 --encoder 4000 --signals fourier
+  excite predict designs/irp6 --torque-noise 0.5 --friction stribeck.yaml --json
+
+\b
+The experiment is simulated once, and its log identified as 'excite identify' would. Random samples of the noise then
+reach the parameters by the equations of that identification, with its filter, its derivatives and its weights. Noise of
+the torques is white (--torque-noise), or of frequencies below --noise-corner (--coloured-noise). Encoder counts begin
+at a random phase in each sample.
+
+\b
+  by torques   standard deviation by noise of the torques
+  by motion    standard deviation by noise and counts of the measured motion
+  deviation    what repeats of the experiment scatter by
+  bias         what they share: friction that the model does not describe, gains, a filter that cuts the motion
+
+\b
+Repeats are taken to have the settings that are chosen for the simulated log. Written to DIR: accuracy.json.""",
+)
+@click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
+@click.option("--torque-noise", type=Numbers(), default="0", metavar="S,...", help="Deviation of white noise [Nm].")
+@click.option("--coloured-noise", type=Numbers(), default="0", metavar="S,...", help="Deviation of slow noise [Nm].")
+@click.option("--noise-corner", type=Number(), default=5.0, metavar="HZ", help="Frequency up to which that goes.")
+@click.option("--encoder", type=Numbers(), metavar="COUNTS", help="Counts per motor revolution, one for all, or each.")
+@click.option("--position-noise", type=Numbers(), default="0", metavar="S,...", help="Deviation of positions [rad].")
+@click.option("--velocity-noise", type=Numbers(), default="0", metavar="S,...", help="Of velocities [rad/s].")
+@click.option("--rate", type=Number(), default=2000.0, metavar="HZ", help="Samples per second of the log.")
+@click.option("--periods", type=Number(), default=1, metavar="N", help="Number of times that the motion is played.")
+@click.option("--model-error", type=Number(), default=0.0, metavar="E", help="Of the controller's model, 0.1 = 10 %.")
+@click.option("--friction", type=click.Path(path_type=Path), metavar="FILE", help="True friction curves.")
+@click.option("--breakaway", type=NumberOr(AUTO), metavar="D|auto", help="True presliding distance of drives.")
+@click.option("--torque-gain", type=Numbers(), default="1", metavar="G,...", help="Measured over true torque.")
+@click.option("--friction-drift", type=Number(), default=0.0, metavar="E", help="Change of friction over the log.")
+@click.option("--signals", type=click.Choice(SIGNALS), help="From positions to accelerations.  [default: chosen]")
+@click.option("--cutoff", type=Number(), metavar="HZ", help="Of the positions' low-pass.  [default: chosen]")
+@click.option("--low-pass", type=Number(), metavar="HZ", help="The same low-pass on both sides of the equations.")
+@click.option("--every", type=Number(), metavar="N", help="Keep every N-th instant.")
+@click.option("--estimator", type=PartName("estimator", ESTIMATORS), help="How to estimate.  [default: chosen]")
+@click.option("--choose/--no-choose", default=True, help="Choose what is not given, as 'excite identify' does.")
+@click.option("--count", type=Number(), default=400, metavar="K", help="Samples of the noise.")
+@click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of noise and model error.")
+@own_parts
+def command(folder: Path, count: float, parts: tuple[str, ...], choose: bool, **options: Any) -> None:
+    """Predict how much the parameters of the design in DIR will scatter from repeat to repeat, and their bias.
+
+    Give the noise of your robot's sensors; without any there is nothing to predict.
+    """
+    import excite
+    from excite.cli.sign_of_life import tell
+    from excite.cli.summary import show
+    from excite.files.accuracy_file import accuracy_content
+
+    given = {name: value for name, value in options.items() if value is not None}
+    design = excite.load_design(folder, parts)
+    prediction = excite.predict_accuracy(design, choose=choose, count=int(count), progress=tell, **given)
+    files = prediction.save(folder if folder.suffix != ".json" else folder.parent)
+    show(_summary(prediction, files), lambda: accuracy_content(prediction), lambda: _print(prediction, files))
+
+
+def _summary(prediction: AccuracyPrediction, files: list[Path]) -> Summary:
+    from excite.cli.summary import Summary, compact_table
+
+    worst = max(prediction.parameters, key=_relative)
+    return Summary(
+        verdict=f"Repeats scatter most, in relation to its value, in {worst.name}: {_shown(worst)}",
+        facts=[
+            f"{len(prediction.parameters)} parameters of {prediction.robot}, {prediction.model} model; deviations to "
+            f"{100 * prediction.precision:.2g} % ({prediction.count} samples)",
+            *compact_table(*_HEAD, rows=_rows(prediction), most=_MOST),
+        ],
+        notes=prediction.notes,
+        files=files,
+        all_in=files[0].name,
+    )
+
+
+_HEAD = ("parameter", "unit", "expected", "by torques", "by motion", "deviation", "bias")
+
+
+def _relative(parameter: Any) -> float:
+    return float(parameter.deviation / abs(parameter.value)) if parameter.value else 0.0
+
+
+def _shown(parameter: Any) -> str:
+    return f"{parameter.deviation:.2g} {parameter.unit} of {parameter.value:.4g}"
+
+
+def _rows(prediction: AccuracyPrediction) -> list[tuple[str, ...]]:
+    return [
+        (
+            p.name,
+            p.unit,
+            f"{p.value:.4g}",
+            f"{p.by_torques:.2g}",
+            f"{p.by_motion:.2g}",
+            f"{p.deviation:.2g}",
+            "-" if p.bias is None else f"{p.bias:.2g}",
+        )
+        for p in prediction.parameters
+    ]
+
+
+def _print(prediction: AccuracyPrediction, files: list[Path]) -> None:
+    from rich.table import Table
+
+    from excite.cli.literal_console import console
+    from excite.cli.messages import in_options
+
+    table = Table(title="predicted accuracy of repeats", title_justify="left")
+    for heading in _HEAD:
+        table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")
+    for row in _rows(prediction):
+        table.add_row(*row)
+    console().print(table)
+    for note in prediction.notes:
+        console().print(f"note: {in_options(note)}", soft_wrap=True)
+    console().print(f"written: {', '.join(map(str, files))}", soft_wrap=True)
