@@ -38,12 +38,14 @@ if TYPE_CHECKING:
         TooLargeError,
     )
     from excite.export.exported import Exported
+    from excite.export.models.export_ensemble import export_ensemble
     from excite.export.models.export_model import export_model
     from excite.export.models.model_format import ModelFormat
     from excite.export.motions.export_motion import export_motion
     from excite.export.motions.motion_format import MotionFormat
     from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
+    from excite.files.posterior_file import load_posterior
     from excite.files.result_json import load_result
     from excite.files.world_file import read_world
     from excite.friction.fit.fit_friction import fit_friction
@@ -70,6 +72,8 @@ if TYPE_CHECKING:
     from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures
     from excite.plots.drawable import draw
+    from excite.posterior.posterior_samples import PosteriorSamples
+    from excite.posterior.sample_posterior import sample_posterior
     from excite.report.write_report import write_report
     from excite.simulation.degradation.degradation import Degradation
     from excite.simulation.degradation.degrade import degrade
@@ -160,6 +164,7 @@ _PLACES = {
     "Objective": "excite.tasks.objective",
     "Output": "excite.tasks.output",
     "Payload": "excite.simulation.payload",
+    "PosteriorSamples": "excite.posterior.posterior_samples",
     "Recipe": "excite.identification.recipe",
     "RegressorModel": "regressors.models.model",
     "Robot": "regressors.robot.robot",
@@ -192,6 +197,7 @@ _PLACES = {
     "degrade": "excite.simulation.degradation.degrade",
     "design_trajectory": "excite.design.optimisation",
     "draw": "excite.plots.drawable",
+    "export_ensemble": "excite.export.models.export_ensemble",
     "export_model": "excite.export.models.export_model",
     "export_motion": "excite.export.motions.export_motion",
     "fit_friction": "excite.friction.fit.fit_friction",
@@ -199,6 +205,7 @@ _PLACES = {
     "identify": "excite.identification.identify",
     "load_campaign": "excite.campaigns.campaign_table",
     "load_design": "excite.files.design_json",
+    "load_posterior": "excite.files.posterior_file",
     "load_result": "excite.files.result_json",
     "load_robot": "regressors.readers.library",
     "plan_campaign": "excite.design.campaign",
@@ -209,6 +216,7 @@ _PLACES = {
     "read_recording": "excite.logs.recordings.recording_reading",
     "read_world": "excite.files.world_file",
     "run_campaign": "excite.campaigns.run_campaign",
+    "sample_posterior": "excite.posterior.sample_posterior",
     "simulate": "excite.simulation.simulate",
     "study_over_time": "excite.timecourse.study_over_time",
     "verify": "excite.verification.verify",
@@ -284,6 +292,7 @@ __all__ = [
     "PayloadModel",
     "PayloadMotion",
     "PayloadResult",
+    "PosteriorSamples",
     "Recipe",
     "RegressorModel",
     "Robot",
@@ -318,6 +327,7 @@ __all__ = [
     "design_payload_motion",
     "design_trajectory",
     "draw",
+    "export_ensemble",
     "export_model",
     "export_motion",
     "fit_friction",
@@ -326,6 +336,7 @@ __all__ = [
     "identify_payload",
     "load_campaign",
     "load_design",
+    "load_posterior",
     "load_result",
     "load_robot",
     "plan_campaign",
@@ -336,6 +347,7 @@ __all__ = [
     "read_recording",
     "read_world",
     "run_campaign",
+    "sample_posterior",
     "simulate",
     "study_over_time",
     "verify",

@@ -189,6 +189,7 @@ def _parameters(result: Identification, reference: ReferenceValues | None) -> li
             "relative_deviation": _finite(float(estimate.relative_deviation[k])),
             "seen": name not in estimate.unseen,
             "fit": float(estimate.coefficients[k]),
+            **({} if estimate.unconstrained is None else {"unconstrained": float(estimate.unconstrained[k])}),
             "reference": _finite(float(known[k])),
             **({"motor_side": _motor_side(estimate, k, float(known[k]), sides[name])} if name in sides else {}),
         }

@@ -41,6 +41,8 @@ class Estimate:
         Of the recursive method: times, shape (k,) [s], and estimates after them, shape (k, p).
     fit : ndarray, shape (p,), optional
         Values for predictions, also of parameters that are not identifiable on their own; `values` if not given.
+    unconstrained : ndarray, shape (p,), optional
+        Values for predictions by the same equations without bounds and pull, where the method has them.
     """
 
     method: str
@@ -55,6 +57,7 @@ class Estimate:
     standard: Mapping[str, float] = field(default_factory=dict)
     history: tuple[Array, Array] | None = None
     fit: Array | None = None
+    unconstrained: Array | None = None
 
     @property
     def coefficients(self) -> Array:
