@@ -26,6 +26,7 @@ _COMMANDS: Mapping[str, str] = {
     "simulate": "'excite simulate'",
     "verify": "'excite verify'",
     "compare": "'excite compare'",
+    "export_ensemble": "'excite export'",
     "export_model": "'excite export'",
     "export_motion": "'excite export'",
     "plan_friction": "'excite friction plan'",

@@ -48,17 +48,17 @@ def described_prior(standard: StandardProblem, relative: float, stated: frozense
         Names of the parameters that it states; the others have the relative deviation 1, of 1 in SI where they have no
         size.
     """
-    inverse = np.diag([1 / (size * r) for size, r in zip(standard.scale, _relative(standard, relative, stated))])
+    inverse = np.diag(1 / (standard.scale * _relative(standard, relative, stated)))
     for body in standard.bodies:
         r = relative if all(standard.names[k] in stated for k in body.index) else UNDESCRIBED
         inverse[np.ix_(body.index, body.index)] = np.linalg.inv(_half_of_body(body.reference, r))
     R = np.linalg.qr(inverse @ standard.S, mode="r")  # the structure's zeros and equalities hold exactly
     mean = np.linalg.lstsq(inverse @ standard.S, inverse @ standard.prior, rcond=None)[0]
-    return DescribedPrior(mean, np.linalg.inv(R))
+    return DescribedPrior(np.asarray(mean), np.asarray(np.linalg.inv(R)))
 
 
-def _relative(standard: StandardProblem, relative: float, stated: frozenset[str]) -> list[float]:
-    return [relative if name in stated else max(relative, UNDESCRIBED) for name in standard.names]
+def _relative(standard: StandardProblem, relative: float, stated: frozenset[str]) -> Array:
+    return np.array([relative if name in stated else max(relative, UNDESCRIBED) for name in standard.names])
 
 
 def _half_of_body(J: Array, relative: float) -> Array:

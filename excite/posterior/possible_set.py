@@ -41,7 +41,7 @@ class PossibleSet:
     @property
     def size(self) -> int:
         """Number d of coordinates."""
-        return self.b.shape[1]
+        return int(self.b.shape[1])
 
     def bodies(self, z: Array) -> Array:
         """Change of each body's matrix by the coordinates, shape (n, bodies, 4, 4)."""

@@ -42,7 +42,7 @@ class PosteriorCoordinates:
     @property
     def size(self) -> int:
         """Number of coordinates."""
-        return self.slope.shape[1]
+        return int(self.slope.shape[1])
 
     def theta(self, z: Array) -> Array:
         """Standard parameters, shape (..., t)."""
