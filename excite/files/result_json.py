@@ -126,6 +126,7 @@ def result_content(result: Identification) -> dict[str, Any]:
         "reference": None if reference is None else reference.kind,
         "parameters": _parameters(result, reference),
         "covariance": [[_finite(x) for x in row] for row in estimate.covariance.tolist()],
+        "friction_mismatch": None if estimate.mismatch is None else estimate.mismatch.tolist(),
         "unseen": list(estimate.unseen),
         "standard": dict(estimate.standard),
         "noise": {

@@ -43,6 +43,9 @@ class Estimate:
         Values for predictions, also of parameters that are not identifiable on their own; `values` if not given.
     unconstrained : ndarray, shape (p,), optional
         Values for predictions by the same equations without bounds and pull, where the method has them.
+    mismatch : ndarray, shape (p, p), optional
+        Second moments of the error by friction of other forms than the model's, where the log shows it; not part of the
+        covariance, see `excite.identification.friction_mismatch`.
     """
 
     method: str
@@ -58,6 +61,7 @@ class Estimate:
     history: tuple[Array, Array] | None = None
     fit: Array | None = None
     unconstrained: Array | None = None
+    mismatch: Array | None = None
 
     @property
     def coefficients(self) -> Array:

@@ -74,3 +74,11 @@ def degrees_of_freedom(result: IdentificationResult) -> float:
         return float(max(result.estimate.degrees_of_freedom, 1))
     known = result.content.get("degrees_of_freedom") if isinstance(result, StoredResult) else None
     return np.inf if known is None else float(max(known, 1))
+
+
+def stated_mismatch(result: IdentificationResult) -> Array | None:
+    """Second moments of the error by friction of other forms than the model's, shape (b, b); None without any."""
+    if isinstance(result, Identification):
+        return result.estimate.mismatch
+    known = result.content.get("friction_mismatch") if isinstance(result, StoredResult) else None
+    return None if known is None else np.array(known, dtype=float)

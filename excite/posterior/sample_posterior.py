@@ -14,6 +14,7 @@ from excite.identification.result import IdentificationResult
 from excite.identification.torque_target import (
     degrees_of_freedom,
     stated_covariance,
+    stated_mismatch,
     torque_target,
     unconstrained_estimate,
 )
@@ -141,6 +142,9 @@ def _posterior(
     covariance = stated_covariance(result)
     if covariance is None:
         raise InputError(f"{result.name} states no covariance of its parameters; identify again")
+    mismatch = stated_mismatch(result)
+    if mismatch is not None:
+        covariance = covariance + mismatch
     beta = unconstrained_estimate(result)
     standard = problem_of_factor(np.eye(target.base.rank), beta, target.model, target.base)
     values = standard_values(target.robot)
@@ -187,6 +191,11 @@ def _notes(
     unseen = len(result.names) - p
     if unseen:
         notes.append(f"{unseen} parameters that the data do not determine are spread as the description says")
+    if stated_mismatch(result) is not None:
+        notes.append(
+            "friction of the log differs over speed from what the model has: the samples allow for what that does to "
+            "all parameters, which the intervals of the result do not count"
+        )
     without = tuple(body.name for body in target.robot.bodies if body.theta is None)
     if without:
         notes.append(
