@@ -14,15 +14,14 @@ import os
 import re
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 os.environ |= {"OPENBLAS_NUM_THREADS": "1"}
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
-sys.path.insert(0, str(HERE / "coverage"))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "coverage"))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import numpy as np
 import record
@@ -44,6 +43,7 @@ from regressors.readers.library import built_in
 from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
 from regressors.samples import Array, Samples
 
+HERE = Path(__file__).resolve().parent
 LEVEL, SEED, COUNT = 0.99, 0, 200
 DRAWS, BEYOND = 399, 2  # the truth is above 1 and below 1 of 399 draws in 1 - 4 / 400 = 99 % of the cases
 LEVEL_OF_NOISE = 0.03  # of each channel's root mean square

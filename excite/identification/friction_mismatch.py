@@ -8,8 +8,8 @@ about the second moments
 
     d d' + (W'VW)^-1 W'VG Cov(c) G'VW (W'VW)^-1
 
-beside the covariance for noise [Hausman 1978, Econometrica 46, 1251], with the covariance of c by the residuals that the
-bumps leave, which are the noise's.
+beside the covariance for noise [Hausman 1978, Econometrica 46, 1251], with the covariance of c by the residuals that
+the bumps leave, which are the noise's.
 """
 
 from __future__ import annotations

@@ -17,14 +17,20 @@ from excite.posterior.possible_set import PossibleSet
 from excite.posterior.posterior_coordinates import PosteriorCoordinates
 from regressors.samples import Array, Index
 
-_STEPS, _STEP = 6, 0.25  # drifts of a path, and their mean length in deviations; see `benchmarks/posterior.py`
+_STEPS = 6  # drifts of a path
+STEP = 0.25  # mean length of a drift in deviations; measured in `benchmarks/posterior_methods.py`
 _SPREAD = 0.2  # of the length of a drift, from path to path
 _INSIDE = 1e-8  # slack in a constraint's own size that a point has after a reflection
 _MOST = 2000  # reflections in one drift
 
 
 def next_points(
-    coordinates: PosteriorCoordinates, possible: PossibleSet, z: Array, rng: np.random.Generator
+    coordinates: PosteriorCoordinates,
+    possible: PossibleSet,
+    z: Array,
+    rng: np.random.Generator,
+    shape: Array,
+    length: float = STEP,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """One path of every chain: its new points, shape (n, d), and whether it moved there, shape (n,).
 
@@ -35,16 +41,22 @@ def next_points(
     z : ndarray, shape (n, d)
         Points inside.
     rng : numpy.random.Generator
+    shape : ndarray, shape (d, d)
+        Velocities are ``shape @ n`` with independent normal n: a factor of about the covariance of the points, in whose
+        deviations lengths count.
+    length : float
+        Mean length of a drift.
     """
-    v = rng.normal(size=z.shape)
-    step = _STEP * (1 + _SPREAD * (2 * rng.uniform() - 1))
+    n = rng.normal(size=z.shape)
+    step = length * (1 + _SPREAD * (2 * rng.uniform() - 1))
     bound = np.log(rng.uniform(size=len(z)))
-    before = coordinates.energy(z) + np.sum(v**2, axis=1) / 2
-    path = _Path(possible, z.copy(), v - step / 2 * coordinates.slope_of_energy(z), np.ones(len(z), dtype=bool))
+    before = coordinates.energy(z) + np.sum(n**2, axis=1) / 2
+    path = _Path(possible, shape, z.copy(), n, np.ones(len(z), dtype=bool))
+    path.n = n - step / 2 * coordinates.slope_of_energy(z) @ shape
     for k in range(_STEPS):
         path.drift(step)
-        path.v -= (step if k < _STEPS - 1 else step / 2) * coordinates.slope_of_energy(path.z)
-    after = coordinates.energy(path.z) + np.sum(path.v**2, axis=1) / 2
+        path.n -= (step if k < _STEPS - 1 else step / 2) * coordinates.slope_of_energy(path.z) @ shape
+    after = coordinates.energy(path.z) + np.sum(path.n**2, axis=1) / 2
     accepted = path.sound & (bound < before - after)
     accepted[accepted] = possible.contains(path.z[accepted])
     return np.where(accepted[:, None], path.z, z), accepted
@@ -55,8 +67,9 @@ class _Path:
     """Points and velocities of all chains on their way; a path is not sound where rounding took it out of the set."""
 
     possible: PossibleSet
+    shape: Array
     z: Array
-    v: Array
+    n: Array
     sound: NDArray[np.bool_]
 
     def drift(self, length: float) -> None:
@@ -68,7 +81,7 @@ class _Path:
             moving, walls = moving[walls.sound], walls.of(walls.sound)
             hit = walls.distance < left[moving]
             travelled = np.where(hit, walls.distance, left[moving])
-            self.z[moving] += travelled[:, None] * self.v[moving]
+            self.z[moving] += travelled[:, None] * (self.n[moving] @ self.shape.T)
             left[moving] -= travelled
             moving = moving[hit]
             if not moving.size:
@@ -78,7 +91,7 @@ class _Path:
 
     def _walls(self, moving: Index) -> _Walls:
         """The next wall of each chain."""
-        possible, z, v = self.possible, self.z[moving], self.v[moving]
+        possible, z, v = self.possible, self.z[moving], self.n[moving] @ self.shape.T
         M, Q = possible.M + possible.bodies(z), possible.bodies(v)
         slack, speed = possible.c + z @ possible.b.T, v @ possible.b.T
         sound = np.all(slack > 0.0, axis=1)
@@ -110,9 +123,10 @@ class _Path:
         other = walls.number[~at_body] - of_bodies
         normal[~at_body] = possible.b[other]
         slack[~at_body] = possible.c[other] + np.sum(normal * z, axis=1)[~at_body]
+        normal = normal @ self.shape
         square = np.sum(normal**2, axis=1)
-        self.v[moving] -= (2 * np.sum(normal * self.v[moving], axis=1) / square)[:, None] * normal
-        self.z[moving] += (np.maximum(_INSIDE - slack, 0.0) / square)[:, None] * normal
+        self.n[moving] -= (2 * np.sum(normal * self.n[moving], axis=1) / square)[:, None] * normal
+        self.z[moving] += (np.maximum(_INSIDE - slack, 0.0) / square)[:, None] * normal @ self.shape.T
 
 
 @dataclass(frozen=True, eq=False)

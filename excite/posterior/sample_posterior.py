@@ -19,13 +19,13 @@ from excite.identification.torque_target import (
     unconstrained_estimate,
 )
 from excite.information.target import IdentificationTarget
+from excite.posterior.chains import CHAINS, draws, path_count
 from excite.posterior.described_prior import described_prior
 from excite.posterior.inner_point import InnerPoint, inner_point
 from excite.posterior.mixing import effective_draws, split_deviation
-from excite.posterior.possible_set import PossibleSet, possible_set
+from excite.posterior.possible_set import possible_set
 from excite.posterior.posterior_coordinates import PosteriorCoordinates, posterior_coordinates
 from excite.posterior.posterior_samples import LEVEL, PosteriorSamples
-from excite.posterior.reflected_paths import next_points
 from excite.registry import built_in
 from excite.storage.content_hash import sha256_of
 from regressors.errors import InputError
@@ -34,13 +34,10 @@ from regressors.models.nominal import standard_values
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.quoting import shortened
-from regressors.samples import Array
 
 SAMPLES, PRIOR = 1000, 0.3
-CHAINS = 32
-_WARM, _THIN = 40, 3  # paths of every chain before its first sample, and from one to the next
 _MIXED = 1.05
-_SECONDS = 1e-5  # of a path, per body and per coordinate
+_SECONDS = 5e-6  # of a path, per body and per coordinate
 
 
 @numerical_work("sampling the posterior", "identify again, from a motion that shows more of the parameters")
@@ -96,13 +93,11 @@ def sample_posterior(
     standard, coordinates = _posterior(known, target, prior)
     possible = possible_set(standard, coordinates)
     start = inner_point(possible)
-    rounds = -(-samples // CHAINS)
     announce("sampling", _SECONDS * CHAINS * path_count(samples) * (3 + len(standard.bodies)) * coordinates.size)
-    draws = _draws(coordinates, possible, start.z, rounds, seed, progress)
-    theta = coordinates.theta(draws)
+    theta = coordinates.theta(draws(coordinates, possible, start.z, samples, seed, progress))
     values = theta.reshape(-1, len(standard.names))[:samples]
     free = np.ptp(theta, axis=(0, 1)) > 0
-    spread = float(split_deviation(theta[..., free]).max(initial=1.0)) if rounds >= 4 else np.nan
+    spread = float(split_deviation(theta[..., free]).max(initial=1.0)) if len(theta) >= 4 else np.nan
     distance = float(np.linalg.norm(start.nearest))
     return PosteriorSamples(
         robot=known.robot.name,
@@ -120,11 +115,6 @@ def sample_posterior(
         split_deviation=spread,
         notes=_notes(known, target, coordinates, start, spread),
     )
-
-
-def path_count(samples: int) -> int:
-    """Paths that each of the chains computes for a number of samples."""
-    return _WARM + _THIN * -(-samples // CHAINS)
 
 
 def _result(given: IdentificationResult | str | Path) -> IdentificationResult:
@@ -151,25 +141,6 @@ def _posterior(
     stated = frozenset(c.name for c in target.model.standard_columns if values.get(c.name) or c.kind in BODY_KINDS)
     prior = described_prior(standard, relative, stated & frozenset(values))
     return standard, posterior_coordinates(standard, prior, beta, covariance, degrees_of_freedom(result))
-
-
-def _draws(
-    coordinates: PosteriorCoordinates,
-    possible: PossibleSet,
-    start: Array,
-    rounds: int,
-    seed: int,
-    progress: Callable[[int, int], None],
-) -> Array:
-    """Coordinates of every chain after the warm-up, shape (rounds, chains, d)."""
-    rng, z = np.random.default_rng(seed), np.tile(start, (CHAINS, 1))
-    kept, total = [], path_count(CHAINS * rounds)
-    for done in range(1, total + 1):
-        z, _ = next_points(coordinates, possible, z, rng)
-        if done > _WARM and (done - _WARM) % _THIN == 0:
-            kept.append(z)
-        progress(done, total)
-    return np.array(kept)
 
 
 def _notes(

@@ -18,8 +18,9 @@ from excite.export.models.model_format import ModelFormat
 from excite.files.posterior_file import NPZ, posterior_content
 from excite.files.ranges_yaml import ranges_text
 from excite.identification.result import IdentificationResult
+from excite.posterior.chains import path_count
 from excite.posterior.posterior_samples import LEVEL, PosteriorSamples
-from excite.posterior.sample_posterior import PRIOR, path_count, sample_posterior
+from excite.posterior.sample_posterior import PRIOR, sample_posterior
 from excite.registry import name_of
 from excite.storage.atomic import read_json, replacing, write_json
 from excite.storage.result_folder import result_folder
