@@ -42,12 +42,14 @@ if TYPE_CHECKING:
         TooLargeError,
     )
     from excite.export.exported import Exported
+    from excite.export.models.export_ensemble import export_ensemble
     from excite.export.models.export_model import export_model
     from excite.export.models.model_format import ModelFormat
     from excite.export.motions.export_motion import export_motion
     from excite.export.motions.motion_format import MotionFormat
     from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
+    from excite.files.posterior_file import load_posterior
     from excite.files.result_json import load_result
     from excite.files.world_file import read_world
     from excite.friction.fit.fit_friction import fit_friction
@@ -74,6 +76,8 @@ if TYPE_CHECKING:
     from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures
     from excite.plots.drawable import draw
+    from excite.posterior.posterior_samples import PosteriorSamples
+    from excite.posterior.sample_posterior import sample_posterior
     from excite.precision.design_for_precision import design_for_precision
     from excite.precision.next_motion import NextMotion, PrecisionInHand, next_motion
     from excite.report.write_report import write_report
@@ -174,6 +178,7 @@ _PLACES = {
     "PrecisionInHand": "excite.precision.next_motion",
     "Payload": "excite.simulation.payload",
     "PrecisionTarget": "excite.tasks.precision_target",
+    "PosteriorSamples": "excite.posterior.posterior_samples",
     "Recipe": "excite.identification.recipe",
     "PlausibleTorqueLimit": "constraints.limits.plausible_torque",
     "RegressorModel": "regressors.models.model",
@@ -211,6 +216,7 @@ _PLACES = {
     "design_for_precision": "excite.precision.design_for_precision",
     "design_trajectory": "excite.design.optimisation",
     "draw": "excite.plots.drawable",
+    "export_ensemble": "excite.export.models.export_ensemble",
     "export_model": "excite.export.models.export_model",
     "export_motion": "excite.export.motions.export_motion",
     "fit_friction": "excite.friction.fit.fit_friction",
@@ -218,6 +224,7 @@ _PLACES = {
     "identify": "excite.identification.identify",
     "load_campaign": "excite.campaigns.campaign_table",
     "load_design": "excite.files.design_json",
+    "load_posterior": "excite.files.posterior_file",
     "load_result": "excite.files.result_json",
     "load_robot": "regressors.readers.library",
     "next_motion": "excite.precision.next_motion",
@@ -231,6 +238,7 @@ _PLACES = {
     "read_recording": "excite.logs.recordings.recording_reading",
     "read_world": "excite.files.world_file",
     "run_campaign": "excite.campaigns.run_campaign",
+    "sample_posterior": "excite.posterior.sample_posterior",
     "simulate": "excite.simulation.simulate",
     "study_over_time": "excite.timecourse.study_over_time",
     "verify": "excite.verification.verify",
@@ -310,6 +318,7 @@ __all__ = [
     "PayloadMotion",
     "PayloadResult",
     "PlausibleTorqueLimit",
+    "PosteriorSamples",
     "PrecisionInHand",
     "PrecisionTarget",
     "Recipe",
@@ -350,6 +359,7 @@ __all__ = [
     "design_payload_motion",
     "design_trajectory",
     "draw",
+    "export_ensemble",
     "export_model",
     "export_motion",
     "fit_friction",
@@ -358,6 +368,7 @@ __all__ = [
     "identify_payload",
     "load_campaign",
     "load_design",
+    "load_posterior",
     "load_result",
     "load_robot",
     "measured_noise",
@@ -371,6 +382,7 @@ __all__ = [
     "read_recording",
     "read_world",
     "run_campaign",
+    "sample_posterior",
     "simulate",
     "study_over_time",
     "verify",

@@ -108,6 +108,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     # what `excite export` calls, by what the folder holds
     "exporter": {
         "model": "excite.export.models.export_model:export_model",
+        "ensemble": "excite.export.models.export_ensemble:export_ensemble",
         "motion": "excite.export.motions.export_motion:export_motion",
     },
     # what `save` calls, by the kind of object that is saved
@@ -117,6 +118,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "design": "excite.files.design_folder:save_design",
         "result": "excite.files.result_json:save_result",
         "verification": "excite.files.verification_json:save_verification",
+        "posterior": "excite.files.posterior_file:save_posterior",
         "simulation": "excite.files.simulation_files:save_simulation",
         "time study": "excite.files.time_study_json:save_time_study",
         "friction plan": "excite.files.friction_plan_folder:save_plan",

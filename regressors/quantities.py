@@ -133,6 +133,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     "via": PLACE,
     "settle": REST,
     "speed": Quantity("", 1e-6, 1.0),
+    # posterior
+    "samples": Quantity("", 1, 100_000, whole=True),
+    "level": Quantity("", 0.5, 0.9999),
     # identification
     "cutoff": FREQUENCY,
     "low_pass": FREQUENCY,

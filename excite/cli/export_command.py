@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
 
 _DESIGN, _RESULT = "design.json", "result.json"
 
-_GROUPS = {"Output": ("form", "rate")}
+_GROUPS = {"Output": ("form", "rate"), "Ensemble": ("samples", "seed", "level", "prior")}
+_OF_ENSEMBLES = ("seed", "level", "prior")
 
 
 @click.command(
@@ -31,6 +33,7 @@ Examples:
   excite export designs/panda --format franka --out play/panda.csv
   excite export results/ur10e --format urdf --robot-file mine.urdf --out models/ur10e.urdf
   excite export results/ur10e --format mjcf --out models/ur10e.xml
+  excite export results/ur10e --format mjcf --samples 100 --out models/ensemble
 
 \b
 Motions, of a design:
@@ -50,6 +53,12 @@ Models, of a result:
 
 \b
 Bodies are the physically possible ones nearest the description; what a format cannot express is named.
+
+\b
+With --samples, FILE is a folder of robots that the data allow, each of them possible: what the data determine
+is spread as the result states, the rest by --prior about the description. Beside the robots are ranges.yaml
+(low, high, mean and deviation of every parameter), samples.npz and, when all is written, ensemble.json.
+After Ctrl-C the robots that are written stay, with an ensemble.json that lists them.
 
 \b
 Every sample of a motion is the design's own formula, with approach and return where it has them, at exact
@@ -82,6 +91,22 @@ Exit status 1, and no file, where the motion breaks a limit.""",
     metavar="FILE",
     help="Description of the robot to change a copy of, for a model.",
 )
+@click.option(
+    "--samples",
+    type=Number(),
+    metavar="N",
+    help="Write an ensemble: N possible robots that the data of a result allow.",
+)
+@click.option("--seed", type=Number(), metavar="N", help="Seed of the ensemble.  [default: 0]")
+@click.option(
+    "--level", type=Number(), metavar="SHARE", help="Share of the posterior within the ranges.  [default: 0.99]"
+)
+@click.option(
+    "--prior",
+    type=Number(),
+    metavar="R",
+    help="Relative deviation of the description, for what the data do not determine.  [default: 0.3]",
+)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace files that are already there.")
 def command(
@@ -92,16 +117,28 @@ def command(
     robot_file: Path | None,
     parts: tuple[str, ...],
     force: bool,
+    samples: int | None,
+    **ensemble: float | None,
 ) -> None:
     """Export the design or the result in DIR as a FILE that other programs take.
 
     DIR is the folder of a design or of a result; where it holds both, name its design.json or its result.json.
     """
+    given = {name: value for name, value in ensemble.items() if value is not None}
+    if samples is None and given:
+        raise click.UsageError(f"--{next(iter(given))} is of an ensemble: give the number of its robots, --samples N")
     if _holds_result(folder, form):
-        exported = _export_model(folder, form, out, rate, robot_file, parts, force)
+        known = {"samples": samples, **given} if samples is not None else {}
+        exported = _export_model(folder, form, out, rate, robot_file, parts, force, known)
+    elif samples is not None:
+        raise click.UsageError("--samples is for the robots of a result, and DIR holds a design")
     else:
         exported = _export_motion(folder, form, out, rate, robot_file, parts, force)
     _show(exported)
+    if exported.facts.get("interrupted"):
+        from excite.cli.interrupts import interrupted_status
+
+        sys.exit(interrupted_status())
 
 
 def _holds_result(folder: Path, form: str) -> bool:
@@ -149,8 +186,10 @@ def _export_model(
     robot_file: Path | None,
     parts: tuple[str, ...],
     force: bool,
+    ensemble: dict[str, Any],
 ) -> Exported:
     import excite
+    from excite.cli.progress import progress_of_samples
 
     if form in MOTION_FORMATS and form not in MODEL_FORMATS:
         raise click.UsageError(
@@ -159,9 +198,15 @@ def _export_model(
         )
     if rate is not None:
         raise click.UsageError("--rate is for the motion of a design, and DIR holds a result")
-    export_model = built_in("exporter", "model")
     result = excite.load_result(folder, parts) if parts else excite.load_result(folder)
-    exported: Exported = export_model(result, form, out, robot_file=robot_file, replace=force)
+    exported: Exported
+    if not ensemble:
+        exported = built_in("exporter", "model")(result, form, out, robot_file=robot_file, replace=force)
+        return exported
+    with progress_of_samples("exported") as progress:
+        exported = built_in("exporter", "ensemble")(
+            result, form, out, robot_file=robot_file, replace=force, progress=progress, **ensemble
+        )
     return exported
 
 
@@ -177,7 +222,7 @@ def _show(exported: Exported) -> None:
     def details() -> None:
         for line in (*_facts(exported), *(f"note: {in_options(note)}" for note in exported.notes)):
             click.echo(line)
-        click.echo(f"written: {', '.join(map(str, exported.files))}")
+        click.echo(f"written: {_listed(exported)}")
 
     show(
         Summary(
@@ -188,9 +233,19 @@ def _show(exported: Exported) -> None:
     )
 
 
+def _listed(exported: Exported) -> str:
+    """The files; of an ensemble its folder and how many."""
+    if "robots" not in exported.facts:
+        return ", ".join(map(str, exported.files))
+    return f"{exported.files[0].parent}: {len(exported.files)} files"
+
+
 def _verdict(exported: Exported) -> str:
     """What was written, and, of a motion, how near it comes to its limits."""
     facts = exported.facts
+    if "robots" in facts:
+        ended = ", interrupted" if facts.get("interrupted") else ""
+        return f"Ensemble of {facts['robots']} possible robots exported as {exported.format}{ended}"
     if "closest_limit" not in facts:
         return f"Model exported as {exported.format}"
     label, used = facts["closest_limit"], facts["closest_limit_used"]

@@ -28,6 +28,7 @@ _COMMANDS: Mapping[str, str] = {
     "predict_accuracy": "'excite predict'",
     "verify": "'excite verify'",
     "compare": "'excite compare'",
+    "export_ensemble": "'excite export'",
     "export_model": "'excite export'",
     "export_motion": "'excite export'",
     "plan_friction": "'excite friction plan'",

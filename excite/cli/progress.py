@@ -146,8 +146,8 @@ def _lines_of_cells() -> Callable[[CellProgress], None]:
 
 
 @contextmanager
-def progress_of_samples() -> Iterator[Callable[[int, int], None]]:
-    """Report the share of a simulation that is done, if it takes longer."""
+def progress_of_samples(verb: str = "simulated") -> Iterator[Callable[[int, int], None]]:
+    """Report the share of a simulation, or of other work, that is done, if it takes longer."""
     start = shown = time.monotonic()
     terminal, quiet = can_move(sys.stderr), verbosity().quiet
 
@@ -155,7 +155,7 @@ def progress_of_samples() -> Iterator[Callable[[int, int], None]]:
         nonlocal shown
         if quiet:
             return
-        now, text = time.monotonic(), f"simulated {100 * done // total} %"
+        now, text = time.monotonic(), f"{verb} {100 * done // total} %"
         if not terminal and now - shown > _BETWEEN:
             shown = now
             tell(text)

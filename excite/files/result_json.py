@@ -127,6 +127,7 @@ def result_content(result: Identification) -> dict[str, Any]:
         "reference": None if reference is None else reference.kind,
         "parameters": _parameters(result, reference),
         "covariance": [[_finite(x) for x in row] for row in estimate.covariance.tolist()],
+        "friction_mismatch": None if estimate.mismatch is None else estimate.mismatch.tolist(),
         "unseen": list(estimate.unseen),
         "standard": dict(estimate.standard),
         "noise": {
@@ -199,6 +200,7 @@ def _parameters(result: Identification, reference: ReferenceValues | None) -> li
             "relative_deviation": _finite(float(estimate.relative_deviation[k])),
             "seen": name not in estimate.unseen,
             "fit": float(estimate.coefficients[k]),
+            **({} if estimate.unconstrained is None else {"unconstrained": float(estimate.unconstrained[k])}),
             "reference": _finite(float(known[k])),
             **({"motor_side": _motor_side(estimate, k, float(known[k]), sides[name])} if name in sides else {}),
         }

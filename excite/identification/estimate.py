@@ -41,6 +41,11 @@ class Estimate:
         Of the recursive method: times, shape (k,) [s], and estimates after them, shape (k, p).
     fit : ndarray, shape (p,), optional
         Values for predictions, also of parameters that are not identifiable on their own; `values` if not given.
+    unconstrained : ndarray, shape (p,), optional
+        Values for predictions by the same equations without bounds and pull, where the method has them.
+    mismatch : ndarray, shape (p, p), optional
+        Second moments of the error by friction of other forms than the model's, where the log shows it; not part of the
+        covariance, see `excite.identification.friction_mismatch`.
     """
 
     method: str
@@ -55,6 +60,8 @@ class Estimate:
     standard: Mapping[str, float] = field(default_factory=dict)
     history: tuple[Array, Array] | None = None
     fit: Array | None = None
+    unconstrained: Array | None = None
+    mismatch: Array | None = None
 
     @property
     def coefficients(self) -> Array:

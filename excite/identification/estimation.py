@@ -13,6 +13,7 @@ from excite.identification.each_log import estimate_each
 from excite.identification.equations import equations
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
+from excite.identification.friction_mismatch import friction_mismatch
 from excite.identification.friction_scale import FrictionScale, allowing_for_scale, fitted_scale
 from excite.identification.identification import Identification
 from excite.identification.known_friction import without_friction
@@ -91,7 +92,8 @@ def estimate_parameters(
     estimate = estimator.estimate(observations, context)
     estimate, scatter = _with_deviations(estimate, estimator, observations, context, measured.found)
     estimate = _allowing_for_friction(estimate, observations, measured, equated.scale)
-    estimate = replace(estimate, notes=(*estimate.notes, *_notes(robot, task, measured)))
+    mismatch = friction_mismatch(estimate, observations, context) if equated.friction is None else None
+    estimate = replace(estimate, mismatch=mismatch, notes=(*estimate.notes, *_notes(robot, task, measured)))
     return Identification(
         robot,
         measured.task,

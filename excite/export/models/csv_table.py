@@ -16,6 +16,7 @@ class CsvTable(ModelFormat):
     """Comma-separated values [RFC 4180] below comment lines that begin with ``#``."""
 
     name = "CSV"
+    suffix = ".csv"
     expresses = LISTED
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:

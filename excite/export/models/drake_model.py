@@ -30,6 +30,7 @@ class DrakeFormat(ModelFormat):
     """URDF with Drake's actuators: rotor inertia and gear ratio, damping of joints."""
 
     name = "Drake"
+    suffix = ".urdf"
     expresses = frozenset({ROTOR, VISCOUS})
     template_suffixes = (".urdf", ".xml")
 

@@ -60,11 +60,11 @@ def export_model(
     InputError
         A result of a load, a robot file of another robot, or a file that is there already or cannot be written.
     """
-    chosen = _format(format)
+    chosen = chosen_format(format)
     path, template = Path(out), None if robot_file is None else Path(robot_file)
     chosen.check_template(template)
     _check_free(path, replace=replace)
-    model = model_of_result(_result(result))
+    model = model_of_result(chosen_result(result))
     own = (*chosen.left_out(model.features), *model.notes)
     written = chosen.text(model, comment_of(model, own), template)
     content, mode = written.content, "wb" if isinstance(written.content, bytes) else "w"
@@ -93,7 +93,8 @@ def comment_of(model: IdentifiedModel, notes: tuple[str, ...]) -> tuple[str, ...
     )
 
 
-def _format(given: str | ModelFormat) -> ModelFormat:
+def chosen_format(given: str | ModelFormat) -> ModelFormat:
+    """The format that a name or an object stands for."""
     if isinstance(given, str):
         check_name(KIND, given)
     chosen: Any = instance(KIND, given)
@@ -102,7 +103,8 @@ def _format(given: str | ModelFormat) -> ModelFormat:
     return chosen
 
 
-def _result(given: IdentificationResult | str | Path) -> IdentificationResult:
+def chosen_result(given: IdentificationResult | str | Path) -> IdentificationResult:
+    """The result itself, or the one in a folder."""
     if isinstance(given, str | Path):
         return load_result(given)
     if not isinstance(given, IdentificationResult):

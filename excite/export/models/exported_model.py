@@ -18,11 +18,10 @@ from excite.export.models.shared_inertia import held_note, own_part
 from excite.files.result_json import RESULT
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
-from excite.identification.prediction import instantaneous_target
 from excite.identification.result import IdentificationResult, StoredResult
+from excite.identification.torque_target import stated_covariance, torque_target
 from excite.information.target import IdentificationTarget
 from excite.storage.content_hash import sha256_of
-from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 from regressors.models.drives import drive_rows
@@ -51,75 +50,90 @@ def model_of_result(result: IdentificationResult) -> IdentifiedModel:
     ConicSolverError
         The bodies could not be computed.
     """
-    target = _target(result)
-    bodies = nearest_bodies(target, result.coefficients, _covariance(result), _standard(result))
+    target = torque_target(result)
+    bodies = nearest_bodies(target, result.coefficients, stated_covariance(result), _standard(result))
+    whole = _whole_robot(result, target, bodies.values)
+    kinds = (*BODY_KINDS, ROTOR, *FRICTION_KINDS)
+    further = tuple(c.name for c in target.model.standard_columns if c.kind not in kinds)
+    return IdentifiedModel(
+        robot=whole.robot,
+        described=result.robot,
+        target=target,
+        coefficients=result.coefficients,
+        standard=bodies.values,
+        composites=whole.composites,
+        carriers=whole.rides,
+        drives=whole.drives,
+        parameters=_parameters(result, target),
+        features=features_of(whole.described, whole.drives, bodies.shares, further),
+        change=bodies.change,
+        sha256=None if result.folder is None else sha256_of(result.folder / RESULT),
+        program=f"{PACKAGE} {version(PACKAGE)}",
+        training_error=result.training_error,
+        notes=(*_on_bodies(bodies, target), *flat_note(whole.composites), *whole.notes, *_on_task(result)),
+    )
+
+
+def model_of_sample(
+    model: IdentifiedModel, result: IdentificationResult, standard: Mapping[str, float], note: str
+) -> IdentifiedModel:
+    """Another robot in the place of the identified one, such as one that the posterior allows.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Of the result.
+    result : IdentificationResult
+    standard : mapping of str to float
+        Its standard parameters of the moving bodies and drives.
+    note : str
+        What it is.
+    """
+    target = model.target
+    whole = _whole_robot(result, target, standard)
+    definition, names = target.model.definition()
+    beta = target.base.D @ definition @ np.array([standard[name] for name in names])
+    rows = zip(model.parameters, beta.tolist(), strict=True)
+    return replace(
+        model,
+        robot=whole.robot,
+        coefficients=beta,
+        standard=standard,
+        composites=whole.composites,
+        drives=whole.drives,
+        parameters=tuple(replace(row, value=value, deviation=None, interval=None) for row, value in rows),
+        change=0.0,
+        training_error=None,
+        notes=(note, *whole.notes, *_on_task(result)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _WholeRobot:
+    """The whole robot with standard parameters of its moving bodies and drives."""
+
+    described: Robot
+    robot: Robot
+    composites: Mapping[str, Array]
+    rides: tuple[tuple[int | None, Array], ...]
+    drives: tuple[ModelDrive, ...]
+    notes: tuple[str, ...]
+
+
+def _whole_robot(
+    result: IdentificationResult, target: IdentificationTarget, standard: Mapping[str, float]
+) -> _WholeRobot:
     described = with_joint_rotors(result.robot) if result.task.model.joint_rotors else result.robot
     composites = {
-        body.name: np.array([bodies.values[name] for name in parameter_names(number)])
+        body.name: np.array([standard[name] for name in parameter_names(number)])
         for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True)
     }
     moving = [described.joint_index(name) for name in target.robot.joint_names]
     rides = carriers(result.task.limits.applied(described), moving)
     shared = _shared(described, rides, composites)
-    drives, on_drives = _drives(described, target, bodies.values, result.friction or _task_curves(result))
+    drives, on_drives = _drives(described, target, standard, result.friction or _task_curves(result))
     robot, on_structure = _robot(described, shared.bodies, drives)
-    kinds = (*BODY_KINDS, ROTOR, *FRICTION_KINDS)
-    further = tuple(c.name for c in target.model.standard_columns if c.kind not in kinds)
-    return IdentifiedModel(
-        robot=robot,
-        described=result.robot,
-        target=target,
-        coefficients=result.coefficients,
-        standard=bodies.values,
-        composites=composites,
-        carriers=rides,
-        drives=drives,
-        parameters=_parameters(result, target),
-        features=features_of(described, drives, bodies.shares, further),
-        change=bodies.change,
-        sha256=None if result.folder is None else sha256_of(result.folder / RESULT),
-        program=f"{PACKAGE} {version(PACKAGE)}",
-        training_error=result.training_error,
-        notes=(
-            *_on_bodies(bodies, target),
-            *flat_note(composites),
-            *shared.notes,
-            *on_drives,
-            *on_structure,
-            *_on_task(result),
-        ),
-    )
-
-
-def _target(result: IdentificationResult) -> IdentificationTarget:
-    if result.task.model.channel == "wrench":
-        raise InputError(
-            f"{result.name} is a result of a load, which has no robot to write: give its parameters (see {RESULT}) as "
-            "`payload` of a design or a simulation, or identify the robot from joint torques and export that result"
-        )
-    target = instantaneous_target(result.robot, result.task, result.recipe)
-    if target.model.torque_equations() is None:
-        raise InputError(
-            f"{result.name} is of a model whose equations are not joint torques, so it has no robot to write"
-        )
-    if target.base.names != result.names:
-        raise InputError(
-            f"{result.name} has the parameters {', '.join(result.names)}, but its model has "
-            f"{', '.join(target.base.names)}; identify again"
-        )
-    names = {column.name for column in target.model.standard_columns}
-    for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True):
-        if not names >= set(parameter_names(number)):
-            raise InputError(f"{result.name}: its model has no inertial parameters of link {body.name!r} to write")
-    return target
-
-
-def _covariance(result: IdentificationResult) -> Array | None:
-    if isinstance(result, Identification):
-        return result.estimate.covariance
-    if isinstance(result, StoredResult) and "covariance" in result.content:
-        return np.array(result.content["covariance"], dtype=float)  # None becomes NaN
-    return None
+    return _WholeRobot(described, robot, composites, rides, drives, (*shared.notes, *on_drives, *on_structure))
 
 
 def _standard(result: IdentificationResult) -> Mapping[str, float]:

@@ -29,6 +29,7 @@ class IsaacFormat(ModelFormat):
     """Fields of Isaac Lab's `ImplicitActuatorCfg` as YAML: armature, friction and limits of joints."""
 
     name = "Isaac Lab"
+    suffix = ".yaml"
     expresses = frozenset({ROTOR, COULOMB, VISCOUS})
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:

@@ -24,6 +24,7 @@ class LatexTable(ModelFormat):
     r"""Tables of LaTeX to ``\input``, by the package longtable, numbers with six digits."""
 
     name = "LaTeX"
+    suffix = ".tex"
     expresses = LISTED
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:

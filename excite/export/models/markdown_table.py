@@ -15,6 +15,7 @@ class MarkdownTable(ModelFormat):
     """Tables of GitHub Flavored Markdown, numbers with six digits."""
 
     name = "Markdown"
+    suffix = ".md"
     expresses = LISTED
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:

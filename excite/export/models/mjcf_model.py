@@ -21,6 +21,7 @@ class MjcfFormat(ModelFormat):
     """MJCF [MuJoCo, XML reference]: inertia, armature, damping and friction loss; coupled drives as fixed tendons."""
 
     name = "MJCF"
+    suffix = ".xml"
     expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED})
     template_suffixes = (".xml", ".mjcf")
 

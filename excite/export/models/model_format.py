@@ -39,12 +39,15 @@ class ModelFormat(ABC):
         As users know it, such as ``URDF``.
     expresses : frozenset of str
         Kinds of `excite.export.models.model_feature.Feature` that the format holds.
+    suffix : str
+        Of the files of an ensemble, such as ``.urdf``.
     template_suffixes : tuple of str
         Suffixes of a user's own robot file that the parameters can be written into; empty where there are none.
     """
 
     name: ClassVar[str]
     expresses: ClassVar[frozenset[str]]
+    suffix: ClassVar[str] = ""
     template_suffixes: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod

@@ -30,6 +30,7 @@ class NpzFormat(ModelFormat):
     """NumPy arrays, read by ``numpy.load(file, allow_pickle=False)``."""
 
     name = "NPZ"
+    suffix = ".npz"
     expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED})
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:

@@ -15,6 +15,7 @@ class UrdfFormat(ModelFormat):
     """URDF [ROS wiki, urdf/XML/link, urdf/XML/joint]: inertia of links, ``<dynamics damping friction>`` of joints."""
 
     name = "URDF"
+    suffix = ".urdf"
     expresses = frozenset({COULOMB, VISCOUS})
     template_suffixes = (".urdf", ".xml")
 

@@ -15,6 +15,7 @@ class YamlFormat(ModelFormat):
     """Robot YAML: bodies, drives with their coupling and gears, Coulomb and viscous friction, limits."""
 
     name = "robot YAML"
+    suffix = ".yaml"
     expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED, VARYING, BRANCHES})
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:

@@ -28,4 +28,4 @@ def possible_estimate(
     values = np.where(np.isnan(free.values), np.nan, fit)
     named = dict(zip(standard.names, theta.tolist(), strict=True))
     notes = (*free.notes, *notes, "covariance of the estimate without constraints and pull")
-    return replace(free, values=values, standard=named, notes=notes, fit=fit)
+    return replace(free, values=values, standard=named, notes=notes, fit=fit, unconstrained=free.coefficients)

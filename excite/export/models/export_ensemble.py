@@ -1,0 +1,200 @@
+"""Ensembles: possible robots that the data of a result allow, one file each, to randomise a simulator with."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from hashlib import sha256
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+from excite.export.exported import Exported
+from excite.export.models.export_model import chosen_format, chosen_result, comment_of
+from excite.export.models.exported_model import model_of_result, model_of_sample
+from excite.export.models.identified_model import IdentifiedModel
+from excite.export.models.model_format import ModelFormat
+from excite.files.posterior_file import NPZ, posterior_content
+from excite.files.ranges_yaml import ranges_text
+from excite.identification.result import IdentificationResult
+from excite.posterior.chains import path_count
+from excite.posterior.posterior_samples import LEVEL, PosteriorSamples
+from excite.posterior.sample_posterior import PRIOR, sample_posterior
+from excite.registry import name_of
+from excite.storage.atomic import read_json, replacing, write_json
+from excite.storage.result_folder import result_folder
+from regressors.errors import InputError, TakenError
+from regressors.quantities import check
+
+SCHEMA = "excite.ensemble/1"
+ENSEMBLE, RANGES, SAMPLES = "ensemble.json", "ranges.yaml", f"samples{NPZ}"
+ROBOTS = 100
+_BEYOND = 10  # draws beyond each end of a range
+METHOD = (
+    "posterior of the base parameters (Student's t with the covariance and degrees of freedom of the result), with the "
+    "description on what the data do not determine, over possible robots; Hamiltonian Monte Carlo with reflections"
+)
+
+
+def export_ensemble(
+    result: IdentificationResult | str | Path,
+    format: str | ModelFormat,
+    out: str | Path,
+    *,
+    samples: int = ROBOTS,
+    seed: int = 0,
+    level: float = LEVEL,
+    prior: float = PRIOR,
+    robot_file: str | Path | None = None,
+    replace: bool = False,
+    progress: Callable[[int, int], None] = lambda _, __: None,
+) -> Exported:
+    """Write possible robots that the data of a result allow, each as a file of its own.
+
+    The folder has ``NAME-0001.xml`` and so on; ``samples.npz`` with the standard parameters of every robot in their
+    order, and of further ones that only the ranges are taken from, which `excite.load_posterior` reads; ``ranges.yaml``
+    with low, high, mean and deviation of every parameter; and, when all is written, ``ensemble.json`` with the hashes
+    of the result and of every file. The same result, seed and numbers give the same bytes.
+
+    Parameters
+    ----------
+    result : IdentificationResult or path
+        Or the folder of a result.
+    format : str or ModelFormat
+        As of `export_model`.
+    out : path
+        Folder to write, made if it does not exist.
+    samples : int
+        Number of robots.
+    seed, prior
+        See `sample_posterior`.
+    level : float
+        Share of the posterior within each parameter's range.
+    robot_file : path, optional
+        See `export_model`; every robot is a copy of it.
+    replace : bool
+        Whether an ensemble that is there is replaced.
+    progress : callable
+        Called with the number of steps that are done, and of all.
+
+    Returns
+    -------
+    Exported
+        After Ctrl-C of the robots that are written, with ``interrupted`` among its facts.
+
+    Raises
+    ------
+    InputError
+        What `sample_posterior` and `export_model` refuse, or an ensemble that is there already.
+    """
+    for name, value in (("samples", samples), ("level", level)):
+        check(name, value)
+    chosen, folder, template = chosen_format(format), Path(out), None if robot_file is None else Path(robot_file)
+    chosen.check_template(template)
+    _check_free(folder, replace=replace)
+    known = chosen_result(result)
+    model = model_of_result(known)
+    draws = max(samples, ceil(2 * _BEYOND / (1 - level) - 1e-9))
+    paths = path_count(draws)
+    drawn = sample_posterior(known, draws, seed=seed, prior=prior, progress=lambda i, n: progress(i, n + samples))
+    ensemble = _Ensemble(folder, known, model, chosen, drawn, template)
+    with result_folder(folder):
+        _check_free(folder, replace=replace)
+        ensemble.remove_older()
+        interrupted = ensemble.write(samples, level, lambda i: progress(paths + i, paths + samples))
+        facts = {"samples": samples, "seed": seed, "level": level, "prior": prior, "interrupted": interrupted}
+        ensemble.finish(name_of(format), facts)
+    files = (folder / ENSEMBLE, *(folder / name for name in ensemble.files))
+    told = {"robots": ensemble.robots, **({"interrupted": True} if interrupted else {})}
+    return Exported(name_of(format), files, ensemble.notes, told)
+
+
+class _Ensemble:
+    """A folder with what is written of an ensemble so far."""
+
+    def __init__(
+        self,
+        folder: Path,
+        result: IdentificationResult,
+        model: IdentifiedModel,
+        format: ModelFormat,
+        drawn: PosteriorSamples,
+        template: Path | None,
+    ) -> None:
+        self.folder, self.result, self.model, self.format = folder, result, model, format
+        self.drawn, self.template = drawn, template
+        self.files: dict[str, str] = {}
+        self.notes: tuple[str, ...] = drawn.notes
+        self.robots = 0
+
+    def remove_older(self) -> None:
+        """Remove the files of an ensemble that is to be replaced, its list first."""
+        with suppress(InputError):
+            older = read_json(self.folder / ENSEMBLE).get("files")
+            (self.folder / ENSEMBLE).unlink()
+            for name in older if isinstance(older, dict) else ():
+                if Path(name).name == name:
+                    (self.folder / name).unlink(missing_ok=True)
+
+    def write(self, count: int, level: float, progress: Callable[[int], None]) -> bool:
+        """Samples, ranges and robots; True if Ctrl-C ended that early."""
+        origin = comment_of(self.model, (f"ranges of {100 * level:g} % of the posterior", *self.drawn.notes))
+        try:
+            self._add(SAMPLES, posterior_content(self.drawn, NPZ))
+            self._add(RANGES, ranges_text(self.drawn, level, origin).encode("utf-8"))
+            for number in range(count):
+                self._add_robot(number, count)
+                progress(number + 1)
+        except KeyboardInterrupt:
+            return True
+        return False
+
+    def _add_robot(self, number: int, count: int) -> None:
+        note = (
+            f"sample {number + 1} of the posterior with seed {self.drawn.seed}: a possible robot that the data allow, "
+            "not the identified one"
+        )
+        model = model_of_sample(self.model, self.result, self.drawn.standard(number), note)
+        own = (*self.format.left_out(model.features), *model.notes)
+        written = self.format.text(model, comment_of(model, own), self.template)
+        content = written.content if isinstance(written.content, bytes) else written.content.encode("utf-8")
+        name = re.sub(r"[^\w.-]+", "_", self.model.described.name)
+        self._add(f"{name}-{number + 1:0{max(4, len(str(count)))}d}{self.format.suffix}", content)
+        self.robots += 1
+        if number == 0:
+            others = tuple(line for line in own if line != note)
+            self.notes = tuple(dict.fromkeys((*self.drawn.notes, *others, *written.notes)))
+
+    def _add(self, name: str, content: bytes) -> None:
+        with replacing(self.folder / name, "wb") as stream:
+            stream.write(content)
+        self.files[name] = sha256(content).hexdigest()
+
+    def finish(self, form: str, facts: dict[str, Any]) -> None:
+        """Write the list of all, the last file."""
+        drawn = self.drawn
+        content = {
+            "schema": SCHEMA,
+            "robot": drawn.robot,
+            "result_sha256": drawn.result_sha256,
+            "program": self.model.program,
+            "format": form,
+            **facts,
+            "method": METHOD,
+            "draws": len(drawn),
+            "independent_draws": drawn.effective,
+            "split_deviation": drawn.split_deviation,
+            "distance": drawn.distance,
+            "mean": dict(zip(drawn.names, drawn.mean.tolist(), strict=True)),
+            "files": self.files,
+            "notes": list(self.notes),
+        }
+        write_json(self.folder / ENSEMBLE, content)
+
+
+def _check_free(folder: Path, *, replace: bool) -> None:
+    if folder.is_file():
+        raise InputError(f"cannot write an ensemble to {str(folder)!r}: it is a file; name a folder")
+    if (folder / ENSEMBLE).exists() and not replace:
+        raise TakenError(f"{folder} already holds an ensemble")

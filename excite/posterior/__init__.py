@@ -1,0 +1,1 @@
+"""Possible robots that the data of a result allow: samples of the posterior."""

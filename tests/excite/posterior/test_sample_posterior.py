@@ -1,0 +1,230 @@
+"""Samples of the posterior: of the right distribution, by an oracle that rejects, and every one a possible robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from identified import result_of
+from two_links import FREEDOM, two_links
+
+import excite
+from excite.identification.result import StoredResult
+from excite.identification.torque_target import torque_target
+from excite.posterior.posterior_samples import PosteriorSamples
+from regressors.models.columns import COULOMB, ROTOR, VISCOUS
+from regressors.models.nominal import standard_values
+from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
+
+KEPT = 1e-3  # of the described pseudo-inertia
+PRIOR = 0.4
+POSITIVE = (ROTOR, COULOMB, VISCOUS)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
+    return two_links(tmp_path_factory.mktemp("result"))
+
+
+@pytest.fixture(scope="module")
+def samples(result: StoredResult) -> PosteriorSamples:
+    return excite.sample_posterior(result, 3000, seed=1, prior=PRIOR)
+
+
+def possible(result: StoredResult, theta: np.ndarray) -> np.ndarray:
+    """Whether robots are possible, from the definition: no coordinates, no scaling."""
+    target = torque_target(result)
+    names = [column.name for column in target.model.standard_columns]
+    positive = [k for k, column in enumerate(target.model.standard_columns) if column.kind in POSITIVE]
+    inside = np.all(theta[:, positive] >= 0, axis=1)
+    for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True):
+        part = theta[:, [names.index(name) for name in parameter_names(number)]]
+        least = np.array(
+            [np.linalg.eigvalsh(pseudo_inertia(row) - KEPT * pseudo_inertia(body.theta))[0] for row in part]
+        )
+        inside &= least > 0
+    return inside
+
+
+def oracle(result: StoredResult, count: int) -> tuple[np.ndarray, float]:
+    """Draws by Matheron's rule, of which impossible ones are rejected, and the share that is accepted."""
+    target, rng = torque_target(result), np.random.default_rng(5)
+    definition, names = target.model.definition()
+    A, stated = target.base.D @ definition, standard_values(target.robot)
+    prior, centre = np.zeros((count, len(names))), np.zeros(len(names))
+    for k, column in enumerate(target.model.standard_columns):
+        size = stated.get(column.name, 0.0)
+        deviation = PRIOR * abs(size) if size else (1e-4 if column.kind == ROTOR else 1.0)
+        centre[k] = size or (1e-4 if column.kind == ROTOR else 0.0)
+        prior[:, k] = centre[k] + deviation * rng.normal(size=count)
+    for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True):
+        index = [names.index(name) for name in parameter_names(number)]
+        L = np.linalg.cholesky(pseudo_inertia(body.theta))
+        E = PRIOR * rng.normal(size=(count, 4, 4))
+        E = (E + E.swapaxes(1, 2)) / 2  # off the diagonal with the deviation over sqrt 2
+        prior[:, index] = [from_pseudo_inertia(L @ (np.eye(4) + e) @ L.T) for e in E]
+        centre[index] = body.theta
+    V = np.cov(prior, rowvar=False)
+    C = np.array(result.content["covariance"])
+    t = rng.multivariate_normal(np.zeros(len(C)), C, count) / np.sqrt(rng.chisquare(FREEDOM, (count, 1)) / FREEDOM)
+    theta = prior + (result.coefficients + t - prior @ A.T) @ np.linalg.solve(A @ V @ A.T, A @ V)
+    inside = possible(result, theta)
+    return theta[inside], float(inside.mean())
+
+
+def test_mean_and_covariance_are_those_of_rejection(result: StoredResult, samples: PosteriorSamples) -> None:
+    expected, accepted = oracle(result, 40_000)
+    assert 0.005 < accepted < 0.3  # most of the posterior without bounds is impossible
+    size = expected.std(axis=0)
+    free = size > 0
+    error = np.sqrt(1 / len(expected) + 1 / samples.effective)
+    np.testing.assert_array_less(np.abs(samples.mean - expected.mean(axis=0))[free] / size[free], 4.5 * error)
+    ratio = samples.values.std(axis=0)[free] / size[free]
+    np.testing.assert_array_less(np.abs(np.log(ratio)), 6 * error)
+    correlations = [np.corrcoef(values[:, free], rowvar=False) for values in (samples.values, expected)]
+    assert np.abs(correlations[0] - correlations[1]).max() < 6 * error
+
+
+def test_truncation_matters(result: StoredResult, samples: PosteriorSamples) -> None:
+    """Without bounds the mean of a friction coefficient would be its estimate."""
+    k = samples.base_names.index("F2c")
+    assert samples.base_values[:, k].mean() > 3 * result.coefficients[k]
+
+
+def test_every_sample_is_a_possible_robot(result: StoredResult, samples: PosteriorSamples) -> None:
+    assert possible(result, samples.values).all()
+    assert possible(result, samples.mean[None]).all()
+
+
+def test_base_parameters_are_those_of_the_samples(result: StoredResult, samples: PosteriorSamples) -> None:
+    target = torque_target(result)
+    definition, names = target.model.definition()
+    assert samples.names == names
+    np.testing.assert_allclose(samples.base_values, samples.values @ (target.base.D @ definition).T, atol=1e-12)
+
+
+def test_a_sample_is_the_same_however_many_are_drawn(result: StoredResult, samples: PosteriorSamples) -> None:
+    few = excite.sample_posterior(result, 40, seed=1, prior=PRIOR)
+    np.testing.assert_array_equal(few.values, samples.values[:40])
+    other = excite.sample_posterior(result, 40, seed=2, prior=PRIOR)
+    assert not np.any(other.values[:, 0] == few.values[:, 0])
+
+
+def test_what_the_data_do_not_determine_is_spread_as_the_description_says(tmp_path: Path) -> None:
+    """Exact base parameters: what remains follows the prior, whose deviation it is proportional to."""
+    result = two_links(tmp_path, share=1e-6)
+    result = replace(result, content={**result.content, "degrees_of_freedom": 10**6})
+    narrow, wide = (excite.sample_posterior(result, 600, prior=prior) for prior in (0.01, 0.03))
+    k = narrow.names.index("m2")
+    deviations = [one.values[:, k].std() / one.mean[k] for one in (narrow, wide)]
+    assert 0.003 < deviations[0] < 0.0115  # the mass itself has 0.01, less what the first moments tell of it
+    assert deviations[1] == pytest.approx(3 * deviations[0], rel=0.15)
+    np.testing.assert_allclose(wide.base_values.std(axis=0), 0, atol=1e-4 * np.abs(result.coefficients).max())
+
+
+def test_parameters_without_information_are_spread_by_the_description(tmp_path: Path) -> None:
+    result = two_links(tmp_path, share=0.01)
+    covariance = [[None if 0 in (i, j) else x for j, x in enumerate(row)] for i, row in
+                  enumerate(result.content["covariance"])]  # fmt: skip
+    loose = excite.sample_posterior(replace(result, content={**result.content, "covariance": covariance}), 300)
+    tight = excite.sample_posterior(result, 300)
+    assert loose.base_values[:, 0].std() > 5 * tight.base_values[:, 0].std()
+    assert any("1 parameters that the data do not determine" in note for note in loose.notes)
+
+
+def test_zeros_of_the_structure_hold_exactly(tmp_path: Path) -> None:
+    result = result_of(excite.load_robot("irp6"), tmp_path)
+    covariance = np.diag((0.01 * np.abs(result.coefficients)) ** 2)
+    content = {**result.content, "covariance": covariance.tolist(), "degrees_of_freedom": 1000}
+    (tmp_path / "result.json").write_text("{}")
+    samples = excite.sample_posterior(replace(result, content=content), 64)
+    zero = [k for k, name in enumerate(samples.names) if name in torque_target(result).robot.structure.zero]
+    assert len(zero) > 10
+    assert not np.any(samples.values[:, zero])
+    assert np.all(np.ptp(np.delete(samples.values, zero, axis=1), axis=0) > 0)
+
+
+def test_mismatch_of_friction_widens(tmp_path: Path) -> None:
+    result = two_links(tmp_path, share=0.01)
+    change = np.zeros(len(result.names))
+    change[0] = 0.1 * abs(result.coefficients[0])
+    wider = replace(result, content={**result.content, "friction_mismatch": np.outer(change, change).tolist()})
+    plain, wide = excite.sample_posterior(result, 300), excite.sample_posterior(wider, 300)
+    assert wide.base_values[:, 0].std() > 3 * plain.base_values[:, 0].std()
+    assert any("friction of the log differs" in note for note in wide.notes)
+
+
+def test_an_estimate_far_from_every_possible_robot_is_said(tmp_path: Path) -> None:
+    result = two_links(tmp_path, share=0.01)
+    parameters = [
+        {**entry, "fit": -entry["fit"]} if entry["name"] == "F2v" else entry for entry in result.content["parameters"]
+    ]
+    samples = excite.sample_posterior(replace(result, content={**result.content, "parameters": parameters}), 64)
+    assert samples.distance > 50
+    assert any("no possible robot is within the 99 % region" in note for note in samples.notes)
+    assert possible(result, samples.values).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"samples": 0}, "samples"),
+        ({"samples": 1.5}, "samples"),
+        ({"seed": -1}, "seed"),
+        ({"prior": 0.0}, "prior"),
+        ({"prior": float("nan")}, "prior"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(options: dict[str, Any], message: str, result: StoredResult) -> None:
+    with pytest.raises(excite.InputError, match=message):
+        excite.sample_posterior(result, **options)
+
+
+def _singular(result: StoredResult) -> Any:
+    return replace(result, content={**result.content, "covariance": np.ones((len(result.names),) * 2).tolist()})
+
+
+def _without_covariance(result: StoredResult) -> Any:
+    return replace(result, content={k: v for k, v in result.content.items() if k != "covariance"})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda _: 3, "expected a result of `identify` or its folder"),
+        (lambda _: "nowhere", "nowhere holds no result"),
+        (_without_covariance, "states no covariance"),
+        (_singular, "not positive definite"),
+    ],
+)
+def test_bad_results_are_refused(change: Any, message: str, result: StoredResult) -> None:
+    with pytest.raises(excite.InputError, match=message):
+        excite.sample_posterior(change(result))
+
+
+@pytest.mark.parametrize(
+    ("level", "message"), [(0.0, "level"), (1.0, "level"), (0.9995, "at least 20000 samples, given 3000")]
+)
+def test_levels_that_cannot_be_stated_are_refused(level: float, message: str, samples: PosteriorSamples) -> None:
+    with pytest.raises(excite.InputError, match=message):
+        samples.ranges(level)
+
+
+def test_ranges_hold_their_share_of_the_samples(samples: PosteriorSamples) -> None:
+    for level in (0.5, 0.99):
+        ranges = {one.name: one for one in samples.ranges(level)}
+        assert set(ranges) == {*samples.names, *samples.base_names}
+        for values, name in zip(samples.values.T, samples.names, strict=True):
+            share = np.mean((values >= ranges[name].low) & (values <= ranges[name].high))
+            assert share == pytest.approx(level, abs=0.002)
+            assert ranges[name].mean == pytest.approx(values.mean())
+
+
+def test_progress_reaches_its_end(result: StoredResult) -> None:
+    steps: list[tuple[int, int]] = []
+    excite.sample_posterior(result, 1, progress=lambda done, total: steps.append((done, total)))
+    assert steps == [(k + 1, len(steps)) for k in range(len(steps))]
+    assert "1 possible robots" in repr(excite.sample_posterior(result, 1))
