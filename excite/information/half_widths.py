@@ -12,7 +12,7 @@ since one sigma is common to all. This is for noise that is independent from ins
 from __future__ import annotations
 
 import numpy as np
-import scipy.stats
+import scipy.special
 
 from regressors.samples import Array
 
@@ -57,7 +57,8 @@ def half_width_factor(degrees_of_freedom: int, *, level: float = LEVEL, probabil
     float
     """
     f = degrees_of_freedom
-    return float(scipy.stats.t.ppf(0.5 + 0.5 * level, f) * np.sqrt(scipy.stats.chi2.ppf(probability, f) / f))
+    t, chi2 = scipy.special.stdtrit(f, 0.5 + 0.5 * level), scipy.special.chdtri(f, 1.0 - probability)
+    return float(t * np.sqrt(chi2 / f))
 
 
 def half_widths(
