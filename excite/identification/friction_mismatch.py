@@ -60,7 +60,9 @@ def friction_mismatch(estimate: Estimate, observations: Observations, context: C
     """
     if estimate.method not in METHODS or isinstance(observations.W, StreamedRows):
         return None
-    if context.target.model.window is not None or context.target.model.coulomb_friction() is None:
+    model, base = context.target.model, context.target.base
+    friction = model.coulomb_friction()
+    if model.window is not None or friction is None or not np.isin(friction.columns, base.index).any():
         return None
     seen = np.isfinite(np.diag(estimate.covariance))
     G = bumps(context.target, context.prepared, context.recipe)
