@@ -128,7 +128,7 @@ def noise_in_hand(earlier: Sequence[EarlierInformation], model: RegressorModel, 
         )
     if not fitting:
         return None
-    weights = np.array([one.seconds for one in fitting])
+    weights = np.array([float(max(one.degrees_of_freedom, 1)) for one in fitting])  # as variances are pooled
     squares = np.array([one.density for one in fitting]) ** 2
     density = np.sqrt(weights @ squares / weights.sum())
     return tuple(float(x) for x in density / np.sqrt(_interval(model, task)))

@@ -37,9 +37,7 @@ def _definition(target: IdentificationTarget) -> tuple[np.ndarray, tuple[str, ..
     return target.base.D @ D, names
 
 
-def _result(
-    rng: np.random.Generator, target: IdentificationTarget = TARGET, seconds: float = 4.0
-) -> EarlierInformation:
+def _result(rng: np.random.Generator, target: IdentificationTarget = TARGET) -> EarlierInformation:
     A, names = _definition(target)
     b = len(A)
     return EarlierInformation(
@@ -56,7 +54,7 @@ def _result(
         factors=(rng.standard_normal((2 * b, b)),),
         equations=tuple(target.model.row_labels),
         density=tuple(rng.uniform(0.5, 2.0, len(target.model.row_labels))),
-        seconds=seconds,
+        seconds=4.0,
         degrees_of_freedom=100,
         values=rng.standard_normal(b),
     )
@@ -166,9 +164,9 @@ def test_noise_keeps_its_density_at_another_rate() -> None:
     assert np.allclose(np.array(slow) * np.sqrt(10.0 / 1001), one.density)
 
 
-def test_noise_of_several_results_is_their_mean_square_over_time() -> None:
+def test_noise_of_several_results_is_pooled_by_their_degrees_of_freedom() -> None:
     rng = np.random.default_rng(9)
-    two = [_result(rng, seconds=seconds) for seconds in (2.0, 6.0)]
+    two = [dataclasses.replace(_result(rng), degrees_of_freedom=freedom) for freedom in (2, 6)]
     density = np.array(noise_in_hand(two, TARGET.model, TASK)) * np.sqrt(10.0 / 1001)
     assert np.allclose(density**2, (2 * np.array(two[0].density) ** 2 + 6 * np.array(two[1].density) ** 2) / 8)
 
