@@ -63,7 +63,7 @@ def _draw_front(ax: Axes, design: Design) -> None:
     ax.axhline(1.0, color=DARK, linewidth=0.8, linestyle="--")
     ax.plot([forecast.robot_seconds], [forecast.worst.use], "D", color=VERMILLION, markersize=6.0, zorder=4.0)
     ax.annotate(
-        _runs(forecast), (forecast.robot_seconds, forecast.worst.use), (8, 8),
+        _runs(forecast), (forecast.robot_seconds, forecast.worst.use), (-9, -14), ha="right",
         textcoords="offset points", fontsize=NOTE, color=DARK,
     )  # fmt: skip
     uses = [point.use for point in search.front]
