@@ -67,7 +67,10 @@ def _draw_front(ax: Axes, design: Design) -> None:
     log_scale(ax.yaxis, 0.7 * min(*uses, 1.0), 1.4 * max(*uses, 1.0))
     ax.set_xlabel("robot time [s]", fontsize=LABEL, color=DARK)
     ax.set_ylabel("widest half-width / allowed", fontsize=LABEL, color=DARK)
-    text = "front of robot time against precision; below the dashed line the target is met\neach grey line is a period, the diamond the experiment that was chosen"
+    text = (
+        "front of robot time against precision; below the dashed line the target is met\n"
+        "each grey line is a period, the diamond the experiment that was chosen"
+    )
     ax.set_title(plain(text), loc="left", y=1.0, fontsize=LABEL, color=DARK)
 
 
