@@ -62,16 +62,15 @@ def _draw_front(ax: Axes, design: Design) -> None:
     ax.step([*times, longest], [*(p.use for p in search.front), search.front[-1].use], where="post", color=BLUE)
     ax.axhline(1.0, color=DARK, linewidth=0.8, linestyle="--")
     ax.plot([forecast.robot_seconds], [forecast.worst.use], "D", color=VERMILLION, markersize=6.0, zorder=4.0)
-    ax.annotate(
-        _runs(forecast), (forecast.robot_seconds, forecast.worst.use), (8, 8),
-        textcoords="offset points", fontsize=NOTE, color=DARK,
-    )  # fmt: skip
     uses = [point.use for point in search.front]
     log_scale(ax.xaxis, 0.8 * min(times), 1.25 * longest)
     log_scale(ax.yaxis, 0.7 * min(*uses, 1.0), 1.4 * max(*uses, 1.0))
     ax.set_xlabel("robot time [s]", fontsize=LABEL, color=DARK)
     ax.set_ylabel("widest half-width / allowed", fontsize=LABEL, color=DARK)
-    text = "front of robot time against precision; below the dashed line the target is met\neach grey line is a period"
+    text = (
+        "front of robot time against precision; below the dashed line the target is met\n"
+        "each grey line is a period, the diamond the experiment that was chosen"
+    )
     ax.set_title(plain(text), loc="left", y=1.0, fontsize=LABEL, color=DARK)
 
 

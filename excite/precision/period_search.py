@@ -127,7 +127,7 @@ class PeriodSearch:
         """A period at which the same runs may be enough, above one at which they are not; None if none is worth it."""
         use = best.run.use(best.runs)
         wanted = max(best.period * use**2, 0.5 * (lower + best.period))  # deviations fall with its root, or faster
-        period = _at_rate(wanted, self.task.output.rate)
+        period = max(_at_rate(wanted, self.task.output.rate), ladder(self.task)[0])  # shorter ones are faster
         return period if lower < period < (1.0 - _WORTH) * best.period else None
 
     def _try(self, period: float) -> PeriodTrial | None:

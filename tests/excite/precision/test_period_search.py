@@ -146,6 +146,7 @@ def test_the_search_meets_a_coarse_target_and_continues_from_its_folder(
     assert forecast.met
     assert first.feasible
     assert search.out_of_reach is None
+    assert all(each.richness / each.period <= 5 / 10.0 + 1e-9 for each in search.trials)  # the highest frequency stays
     assert forecast.robot_seconds == min(each.robot_seconds for each in search.trials)
     with pytest.raises(InputError, match="another problem"):
         excite.design_for_precision("irp6", "190%", **options)
