@@ -91,7 +91,7 @@ def sample_posterior(
     check("prior", prior)
     known = _result(result)
     target = torque_target(known)
-    standard, coordinates = _posterior(known, target, prior)
+    standard, coordinates = posterior_of(known, target, prior)
     possible = possible_set(standard, coordinates)
     start = inner_point(possible)
     announce("sampling", _SECONDS * CHAINS * path_count(samples) * (3 + len(standard.bodies)) * coordinates.size)
@@ -127,9 +127,19 @@ def _result(given: IdentificationResult | str | Path) -> IdentificationResult:
     return given
 
 
-def _posterior(
+def posterior_of(
     result: IdentificationResult, target: IdentificationTarget, relative: float
 ) -> tuple[StandardProblem, PosteriorCoordinates]:
+    """The posterior without bounds, and the standard parameters that it is of.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+    target : IdentificationTarget
+        See `excite.identification.torque_target.torque_target`.
+    relative : float
+        See `sample_posterior`.
+    """
     covariance = stated_covariance(result)
     if covariance is None:
         raise InputError(f"{result.name} states no covariance of its parameters; identify again")
