@@ -36,6 +36,7 @@ from regressors.quantities import check
 from regressors.quoting import shortened
 
 SAMPLES, PRIOR = 1000, 0.3
+_FEWEST = 4 * CHAINS  # draws that show whether the chains agree
 _MIXED = 1.05
 _SECONDS = 5e-6  # of a path, per body and per coordinate
 
@@ -90,14 +91,14 @@ def sample_posterior(
     check("prior", prior)
     known = _result(result)
     target = torque_target(known)
-    standard, coordinates = _posterior(known, target, prior)
+    standard, coordinates = posterior_of(known, target, prior)
     possible = possible_set(standard, coordinates)
     start = inner_point(possible)
     announce("sampling", _SECONDS * CHAINS * path_count(samples) * (3 + len(standard.bodies)) * coordinates.size)
-    theta = coordinates.theta(draws(coordinates, possible, start.z, samples, seed, progress))
+    theta = coordinates.theta(draws(coordinates, possible, start.z, max(samples, _FEWEST), seed, progress))
     values = theta.reshape(-1, len(standard.names))[:samples]
     free = np.ptp(theta, axis=(0, 1)) > 0
-    spread = float(split_deviation(theta[..., free]).max(initial=1.0)) if len(theta) >= 4 else np.nan
+    spread = float(split_deviation(theta[..., free]).max(initial=1.0))
     distance = float(np.linalg.norm(start.nearest))
     return PosteriorSamples(
         robot=known.robot.name,
@@ -126,9 +127,19 @@ def _result(given: IdentificationResult | str | Path) -> IdentificationResult:
     return given
 
 
-def _posterior(
+def posterior_of(
     result: IdentificationResult, target: IdentificationTarget, relative: float
 ) -> tuple[StandardProblem, PosteriorCoordinates]:
+    """The posterior without bounds, and the standard parameters that it is of.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+    target : IdentificationTarget
+        See `excite.identification.torque_target.torque_target`.
+    relative : float
+        See `sample_posterior`.
+    """
     covariance = stated_covariance(result)
     if covariance is None:
         raise InputError(f"{result.name} states no covariance of its parameters; identify again")

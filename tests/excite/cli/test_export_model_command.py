@@ -57,6 +57,9 @@ def test_every_format_is_written(form: str, here: Here) -> None:
         (("r", "--format", "csv", "--robot-file", "none.urdf"), ("--robot-file", "takes none")),
         (("r", "--format", "urdf", "--rate", "100"), ("--rate",)),
         (("both", "--format", "npz"), ("result.json", "design.json")),
+        (("r", "--format", "urdf", "--seed", "1"), ("--seed", "--samples N")),
+        (("r", "--format", "urdf", "--samples", "0"), ("--samples",)),
+        (("both/design.json", "--format", "npz", "--samples", "3"), ("--samples", "holds a design")),
         (("r", "--format", "krl"), ("krl is a format of motions", "holds a result", "choose urdf")),
     ],
 )
@@ -77,3 +80,15 @@ def test_a_file_that_is_there_stays_without_force(here: Here) -> None:
     assert (ended.returncode, "--force" in ended.stderr) == (2, True)
     assert (here.cwd / "a.csv").read_text() == "mine"
     assert here.run("export", "r", "--format", "csv", "--out", "a.csv", "--force").returncode == 0
+
+
+def test_an_ensemble_is_a_folder_of_robots(here: Here) -> None:
+    arguments = ("export", "r", "--format", "mjcf", "--samples", "3", "--level", "0.6", "--out", "models/many")
+    text = here.run(*arguments).stdout
+    assert "Ensemble of 3 possible robots exported as mjcf" in text
+    names = {path.name for path in (here.cwd / "models" / "many").iterdir()}
+    assert names == {"ensemble.json", "ranges.yaml", "samples.npz", *(f"irp6-000{k}.xml" for k in (1, 2, 3))}
+    again = here.run(*arguments)
+    assert (again.returncode, "--force" in again.stderr) == (2, True)
+    content = json.loads(here.run(*arguments, "--force", "--json").stdout)
+    assert (content["format"], content["robots"], len(content["files"])) == ("mjcf", 3, 6)

@@ -14,11 +14,14 @@ from two_links import FREEDOM, two_links
 import excite
 from excite.identification.result import StoredResult
 from excite.identification.torque_target import torque_target
+from excite.posterior import chains
 from excite.posterior.posterior_samples import PosteriorSamples
 from regressors.models.columns import COULOMB, ROTOR, VISCOUS
 from regressors.models.nominal import standard_values
 from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
 
+TO_PSEUDO = np.stack([pseudo_inertia(unit) for unit in np.eye(10)], axis=-1)  # (4, 4, 10)
+FROM_PSEUDO = np.column_stack([from_pseudo_inertia(unit.reshape(4, 4)) for unit in np.eye(16)])  # (10, 16)
 KEPT = 1e-3  # of the described pseudo-inertia
 PRIOR = 0.4
 POSITIVE = (ROTOR, COULOMB, VISCOUS)
@@ -31,7 +34,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
 
 @pytest.fixture(scope="module")
 def samples(result: StoredResult) -> PosteriorSamples:
-    return excite.sample_posterior(result, 3000, seed=1, prior=PRIOR)
+    return excite.sample_posterior(result, 2000, seed=1, prior=PRIOR)
 
 
 def possible(result: StoredResult, theta: np.ndarray) -> np.ndarray:
@@ -41,11 +44,8 @@ def possible(result: StoredResult, theta: np.ndarray) -> np.ndarray:
     positive = [k for k, column in enumerate(target.model.standard_columns) if column.kind in POSITIVE]
     inside = np.all(theta[:, positive] >= 0, axis=1)
     for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True):
-        part = theta[:, [names.index(name) for name in parameter_names(number)]]
-        least = np.array(
-            [np.linalg.eigvalsh(pseudo_inertia(row) - KEPT * pseudo_inertia(body.theta))[0] for row in part]
-        )
-        inside &= least > 0
+        part = theta[:, [names.index(name) for name in parameter_names(number)]] - KEPT * body.theta
+        inside &= np.linalg.eigvalsh(np.moveaxis(TO_PSEUDO @ part.T, -1, 0))[:, 0] > 0
     return inside
 
 
@@ -54,19 +54,17 @@ def oracle(result: StoredResult, count: int) -> tuple[np.ndarray, float]:
     target, rng = torque_target(result), np.random.default_rng(5)
     definition, names = target.model.definition()
     A, stated = target.base.D @ definition, standard_values(target.robot)
-    prior, centre = np.zeros((count, len(names))), np.zeros(len(names))
+    prior = np.zeros((count, len(names)))
     for k, column in enumerate(target.model.standard_columns):
         size = stated.get(column.name, 0.0)
         deviation = PRIOR * abs(size) if size else (1e-4 if column.kind == ROTOR else 1.0)
-        centre[k] = size or (1e-4 if column.kind == ROTOR else 0.0)
-        prior[:, k] = centre[k] + deviation * rng.normal(size=count)
+        prior[:, k] = (size or (1e-4 if column.kind == ROTOR else 0.0)) + deviation * rng.normal(size=count)
     for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True):
         index = [names.index(name) for name in parameter_names(number)]
         L = np.linalg.cholesky(pseudo_inertia(body.theta))
         E = PRIOR * rng.normal(size=(count, 4, 4))
         E = (E + E.swapaxes(1, 2)) / 2  # off the diagonal with the deviation over sqrt 2
-        prior[:, index] = [from_pseudo_inertia(L @ (np.eye(4) + e) @ L.T) for e in E]
-        centre[index] = body.theta
+        prior[:, index] = (L @ (np.eye(4) + E) @ L.T).reshape(count, 16) @ FROM_PSEUDO.T
     V = np.cov(prior, rowvar=False)
     C = np.array(result.content["covariance"])
     t = rng.multivariate_normal(np.zeros(len(C)), C, count) / np.sqrt(rng.chisquare(FREEDOM, (count, 1)) / FREEDOM)
@@ -77,7 +75,7 @@ def oracle(result: StoredResult, count: int) -> tuple[np.ndarray, float]:
 
 def test_mean_and_covariance_are_those_of_rejection(result: StoredResult, samples: PosteriorSamples) -> None:
     expected, accepted = oracle(result, 40_000)
-    assert 0.005 < accepted < 0.3  # most of the posterior without bounds is impossible
+    assert 0.02 < accepted < 0.3  # most of the posterior without bounds is impossible
     size = expected.std(axis=0)
     free = size > 0
     error = np.sqrt(1 / len(expected) + 1 / samples.effective)
@@ -117,21 +115,21 @@ def test_what_the_data_do_not_determine_is_spread_as_the_description_says(tmp_pa
     """Exact base parameters: what remains follows the prior, whose deviation it is proportional to."""
     result = two_links(tmp_path, share=1e-6)
     result = replace(result, content={**result.content, "degrees_of_freedom": 10**6})
-    narrow, wide = (excite.sample_posterior(result, 600, prior=prior) for prior in (0.01, 0.03))
+    narrow, wide = (excite.sample_posterior(result, 600, prior=prior) for prior in (0.02, 0.06))
     k = narrow.names.index("m2")
     deviations = [one.values[:, k].std() / one.mean[k] for one in (narrow, wide)]
-    assert 0.003 < deviations[0] < 0.0115  # the mass itself has 0.01, less what the first moments tell of it
+    assert 0.004 < deviations[0] < 0.023  # the mass itself has 0.02, less what the first moments tell of it
     assert deviations[1] == pytest.approx(3 * deviations[0], rel=0.15)
     np.testing.assert_allclose(wide.base_values.std(axis=0), 0, atol=1e-4 * np.abs(result.coefficients).max())
 
 
 def test_parameters_without_information_are_spread_by_the_description(tmp_path: Path) -> None:
-    result = two_links(tmp_path, share=0.01)
+    result = two_links(tmp_path, share=0.003)
     covariance = [[None if 0 in (i, j) else x for j, x in enumerate(row)] for i, row in
                   enumerate(result.content["covariance"])]  # fmt: skip
     loose = excite.sample_posterior(replace(result, content={**result.content, "covariance": covariance}), 300)
     tight = excite.sample_posterior(result, 300)
-    assert loose.base_values[:, 0].std() > 5 * tight.base_values[:, 0].std()
+    assert loose.base_values[:, 0].std() > 3 * tight.base_values[:, 0].std()
     assert any("1 parameters that the data do not determine" in note for note in loose.notes)
 
 
@@ -166,6 +164,12 @@ def test_an_estimate_far_from_every_possible_robot_is_said(tmp_path: Path) -> No
     assert samples.distance > 50
     assert any("no possible robot is within the 99 % region" in note for note in samples.notes)
     assert possible(result, samples.values).all()
+
+
+def test_chains_that_do_not_move_are_not_believed(result: StoredResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(chains, "next_points", lambda _, __, z, *___: (z, np.zeros(len(z), dtype=bool)))
+    with pytest.raises(excite.ConicSolverError, match="hardly any room for possible robots"):
+        excite.sample_posterior(result, 64)
 
 
 @pytest.mark.parametrize(
@@ -206,7 +210,7 @@ def test_bad_results_are_refused(change: Any, message: str, result: StoredResult
 
 
 @pytest.mark.parametrize(
-    ("level", "message"), [(0.0, "level"), (1.0, "level"), (0.9995, "at least 20000 samples, given 3000")]
+    ("level", "message"), [(0.4, "level"), (1.0, "level"), (0.9995, "at least 20001 samples, given 2000")]
 )
 def test_levels_that_cannot_be_stated_are_refused(level: float, message: str, samples: PosteriorSamples) -> None:
     with pytest.raises(excite.InputError, match=message):
