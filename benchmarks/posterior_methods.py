@@ -145,8 +145,8 @@ def main() -> None:
 
 
 LIMITATIONS = (
-    "One posterior per robot, 32 chains from one point, code in NumPy; warm-up counts. Where R is above 1.05 the chains "
-    "have not mixed, and their rate is an upper bound.",
+    "One posterior per robot, 32 chains from one point, code in NumPy; warm-up counts. Where R is above 1.05 the "
+    "chains have not mixed, and their rate is an upper bound.",
     "Elliptical slice sampling and hit-and-run draw from the normal posterior, the others from Student's t.",
 )
 

@@ -32,7 +32,7 @@ from regressors.jax_models import JaxModel
 from regressors.readers.library import load_robot
 from regressors.samples import Array
 
-CANDIDATES, BATCH, SEEDS = 20_000, 1000, range(5)
+CANDIDATES, BATCH, SEEDS = 20_000, 1000, range(3)
 BUDGETS = {"IRp-6 differential": 6.0, "P1 gautier": 12.0}  # of processor time [s]
 _INSTANTS, _OF_LIMITS = 60, 8  # instants of a score; the limits are looked at on every 8th instant of the grid
 

@@ -185,7 +185,8 @@ def main(arguments: list[str]) -> None:
         figure.savefig(out, metadata=metadata, facecolor="white", dpi=110)
     if out.suffix == ".svg":  # a tenth of a point is enough
         text = out.read_text(encoding="utf-8")
-        out.write_text(re.sub(r"\d+\.\d{2,}", lambda found: f"{float(found[0]):.1f}", text), encoding="utf-8")
+        text = re.sub(r"\d+\.\d{2,}", lambda found: f"{float(found[0]):.1f}", text)
+        out.write_text(re.sub(r" +$", "", text, flags=re.MULTILINE), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,9 @@ from excite.posterior.posterior_coordinates import PosteriorCoordinates
 from regressors.samples import Array, Index
 
 _STEPS = 6  # drifts of a path
-STEP = 0.25  # mean length of a drift in deviations; measured in `benchmarks/posterior_methods.py`
+STEP = (
+    0.25  # their mean length in deviations; 4 of 0.35 gave as many draws a second for a Panda, 8 of 0.15 a third less
+)
 _SPREAD = 0.2  # of the length of a drift, from path to path
 _INSIDE = 1e-8  # slack in a constraint's own size that a point has after a reflection
 _MOST = 2000  # reflections in one drift
@@ -51,7 +53,7 @@ def next_points(
     step = length * (1 + _SPREAD * (2 * rng.uniform() - 1))
     bound = np.log(rng.uniform(size=len(z)))
     before = coordinates.energy(z) + np.sum(n**2, axis=1) / 2
-    path = _Path(possible, shape, z.copy(), n, np.ones(len(z), dtype=bool))
+    path = ReflectedPaths(possible, shape, z.copy(), n, np.ones(len(z), dtype=bool))
     path.n = n - step / 2 * coordinates.slope_of_energy(z) @ shape
     for k in range(_STEPS):
         path.drift(step)
@@ -63,8 +65,19 @@ def next_points(
 
 
 @dataclass(eq=False)
-class _Path:
-    """Points and velocities of all chains on their way; a path is not sound where rounding took it out of the set."""
+class ReflectedPaths:
+    """Points and velocities of all chains on their way.
+
+    Parameters
+    ----------
+    possible : PossibleSet
+    shape : ndarray, shape (d, d)
+        Velocities are ``shape @ n``.
+    z, n : ndarray, shape (chains, d)
+        Changed in place.
+    sound : ndarray of bool, shape (chains,)
+        False of paths that rounding took out of the set, or that met walls too often.
+    """
 
     possible: PossibleSet
     shape: Array
