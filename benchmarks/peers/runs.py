@@ -15,6 +15,7 @@ sys.path.insert(0, str(HERE.parent))
 from measure import measured  # noqa: E402
 
 Run = dict[str, Any]
+SYSTEMS = ("excite", "slsqp", "figaroh", "random")
 #: What tells one run from another.
 KEY = ("case", "system", "seed", "budget")
 _FIGAROH = """
@@ -40,14 +41,14 @@ def complete(
     wanted : iterable of dict
         With the entries `KEY`.
     earlier : iterable of dict
-        Finished runs; those that are wanted are not made again, the others are kept.
+        Finished runs; those that are wanted are not made again unless they failed, the others are kept.
     make : callable
         The result of a run, added to what was wanted.
     save : callable
         Gets all finished runs.
     """
     done = {key(run): run for run in earlier}
-    left = [run for run in wanted if key(run) not in done]
+    left = [run for run in wanted if "failure" in done.get(key(run), {"failure": "not made yet"})]
     for number, run in enumerate(left, start=1):
         print(f"{number} of {len(left)}: {run['system']} on {run['case']}, seed {run['seed']}", file=sys.stderr)
         done[key(run)] = {**run, **make(run)}
