@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -29,6 +29,8 @@ from scipy.optimize import minimize
 LIMIT_INSTANTS = 100
 _SPACING = 0.2  # [s] of processor time between two iterates that are kept
 _PEERS = {30: 14.5, 50: 13.1, 100: 12.6, 200: 12.2}
+#: Per derivative L, lower, upper of ``lower <= L q^(d) <= upper``.
+Limits = tuple[tuple[Array, Array, Array], ...]
 _OMEGA = 2 * np.pi / PERIOD * np.arange(1, HARMONICS + 1)
 
 
@@ -52,22 +54,24 @@ def _bases(count: int) -> list[Array]:
     return [_series(time, derivative) @ _FREE for derivative in range(3)]
 
 
-def limit_rows(problem: Problem) -> tuple[Array, Array]:
+def limits_of(problem: Problem) -> Limits:
+    """Limits of an arm whose joints are not coupled."""
+    return tuple((np.eye(len(problem.lower)), *problem.bounds(derivative)) for derivative in range(3))
+
+
+def limit_rows(limits: Limits) -> tuple[Array, Array]:
     """``A x <= b`` for all limits at the instants of the grid."""
-    n = len(problem.lower)
     rows, bounds = [], []
-    for derivative, basis in enumerate(_bases(LIMIT_INSTANTS)):
-        lower, upper = problem.bounds(derivative)
-        A = np.kron(np.eye(n), basis)
+    for (L, lower, upper), basis in zip(limits, _bases(LIMIT_INSTANTS), strict=True):
+        A = np.kron(L, basis)
         rows += [A, -A]
         bounds += [np.repeat(upper, LIMIT_INSTANTS), -np.repeat(lower, LIMIT_INSTANTS)]
     return np.vstack(rows), np.concatenate(bounds)
 
 
-def random_start(problem: Problem, A: Array, b: Array, rng: np.random.Generator) -> Array:
-    """A random motion inside the limits: every joint in turn goes most of the way to its nearest limit."""
-    n, size = len(problem.lower), _FREE.shape[1]
-    middle = sum(problem.bounds(0)) / 2
+def random_start(middle: Array, A: Array, b: Array, rng: np.random.Generator) -> Array:
+    """A random motion inside the limits: every joint in turn goes from the middle most of the way to a limit."""
+    n, size = len(middle), _FREE.shape[1]
     x = np.outer(middle, np.linalg.pinv(_FREE)[:, 0])
     for joint in range(n):
         direction = np.zeros((n, size))
@@ -78,9 +82,9 @@ def random_start(problem: Problem, A: Array, b: Array, rng: np.random.Generator)
     return x.ravel()
 
 
-def motion_of(problem: Problem, x: Array) -> dict[str, Any]:
+def motion_of(x: Array) -> dict[str, Any]:
     """Trajectory in the form of `judge.Motion`."""
-    series = x.reshape(len(problem.lower), -1) @ _FREE.T
+    series = x.reshape(-1, _FREE.shape[1]) @ _FREE.T
     cosine, sine = np.split(series[:, 1:] / np.tile(_OMEGA, 2), 2, axis=1)
     return {"period": PERIOD, "offset": series[:, 0].tolist(), "cosine": cosine.tolist(), "sine": sine.tolist()}
 
@@ -89,29 +93,45 @@ def iterates(problem: Problem, wanted: Mapping[str, Any]) -> list[tuple[float, A
     """Processor time since the process began, and the iterate, of starts one after the other."""
     names = column_names(problem)
     columns = [names.index(name) for name in wanted["columns"]]
-    bases, n = _bases(wanted["instants"]), len(problem.lower)
-    A, b = limit_rows(problem)
-    kept: list[tuple[float, Array]] = []
+    A, b = limit_rows(limits_of(problem))
+    objective = log_condition(lambda *state: regressor(problem, *state)[:, columns], wanted["instants"])
+    rng = np.random.default_rng(wanted["seed"])
+    middle = sum(problem.bounds(0)) / 2
+    return descents(objective, A, b, lambda: random_start(middle, A, b, rng), wanted["cpu"])
+
+
+def log_condition(columns: Callable[..., Array], instants: int) -> Callable[[Array], float]:
+    """``log cond(W)`` of a motion, W at so many instants; ``columns(q, dq, ddq)`` is W."""
+    bases = _bases(instants)
 
     def objective(x: Array) -> float:
-        X = x.reshape(n, -1)
-        sigma = np.linalg.svd(regressor(problem, *(basis @ X.T for basis in bases))[:, columns], compute_uv=False)
+        X = x.reshape(-1, _FREE.shape[1])
+        sigma = np.linalg.svd(columns(*(basis @ X.T for basis in bases)), compute_uv=False)
         return float(np.log(sigma[0] / sigma[-1]))
 
+    return objective
+
+
+def descents(
+    objective: Callable[[Array], float], A: Array, b: Array, begin: Callable[[], Array], cpu: float
+) -> list[tuple[float, Array]]:
+    """Processor time since the process began, and the iterate, of descents from one start after the other."""
+    kept: list[tuple[float, Array]] = []
+
     def callback(x: Array) -> None:
-        cpu = time.process_time()
-        if cpu > wanted["cpu"]:
+        now = time.process_time()
+        if now > cpu:
             raise _SpentError
-        if not kept or cpu - kept[-1][0] > _SPACING:
-            kept.append((cpu, x.copy()))
+        if not kept or now - kept[-1][0] > _SPACING:
+            kept.append((now, x.copy()))
 
     limits = {"type": "ineq", "fun": lambda x: b - A @ x, "jac": lambda x: -A}
-    rng = np.random.default_rng(wanted["seed"])
     options = {"maxiter": 100_000, "ftol": 1e-7}
     while True:
         try:
-            start = random_start(problem, A, b, rng)
-            found = minimize(objective, start, method="SLSQP", constraints=[limits], callback=callback, options=options)
+            found = minimize(
+                objective, begin(), method="SLSQP", constraints=[limits], callback=callback, options=options
+            )
         except _SpentError:
             return kept
         kept.append((time.process_time(), found.x))
@@ -143,7 +163,7 @@ def course(wanted: Mapping[str, Any]) -> dict[str, Any]:
     best: dict[str, Any] = {}
     best_use = 0.0
     for cpu, x in iterates(problem, wanted):
-        plain, use = shrunk(problem, motion_of(problem, x))
+        plain, use = shrunk(problem, motion_of(x))
         value = condition_numbers(problem, Motion.of(plain))[wanted["convention"]]
         if not improvements or value < improvements[-1][1]:
             improvements.append((cpu, value))

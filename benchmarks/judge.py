@@ -71,7 +71,7 @@ class Motion:
 
 
 @cache
-def _model(name: str) -> tuple[Any, Any]:
+def pinocchio_model(name: str) -> tuple[Any, Any]:
     """Pinocchio's model of the arm with everything off the chain locked at zero."""
     problem = PROBLEMS[name]
     full = pin.buildModelFromUrdf(str(problem.path))
@@ -88,7 +88,7 @@ def column_names(problem: Problem) -> list[str]:
 
 def regressor(problem: Problem, q: Array, dq: Array, ddq: Array, *, pinocchio_order: bool = False) -> Array:
     """Stacked W, instant by instant, shape (N n, 10 n)."""
-    model, data = _model(problem.name)
+    model, data = pinocchio_model(problem.name)
     rows = [pin.computeJointTorqueRegressor(model, data, *state).copy() for state in zip(q, dq, ddq, strict=True)]
     order = np.concatenate([np.array(_ORDER) + 10 * link for link in range(model.nv)])
     W = np.concatenate(rows)
@@ -97,7 +97,7 @@ def regressor(problem: Problem, q: Array, dq: Array, ddq: Array, *, pinocchio_or
 
 def torques_and_tool(problem: Problem, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
     """Torques of the joints (N, n), place of the last link's frame in the base frame (N, 3), and its speed (N,)."""
-    model, data = _model(problem.name)
+    model, data = pinocchio_model(problem.name)
     torque, place, speed = [], [], []
     for state in zip(q, dq, ddq, strict=True):
         torque.append(pin.rnea(model, data, *state))
@@ -109,7 +109,13 @@ def torques_and_tool(problem: Problem, q: Array, dq: Array, ddq: Array) -> tuple
 
 def torque_limits(problem: Problem) -> Array:
     """Torque limits in the URDF, shape (n,) [Nm]."""
-    return np.array(_model(problem.name)[0].effortLimit)
+    return np.array(pinocchio_model(problem.name)[0].effortLimit)
+
+
+def described_parameters(problem: Problem) -> Array:
+    """Values of `column_names` in the URDF, shape (10 n,)."""
+    inertias = pinocchio_model(problem.name)[0].inertias[1:]
+    return np.concatenate([inertia.toDynamicParameters()[list(_ORDER)] for inertia in inertias])
 
 
 def random_states(problem: Problem, draws: str = "in turn") -> tuple[Array, Array, Array]:
