@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
@@ -159,7 +158,7 @@ class _Ensemble:
         own = (*self.format.left_out(model.features), *model.notes)
         written = self.format.text(model, comment_of(model, own), self.template)
         content = written.content if isinstance(written.content, bytes) else written.content.encode("utf-8")
-        name = re.sub(r"[^\w.-]+", "_", self.model.described.name)
+        name = "".join(c if c.isalnum() or c in "_.-" else "_" for c in self.model.described.name)
         self._add(f"{name}-{number + 1:0{max(4, len(str(count)))}d}{self.format.suffix}", content)
         self.robots += 1
         if number == 0:
