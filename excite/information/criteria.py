@@ -52,7 +52,8 @@ def condition_number(M: Array) -> float:
 
 
 def _condition(eigenvalues: Array) -> float:
-    return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > 0 else np.inf
+    none = np.finfo(float).eps * eigenvalues[-1]  # what is left of zero by rounding
+    return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > none else np.inf
 
 
 class SpectralCriterion(Criterion):
