@@ -320,6 +320,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--resume", action="store_true", help="keep the policies that are measured")
     parser.add_argument("--robots", type=int, default=ROBOTS)
+    parser.add_argument(
+        "--policies", type=int, nargs="*", default=range(len(POLICIES)), help="numbers; all if not given"
+    )
     given = parser.parse_args()
     load, path = record.load(), HERE / "results" / "sequential.json"
     known = json.loads(path.read_text())["policies"] if given.resume and path.exists() else []
@@ -328,7 +331,7 @@ def main():
     motions = {T: Motion(excite.next_motion(TASK.changed(period=T)).design) for T in (5.0, 7.0, 10.0)}
     content = {"robots": given.robots, "share": SHARE, "noise": NOISE, "wrong": WRONG}
     content |= {"check": check(motions[10.0]), "policies": []}
-    for policy, period in POLICIES:
+    for policy, period in (POLICIES[number] for number in given.policies):
         same = [r for r in known if r["period"] == period and all(r[k] == v for k, v in vars(policy).items())]
         row = (
             same[0]
