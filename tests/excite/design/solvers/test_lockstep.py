@@ -27,6 +27,8 @@ OPTIONS: dict[str, dict[str, object]] = {
     "other criterion": {"criterion": "max-deviation"},
 }
 
+LONG = {"nonlinear family", "other criterion"}
+
 
 def attempts(problem: Problem, watch: object = None) -> list[Attempt]:
     rng = np.random.default_rng(0)
@@ -45,7 +47,9 @@ def in_order(method: Solver, problem: Problem, some: Sequence[Attempt]) -> list[
     return [results[k] for k in range(len(some))]
 
 
-@pytest.mark.parametrize("case", OPTIONS)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=pytest.mark.slow) if case in LONG else case for case in OPTIONS]
+)
 def test_what_runs_beside_a_descent_changes_no_bit(case: str) -> None:
     problem = formulate(built_in("irp6"), Task("irp6", **OPTIONS[case])).problem
     together = in_order(QUICK, problem, attempts(problem))
