@@ -89,6 +89,10 @@ def text(runs: Sequence[Run], figaroh: dict[str, str] | str) -> str:
     budgets = ", ".join(f"{budget:g}" for budget in sorted({run["budget"] for run in runs}))
     seeds = ", ".join(str(seed) for seed in sorted({run["seed"] for run in runs}))
     note = f"Seeds {seeds}, {budgets} s of processor time a run; median (least-largest) where they differ."
+    late = [run for run in runs if run["system"] == "excite" and run.get("cpu", 0.0) > run["budget"]]
+    if late:
+        places = ", ".join(f"{run['case']} ({run['cpu']:.0f} s)" for run in late)
+        note += f" `excite` knows no such end, and took longer on {places}."
     if not isinstance(figaroh, str):
         note += " In figaroh's environment: " + ", ".join(f"{name} {of}" for name, of in figaroh.items()) + "."
     tables = [case_table(name, some, figaroh) for name, some in by_case.items() if some]
