@@ -82,8 +82,13 @@ def commands_of(page: Path) -> list[Any]:
 
 
 def beginnings(lines: list[str]) -> set[str]:
-    """First two words of each line that begins at its start: numbers differ from machine to machine."""
-    return {" ".join(re.findall(r"[A-Za-z]+", line)[:2]) for line in lines if line[:1].isalpha()}
+    """First two words of each line that begins with one.
+
+    Numbers differ from machine to machine, and with the motion that a search ends in there also which parameters are
+    the least certain, whose names are no words, and what notes say.
+    """
+    spoken = (line for line in lines if re.match(r"[A-Za-z]{3}", line) and not line.startswith("note"))
+    return {" ".join(re.findall(r"[A-Za-z]+", line)[:2]) for line in spoken}
 
 
 WITH_COMMANDS = [page for page in PAGES if any(each.words[0] == "excite" for each in commands_of(page))]
