@@ -189,6 +189,7 @@ def _export_model(
     ensemble: dict[str, Any],
 ) -> Exported:
     import excite
+    from excite.cli.interrupts import deferred_interrupt
     from excite.cli.progress import progress_of_samples
 
     if form in MOTION_FORMATS and form not in MODEL_FORMATS:
@@ -203,9 +204,15 @@ def _export_model(
     if not ensemble:
         exported = built_in("exporter", "model")(result, form, out, robot_file=robot_file, replace=force)
         return exported
-    with progress_of_samples("exported") as progress:
+    with deferred_interrupt("stopping after the robot at work") as answer, progress_of_samples("exported") as progress:
+
+        def report(done: int, total: int) -> None:
+            progress(done, total)
+            if done < total:
+                answer()
+
         exported = built_in("exporter", "ensemble")(
-            result, form, out, robot_file=robot_file, replace=force, progress=progress, **ensemble
+            result, form, out, robot_file=robot_file, replace=force, progress=report, **ensemble
         )
     return exported
 

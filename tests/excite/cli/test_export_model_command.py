@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import signal
+import subprocess
 from pathlib import Path
 
 import pytest
-from commands import Here, files_below
+from commands import ENVIRONMENT, MODULE, Here, files_below
+from processes import until
 from written_results import design, result
 
 from excite.cli.export_command import command
@@ -92,3 +95,28 @@ def test_an_ensemble_is_a_folder_of_robots(here: Here) -> None:
     assert (again.returncode, "--force" in again.stderr) == (2, True)
     content = json.loads(here.run(*arguments, "--force", "--json").stdout)
     assert (content["format"], content["robots"], len(content["files"])) == ("mjcf", 3, 6)
+
+
+@pytest.mark.slow
+def test_what_is_written_of_an_ensemble_stays_after_ctrl_c(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "many"
+    process = subprocess.Popen(
+        [*MODULE, "export", str(folder / "r"), "--format", "mjcf", "--samples", "2000", "--out", str(out)],
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        until((out / "irp6-0003.xml").exists)
+        process.send_signal(signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert "interrupted" in stdout
+    assert "Traceback" not in stderr
+    content = json.loads((out / "ensemble.json").read_text())
+    assert content["interrupted"] is True
+    assert set(content["files"]) == {path.name for path in out.iterdir()} - {"ensemble.json"}
+    assert 3 <= sum(name.endswith(".xml") for name in content["files"]) < 2000
