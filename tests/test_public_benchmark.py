@@ -62,34 +62,34 @@ def estimates(experiment: dict[str, Any], runs: int, rng: np.random.Generator) -
 
 
 def test_intervals_hold_the_errors_of_simulated_runs(peers: Any, experiment: dict[str, Any]) -> None:
-    precision = peers("precision")
-    deviation = precision.deviations(experiment["W"], experiment["whitening"])
-    scale = precision.scales(experiment["values"], experiment["units"])
+    robot_time = peers("robot_time")
+    deviation = robot_time.deviations(experiment["W"], experiment["whitening"])
+    scale = robot_time.scales(experiment["values"], experiment["units"])
     errors = np.abs(estimates(experiment, 3, np.random.default_rng(0))) / scale
-    inside = np.mean(errors <= precision.relative_half_widths(deviation, scale, 3), axis=0)
-    assert inside == pytest.approx(precision.CONFIDENCE, abs=4 * np.sqrt(0.99 * 0.01 / TRIALS))
+    inside = np.mean(errors <= robot_time.relative_half_widths(deviation, scale, 3), axis=0)
+    assert inside == pytest.approx(robot_time.CONFIDENCE, abs=4 * np.sqrt(0.99 * 0.01 / TRIALS))
 
 
 def test_as_many_runs_are_enough_and_one_less_is_not(peers: Any, experiment: dict[str, Any]) -> None:
-    precision = peers("precision")
-    deviation = precision.deviations(experiment["W"], experiment["whitening"])
-    scale = precision.scales(experiment["values"], experiment["units"])
-    smallest = np.min(scale / deviation) * precision.SHARE / precision.Z  # so that 3.5 runs are wanted
+    robot_time = peers("robot_time")
+    deviation = robot_time.deviations(experiment["W"], experiment["whitening"])
+    scale = robot_time.scales(experiment["values"], experiment["units"])
+    smallest = np.min(scale / deviation) * robot_time.SHARE / robot_time.Z  # so that 3.5 runs are wanted
     experiment = {**experiment, "S": experiment["S"] * 3.5 * smallest**2}
     whitening = np.linalg.inv(np.linalg.cholesky(experiment["S"]))
-    deviation = precision.deviations(experiment["W"], whitening)
-    runs = precision.runs_needed(deviation, scale)
+    deviation = robot_time.deviations(experiment["W"], whitening)
+    runs = robot_time.runs_needed(deviation, scale)
     assert runs == 4
     for count, enough in ((runs, True), (runs - 1, False)):
         errors = np.abs(estimates(experiment, count, np.random.default_rng(count))) / scale
-        assert (np.quantile(errors, precision.CONFIDENCE, axis=0).max() <= precision.SHARE) == enough
-        assert (precision.share_reached(deviation, scale, count) == 1.0) == enough
+        assert (np.quantile(errors, robot_time.CONFIDENCE, axis=0).max() <= robot_time.SHARE) == enough
+        assert (robot_time.share_reached(deviation, scale, count) == 1.0) == enough
 
 
 def test_a_parameter_about_zero_is_measured_by_the_largest_of_its_unit(peers: Any) -> None:
-    precision = peers("precision")
-    scale = precision.scales(np.array([-2.0, 4.0, 0.01]), ("kg", "kg m", "kg"))
-    assert scale == pytest.approx([2.0, 4.0, 2.0 * precision.FLOOR])
+    robot_time = peers("robot_time")
+    scale = robot_time.scales(np.array([-2.0, 4.0, 0.01]), ("kg", "kg m", "kg"))
+    assert scale == pytest.approx([2.0, 4.0, 2.0 * robot_time.FLOOR])
 
 
 # --- limits and models ------------------------------------------------------------------------------------------------
@@ -185,6 +185,11 @@ def test_a_run_that_failed_is_made_again(peers: Any) -> None:
     assert peers("runs").complete(WANTED[:1], failed, lambda run: {"value": 1}, lambda runs: None) == [
         {**WANTED[0], "value": 1}
     ]
+
+
+def test_no_module_of_the_peers_shadows_or_is_shadowed() -> None:
+    names = [{path.name for path in folder.glob("*.py")} for folder in (BENCHMARKS, BENCHMARKS / "peers")]
+    assert set.intersection(*names) == set()
 
 
 def test_runs_of_another_budget_are_other_runs(peers: Any) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from cases import NAMES, case
 from matplotlib.axes import Axes
-from precision import SHARE
+from robot_time import SHARE
 
 from excite.plots.style import BLUE, DARK, DPI, GREEN, GREY, LABEL, NOTE, VERMILLION, figure_of, log_scale, tidy
 

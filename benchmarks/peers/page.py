@@ -5,8 +5,8 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Sequence
 
-import precision
 import record
+import robot_time
 from cases import NAMES, NOISE, case
 from runs import SYSTEMS, Run
 from verdict import SECONDS
@@ -88,7 +88,7 @@ def text(runs: Sequence[Run], figaroh: dict[str, str] | str) -> str:
     by_case = {name: [run for run in runs if run["case"] == name] for name in NAMES}
     budgets = ", ".join(f"{budget:g}" for budget in sorted({run["budget"] for run in runs}))
     seeds = ", ".join(str(seed) for seed in sorted({run["seed"] for run in runs}))
-    note = f"Seeds {seeds}, {budgets} s of processor time a run; median (least-largest) where they differ."
+    note = f"Seeds: {seeds}; {budgets} s of processor time a run; median (least-largest) where they differ."
     late = [run for run in runs if run["system"] == "excite" and run.get("cpu", 0.0) > run["budget"]]
     if late:
         places = ", ".join(f"{run['case']} ({run['cpu']:.0f} s)" for run in late)
@@ -108,9 +108,11 @@ LIMITATIONS = (
     "outside of it. Processor time is that of the whole process, with imports, set-up and that choice, on a machine "
     "that other work shares, which inflates it, and not for all runs equally; elsewhere they come farther, or less far",
     "no system designs for precision here: all minimise the condition number, and the robot's time is what comes of it",
-    f"robot seconds: whole runs of the motion, until the half-width of the {100 * precision.CONFIDENCE:g} % interval "
-    f"of every base parameter is at most {100 * precision.SHARE:g} % of its described value, or of "
-    f"{precision.FLOOR:g} times the largest described value of the same unit where that is more; that floor belongs "
+    "few seeds: differences of some per cent, or of one run of ten seconds, say nothing; and of two motions, the one "
+    "of the lower condition number may need the longer time",
+    f"robot seconds: whole runs of the motion, until the half-width of the {100 * robot_time.CONFIDENCE:g} % interval "
+    f"of every base parameter is at most {100 * robot_time.SHARE:g} % of its described value, or of "
+    f"{robot_time.FLOOR:g} times the largest described value of the same unit where that is more; that floor belongs "
     "to the whole arm, and asks little of light wrists",
     f"the noise: normal, independent at 100 Hz, of known deviation, {100 * NOISE:g} % of each torque limit; robot "
     "seconds grow with its square, and real noise is coloured; ways from the end of a motion to its start are not "

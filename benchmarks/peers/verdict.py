@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import precision
+import robot_time
 from cases import Case
 from judge import Array
 from motion_forms import Motion, combined, drawn_together, motion_of
@@ -49,9 +49,9 @@ def verdict(case: Case, plain: Mapping[str, Any]) -> dict[str, Any]:
         motion = drawn_together(motion, case.middle, use)
     W = sampled_columns(case, motion)
     sigma = np.linalg.svd(W, compute_uv=False)
-    deviation, scale = precision.deviations(W, case.whitening), precision.scales(case.values, case.units)
-    runs = precision.runs_needed(deviation, scale)
-    widths = precision.relative_half_widths(deviation, scale, 1.0)
+    deviation, scale = robot_time.deviations(W, case.whitening), robot_time.scales(case.values, case.units)
+    runs = robot_time.runs_needed(deviation, scale)
+    widths = robot_time.relative_half_widths(deviation, scale, 1.0)
     return {
         "condition_number": float(sigma[0] / sigma[-1]),
         "limit_use_as_delivered": use,
@@ -60,6 +60,6 @@ def verdict(case: Case, plain: Mapping[str, Any]) -> dict[str, Any]:
         "runs": runs,
         "robot_seconds": runs * motion.period,
         "worst_parameter": case.names[int(np.argmax(widths))],
-        "share_after_a_minute": precision.share_reached(deviation, scale, int(SECONDS // motion.period)),
+        "share_after_a_minute": robot_time.share_reached(deviation, scale, int(SECONDS // motion.period)),
         "relative_half_widths_of_one_run": dict(zip(case.names, widths.tolist(), strict=True)),
     }

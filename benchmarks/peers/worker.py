@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # after this folder, whose names come first
 
 #: Module beside this file that has ``motion(specification)``.
 MODULES = {"excite": "excite_search", "slsqp": "slsqp", "figaroh": "figaroh_search", "random": "random_motions"}
