@@ -141,7 +141,8 @@ def next_motion(
     of : {"measured", "described"}
         Of which values the shares are: those that the results in hand have measured, as far as they have, or those of
         the robot's description. A measured value whose interval does not reach `ABOUT_ZERO` of the parameter's size is
-        about zero, and the size stands for it; one that may be about zero counts as that large at least.
+        about zero, and the size stands for it; one that may be about zero counts as that large at least. Of a parameter
+        without a size, such as friction that is not described, nothing is asked while its interval reaches zero.
     progress : callable, optional
         Called with each start's result.
     report : callable
@@ -206,9 +207,11 @@ def _of_measured(
 ) -> PrecisionTarget:
     """The target with measured values as scales, of parameters that have one and no scale of their own."""
     size = base_sizes(target.model, target.base)
-    at_least = np.where(np.isfinite(size), ABOUT_ZERO * size, 0.0)
-    about_zero = np.abs(values) + half_widths < at_least
-    scale = np.where(about_zero, size, np.maximum(np.abs(values), at_least))
+    sized, magnitude = np.isfinite(size), np.abs(values)
+    at_least = np.where(sized, ABOUT_ZERO * size, 0.0)
+    about_zero = magnitude + half_widths < at_least
+    scale = np.where(about_zero, size, np.maximum(magnitude, at_least))
+    scale[~sized & (magnitude <= half_widths)] = np.nan  # a share of what may be zero asks for what nothing measures
     known = {name: float(x) for name, x in zip(target.base.names, scale, strict=True) if np.isfinite(x) and x > 0.0}
     return replace(asked, scales={**known, **asked.scales})
 

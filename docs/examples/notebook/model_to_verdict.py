@@ -56,8 +56,9 @@ plt.show()
 # The motion holds every limit at all times, not only at the samples: the extremes are proven.
 
 # %%
-for use in sorted(design.limits, key=lambda use: use.extreme / use.bound, reverse=True)[:6]:
-    print(f"{use.label:24} {use.extreme:8.3g} of {use.bound:8.3g} {use.unit}")
+for use in design.limits:
+    if "acceleration" not in use.label:
+        print(f"{use.label:18} {100 * use.extreme / use.bound:4.0f} % of {use.bound:6.3g} {use.unit}")
 print("feasible:", design.feasible)
 
 # %% [markdown]

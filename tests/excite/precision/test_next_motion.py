@@ -139,6 +139,19 @@ def test_shares_are_of_what_was_measured(result: excite.Identification) -> None:
     assert {p.name: p.allowed for p in excite.next_motion("irp6", scaled, after=result).parameters}["X5"] == 7.0
 
 
+@pytest.mark.slow
+def test_nothing_is_asked_of_what_may_be_zero_and_has_no_size() -> None:
+    """The panda's friction is not described, and simulated without; asked shares of it would never be reached."""
+    design = excite.design_trajectory("panda", harmonics=3, period=4.0, search=SEARCH)
+    result = excite.identify("panda", excite.simulate(design, noise=0.3, seed=0, rate=200.0), design=design)
+    step = excite.next_motion("panda", 10.0, after=(result, design))
+    asked = {p.name: p.allowed for p in step.parameters}
+    by_value = {p.name: abs(p.value) > p.half_width for p in step.parameters if p.name.startswith("F")}
+    assert {name: np.isfinite(asked[name]) for name in by_value} == by_value
+    assert not all(by_value.values())
+    assert step.enough
+
+
 BAD = [
     ({"after": "nowhere"}, "nowhere holds neither result.json nor design.json"),
     ({"after": 3}, "after: expected results or designs, or their folders, given 3"),
