@@ -281,6 +281,7 @@ JUDGED: Use = lambda design: excite.compare([design])  # noqa: E731
 DESIGNED: Use = lambda design: excite.design_trajectory(design.task)  # noqa: E731
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("example", "attribute", "arguments", "option", "remedy", "use"),
     [
@@ -328,6 +329,7 @@ def test_designs_with_own_parts_are_played_without_them(examples: Callable[[str]
     assert excite.simulate(stored, rate=200.0).log.time.size > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("example", "attribute", "option"),
     [("own_estimator", "LeastAbsolute", "estimator"), ("own_model", "DragModel", "model")],

@@ -67,6 +67,7 @@ def test_the_chain_in_the_documents_runs(chain: str, here: Here) -> None:
     assert files <= files_below(here.cwd / "designs" / "irp6")
 
 
+@pytest.mark.slow
 def test_the_identification_in_the_documents_runs(here: Here) -> None:
     here.designed("irp6", "--starts", "1", "--harmonics", "3", out="designs/irp6")
     assert here.run("simulate", "designs/irp6", "--rate", "200", "--out", "run.csv").returncode == 0

@@ -91,6 +91,7 @@ def random_case(seed: int) -> tuple[Robot, World, list[NonlinearConstraint], np.
     return robot, world, limits, np.random.default_rng(seed).uniform(-2, 2, (4, robot.n))
 
 
+@pytest.mark.slow
 @given(SEED)
 @settings(max_examples=6, deadline=None)
 def test_distances_are_those_of_coal_and_never_more(seed: int) -> None:
@@ -109,6 +110,7 @@ def test_distances_are_those_of_coal_and_never_more(seed: int) -> None:
                 assert theirs - slack - 1e-6 < ours < theirs + 1e-6, label
 
 
+@pytest.mark.slow
 @given(SEED)
 @settings(max_examples=2, deadline=None)
 def test_slopes_are_those_of_the_values_and_rates_are_enclosed(seed: int) -> None:
@@ -246,6 +248,7 @@ def nearest(design: Design, label: str) -> float:
     return min(clearance(IIWA, ROOM, label, pose) for pose in q)
 
 
+@pytest.mark.slow
 def test_a_design_keeps_apart_what_would_collide_without_the_limits() -> None:
     free, design = designed(None), designed(ROOM)
     uses = {use.label: use for use in design.limits if " to " in use.label}
@@ -263,6 +266,7 @@ def test_a_design_keeps_apart_what_would_collide_without_the_limits() -> None:
     assert collided >= 2
 
 
+@pytest.mark.slow
 def test_a_motion_that_collides_is_certified_as_one_that_does() -> None:
     free = designed(None)
     made = formulate(IIWA, TASK.changed(world=ROOM))
@@ -384,6 +388,7 @@ def test_poses_of_links_and_branches_relative_to_each_other() -> None:
 # --- figures ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_figures_show_the_nearest_pairs_and_the_obstacles(tmp_path: Path) -> None:
     design = designed(ROOM)
     files = write_figures(design, tmp_path)

@@ -54,6 +54,7 @@ def test_limit_is_that_of_the_worst_robot_with_drives() -> None:
     np.testing.assert_allclose(least_slack(robot, states), worst, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_no_robot_of_the_box_is_nearer_to_its_limits(name: str) -> None:
     robot, rng = load_robot(name), np.random.default_rng(0)

@@ -94,6 +94,7 @@ def test_held_drives_have_no_power_and_known_friction_counts() -> None:
     np.testing.assert_allclose(imposed(robot, known).upper, imposed(robot, PowerLimit(500.0)).upper)
 
 
+@pytest.mark.slow
 def test_designs_keep_it_between_samples_too() -> None:
     """Bounds that bind: proven over all instants, and not exceeded by 10^4 of them."""
     task = excite.Task("irp6", harmonics=3, starts=1, executor="serial", friction=False)

@@ -60,6 +60,7 @@ def influence(result: Identification) -> Array:
     return np.linalg.solve(W.T @ (v[:, None] * W), W.T * v).reshape(len(rows.names), -1, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coloured", "corner"), [(0.0, 5.0), (2.0, 3.0)])
 @pytest.mark.parametrize("low_pass", [None, 8.0])
 def test_noise_of_the_torques_reaches_the_parameters_as_by_dense_matrices(

@@ -63,6 +63,7 @@ def test_what_is_named_is_chosen_and_what_is_given_is_kept(here: Here, arguments
     assert all(choice["candidates"] for choice in choices)
 
 
+@pytest.mark.slow
 def test_all_is_the_default(here: Here) -> None:
     choices, printed = chosen(here, "long.csv")
     assert [choice["name"] for choice in choices] == [

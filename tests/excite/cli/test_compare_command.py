@@ -175,6 +175,7 @@ def test_what_is_no_design_is_refused(arguments: tuple[str, ...], message: str, 
     assert ended.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_as_a_command_of_its_own(saved: Path) -> None:
     ended = run("compare", "-v", "saved/plain", "saved/quick", cwd=_linked(saved))
     assert (ended.returncode, ended.stderr) == (0, "")

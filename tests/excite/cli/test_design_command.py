@@ -96,6 +96,7 @@ def test_same_seed_gives_the_same_bytes_however_it_is_run(first: tuple[Path, str
     assert same_motion(first[0], serial)
 
 
+@pytest.mark.slow
 def test_another_seed_gives_another_motion(first: tuple[Path, str], here: Here) -> None:
     assert not same_motion(first[0], here.designed("irp6", *QUICK, "--seed", "1"))
 
@@ -140,6 +141,7 @@ def test_only_the_named_joints_move(joints: str, moving: list[str], here: Here) 
         assert bool(np.any(velocity)) == bool(np.any(acceleration)) == (name in moving)
 
 
+@pytest.mark.slow
 def test_options_typed_win_over_the_task_file(here: Here) -> None:
     (here.cwd / "task.yaml").write_text(
         "harmonics: 3\nstarts: 7\nseed: 5\nfriction: false\nexecutor: serial\nnoise: 2\nperiod: 12.0\n"
@@ -163,6 +165,7 @@ def test_options_typed_win_over_the_task_file(here: Here) -> None:
     assert task["rotor"] is True  # a default that neither says
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("option", "value", "quantity", "bounds"),
     [
@@ -189,6 +192,7 @@ def test_limits_typed_hold(option: str, value: str, quantity: str, bounds: list[
         assert table[0, header.index("q4.position")] == 0.0
 
 
+@pytest.mark.slow
 def test_joints_rest_inside_the_limits_of_the_task(here: Here) -> None:
     ranges = "-1:1,-0.5:0.5,-0.3:0.2,0.4:0.9,-1:-0.25"
     folder = here.designed("irp6", "--position-limit", ranges, *QUICK)
@@ -197,6 +201,7 @@ def test_joints_rest_inside_the_limits_of_the_task(here: Here) -> None:
     assert np.all(table[:, header.index("q5.position")] == -0.25)
 
 
+@pytest.mark.slow
 def test_a_urdf_is_designed_for(here: Here) -> None:
     (here.cwd / "arm.urdf").write_text(ARM)
     ended = here.run("design", "arm.urdf", *QUICK, "--base", "base", "--base", "pivoted", "--out", "o")
@@ -231,6 +236,7 @@ def test_the_file_and_the_ends_of_a_urdf_are_kept_with_what_is_identified(here: 
 ROUNDED = ARM.replace('<axis xyz="0 1 0"/>', '<origin rpy="1.5708 0 0"/><axis xyz="0 0 1"/>', 1)
 
 
+@pytest.mark.slow
 def test_what_was_assumed_of_a_urdf_is_a_note_of_the_design(here: Here) -> None:
     gripper = '<joint name="gripper" type="revolute"><parent link="lower"/><child link="jaw"/></joint>'
     (here.cwd / "arm.urdf").write_text(ROUNDED.replace("</robot>", f'<link name="jaw"/>{gripper}</robot>'))
@@ -247,6 +253,7 @@ def test_what_was_assumed_of_a_urdf_is_a_note_of_the_design(here: Here) -> None:
     assert content["task"]["snap_angles"] is True
 
 
+@pytest.mark.slow
 def test_a_design_of_printed_angles_is_identified_with_them(here: Here) -> None:
     """Also one that was written when there was no choice."""
     (here.cwd / "arm.urdf").write_text(ROUNDED)
@@ -271,6 +278,7 @@ def test_a_design_of_printed_angles_is_identified_with_them(here: Here) -> None:
         excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design, tip="upper")
 
 
+@pytest.mark.slow
 def test_names_with_brackets_are_shown_as_they_are(here: Here) -> None:
     (here.cwd / "arm.urdf").write_text(ARM.replace('"elbow"', '"[red]elbow[/red][/]"'))
     ended = here.run("design", "arm.urdf", *QUICK, "--acceleration-limit", "4", "--out", "o[/b]")
@@ -279,6 +287,7 @@ def test_names_with_brackets_are_shown_as_they_are(here: Here) -> None:
     assert "written to o[/b]: " in ended.stdout
 
 
+@pytest.mark.slow
 def test_progress_goes_to_stderr(here: Here) -> None:
     ended = here.run("design", "irp6", *QUICK, "--out", "o")
     note, first, *_ = ended.stderr.splitlines()

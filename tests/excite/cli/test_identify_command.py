@@ -315,6 +315,7 @@ def test_logs_with_parts_missing_are_refused(here: Here, part: Callable[[Any], A
     refused(here, message, "irp6", "bad.csv")
 
 
+@pytest.mark.slow
 def test_gaps_and_cut_off_recordings_are_refused(here: Here) -> None:
     lines = (here.cwd / "run.csv").read_text().splitlines(keepends=True)
     (here.cwd / "bad.csv").write_text("".join(lines[:200] + lines[320:]))
@@ -354,6 +355,7 @@ def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+@pytest.mark.slow
 def test_an_interrupt_while_writing_is_too_late(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*arguments: Any, **how: Any) -> list[Path]:
         signal.raise_signal(signal.SIGINT)
@@ -383,6 +385,7 @@ def test_repetitions_join_the_result(here: Here) -> None:
         assert p["coverage"] > 0.5
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_the_repetitions_that_were_completed(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     repeat = repetition.repeat_experiment
 

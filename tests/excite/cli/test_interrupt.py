@@ -109,6 +109,7 @@ def test_a_signal_saves_the_best_so_far(
     assert content["criteria"]["condition_number"] <= 1.001 * best
 
 
+@pytest.mark.slow
 def test_interrupt_before_a_start_has_finished_saves_its_best_point(tmp_path: Path) -> None:
     # Points of an unfinished start are on disk after a second; one of 40 harmonics takes far longer than that.
     def at_work() -> bool:
@@ -123,6 +124,7 @@ def test_interrupt_before_a_start_has_finished_saves_its_best_point(tmp_path: Pa
     assert "best of 0 finished and 1 unfinished starts" in saved(tmp_path)["notes"][-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), SERIAL], ids=["pool", "serial"])
 def test_interrupt_before_any_point_says_so(options: tuple[str, ...], tmp_path: Path) -> None:
     with running(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "15", *options) as process:
@@ -177,6 +179,7 @@ def test_a_second_interrupt_leaves_at_once_and_spoils_nothing(tmp_path: Path) ->
     assert finished(tmp_path)
 
 
+@pytest.mark.slow
 def test_an_interrupt_while_a_finished_search_is_saved_is_ignored(tmp_path: Path) -> None:
     with running(tmp_path, "irp6", "--starts", "1", *SERIAL) as process:
         until((tmp_path / "out" / "design.json").exists)  # figures are still to be drawn

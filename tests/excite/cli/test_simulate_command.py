@@ -241,6 +241,7 @@ def faster(path: Path, times: float) -> None:
     np.savetxt(path, table, fmt="%.17g", delimiter=",", header=",".join(header), comments="")
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_too_fast_ends_with_status_one_and_identify_leaves_those_rows_out(here: Here) -> None:
     faster(here.cwd / "fast.csv", 3.5)
     fast = ("simulate", "irp6", "--trajectory", "fast.csv", "--out", "run.csv", *RATE)

@@ -35,12 +35,14 @@ def fuzz(name: str, folder: Path, cases: int) -> None:
     assert memory() < before + GROWTH
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BASE)
 def test_a_right_command_line_works(name: str, folder: Path) -> None:
     ended = run(BASE[name], folder)
     assert (ended.status in (0, 1), ended.problems) == (True, ()), ended.errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in BASE if not name.startswith("payload")])  # these take longer
 def test_twenty_values(name: str, folder: Path) -> None:
     with nothing_drawn():
@@ -60,6 +62,7 @@ def fuzz_files(folder: Path, cases: int) -> None:
     check()
 
 
+@pytest.mark.slow
 def test_twenty_files(folder: Path) -> None:
     with nothing_drawn():
         fuzz_files(folder, 20)

@@ -42,6 +42,7 @@ def problem_of(**options: Any) -> Problem:
     return formulate(load_robot("irp6"), Task("irp6", **options)).problem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [{"harmonics": 3}, {"harmonics": 3, "tool_speed": 0.3}, {"trajectory": "sines", "harmonics": 3}],
@@ -126,6 +127,7 @@ def test_random_starts_of_a_later_population_are_those_of_their_number(tmp_path:
     assert ends(design(tmp_path / "a", starts=2, rounds=None).starts) == ends(design(tmp_path / "b").starts)[:2]
 
 
+@pytest.mark.slow
 def test_a_budget_is_stored_as_its_rounds_and_gives_the_same_motion_again(tmp_path: Path) -> None:
     first = design(tmp_path / "a", rounds=None, budget=0.5)
     assert first.task.search.budget is None

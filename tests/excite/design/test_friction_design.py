@@ -279,6 +279,7 @@ def test_drives_without_a_curve_are_told() -> None:
     assert formulate(irp6(), asked).target.base.rank == 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [TorqueLimit(0.2), "torque", "power"], ids=str)
 def test_limits_of_torques_are_told_of_however_they_are_given(limit: TorqueLimit | str) -> None:
     partly = TASK.changed(friction_curves=FrictionCurves({"z1": CoulombViscous(20.0), "z3": CoulombViscous(5.0)}))

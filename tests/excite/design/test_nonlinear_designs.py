@@ -98,6 +98,7 @@ def limited_torques(robot: Robot, whole: Samples) -> tuple[Array, Array]:
     return np.abs(drive_torques(robot, whole)) + coulomb * turning, robot.transmission.limits.torque
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_design_keeps_every_limit_as_pinocchio_sees_it(name: str) -> None:
     """Densely sampled, for the whole robot: torques of the joints or drives with all friction, place and speed."""

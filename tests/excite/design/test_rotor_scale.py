@@ -55,6 +55,7 @@ def identified(reflected: bool) -> Identification:
     return excite.identify(task.changed(reflected_rotors=reflected), run)
 
 
+@pytest.mark.slow
 def test_units_of_rotors_do_not_make_a_default_design_ill_conditioned() -> None:
     assert designed(True).condition_number < 1000.0
     assert designed(False).condition_number > 1e5
@@ -82,6 +83,7 @@ def test_predictions_are_written_on_both_sides(tmp_path: Path, capsys: pytest.Ca
     assert f"Ia5: {own['standard_deviation']:.3g}" in shown
 
 
+@pytest.mark.slow
 def test_rotor_inertias_are_found_on_both_sides(capsys: pytest.CaptureFixture[str]) -> None:
     content = result_content(identified(True))
     rotors = {p["name"]: p for p in content["parameters"] if "motor_side" in p}
@@ -130,6 +132,7 @@ def test_a_design_of_before_keeps_the_parameters_that_it_was_made_for(tmp_path: 
     assert other.criteria["condition_number"] > 1e5
 
 
+@pytest.mark.slow
 def test_a_result_of_before_means_what_it_meant(tmp_path: Path) -> None:
     result = identified(False)
     files = save_result(result, tmp_path / "old")

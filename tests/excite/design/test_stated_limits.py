@@ -134,6 +134,7 @@ def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:
         formulate(heavy, task)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["slsqp", "ipopt"])
 def test_a_solver_that_cannot_keep_them_is_named_with_the_remedy(solver: str) -> None:
     task = excite.Task(weak(60.0), **{**UR, "starts": 1}, solver=solver)

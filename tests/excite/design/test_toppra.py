@@ -119,6 +119,7 @@ def test_a_design_can_be_played_in_no_more_than_its_duration(name: str) -> None:
     assert found > 0.5 * design.task.trajectory.period  # the limits are used: no timing of this path is much quicker
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TASKS)
 def test_the_designed_timing_is_possible_in_the_peers_own_terms(name: str) -> None:
     """``u = 0, x = 1`` (the path's parameter is time) within ``F (a u + b x + c) <= g`` and the bounds on x."""

@@ -56,6 +56,7 @@ def _identified() -> Any:
     return excite.identify("irp6", log(), choose=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("work", "first"),
     [

@@ -152,6 +152,7 @@ def test_bandwidth(r: float, count: int, width: int) -> None:
     assert bandwidth(r, count) == width
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["robust", "newey-west", "autoregressive", "effective"])
 def test_intervals_under_correlated_noise_hold_only_with_the_robust_covariance(kind: str) -> None:
     """Slow regressor and noise: the plain 99 % interval misses often, the robust ones rarely."""

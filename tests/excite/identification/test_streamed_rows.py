@@ -43,6 +43,7 @@ def identified(recipe: Recipe, given: list[Log]) -> Identification:
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RECIPES)
 def test_blocks_give_what_the_whole_gives(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two logs, in blocks of 37 instants, against the array."""

@@ -215,6 +215,7 @@ def covariance(weights: Array) -> Array:
     return np.asarray(inverse @ (W.T @ (w**4 * s**2 * W)) @ inverse)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("estimator", "weights"), [("least-squares", [1.0, 1.0]), ("weighted", [2.0, 20.0])])
 def test_estimates_spread_as_the_covariance_says(estimator: str, weights: list[float]) -> None:
     """Their variance within chi-square bounds, their mean within its error."""

@@ -63,6 +63,7 @@ def test_gains_that_are_all_off_alike_are_in_the_interval_of_the_mass() -> None:
     assert np.sqrt(estimate.by_gains[0, 0]) == pytest.approx(0.1 * PHI[0], rel=0.02)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     """Gains of 2 % each and white noise; of the normalised errors of ten parameters the mean square is one."""
     prior, rng, errors = 4e-4 * np.eye(3), np.random.default_rng(5), []

@@ -113,6 +113,7 @@ def test_another_process_writes_the_same_bytes(files: dict[str, bytes], tmp_path
     assert {form: (tmp_path / f"small.{form}").read_bytes() for form in FIGURE_FORMATS} == files
 
 
+@pytest.mark.slow
 def test_the_same_figure_has_the_same_bytes_whatever_the_users_style(files: dict[str, bytes], tmp_path: Path) -> None:
     with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "savefig.bbox": "tight", "pdf.fonttype": 3}):
         assert written(tmp_path) == files
@@ -122,6 +123,7 @@ def test_the_same_figure_has_the_same_bytes_whatever_the_users_style(files: dict
 # Widths
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", INCHES)
 def test_a_column_sets_width_fonts_and_lines(width: str) -> None:
     figure = drawn_figures(small, width)["small"]
@@ -143,6 +145,7 @@ def test_a_column_sets_width_fonts_and_lines(width: str) -> None:
         assert box.count_overlaps([other for other in boxes[:k] if other is not None]) == 0, k
 
 
+@pytest.mark.slow
 def test_panels_keep_their_order_and_rows_without_room_are_broken() -> None:
     single, double = (drawn_figures(small, width)["small"] for width in ("single", "double"))
     assert len({round(ax.get_position().y0, 6) for ax in double.axes}) == 1

@@ -636,6 +636,7 @@ def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, 
 # --- all of them
 
 
+@pytest.mark.slow
 def test_files_are_whole_pictures_and_nothing_else(
     result: Identification, verification: Verification, reference: ReferenceValues, tmp_path: Path
 ) -> None:

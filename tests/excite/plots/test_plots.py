@@ -148,6 +148,7 @@ def test_torques_are_those_of_pinocchio_within_what_the_reserve_and_friction_lea
         assert ax.get_ylim()[0] < -most < most < ax.get_ylim()[1]
 
 
+@pytest.mark.slow
 def test_torques_on_the_way_from_home_are_those_of_every_joint(design: Design) -> None:
     task = design.task.changed(home=(0.1, 0.0, 0.1, 0.2, -0.3))
     home = design_trajectory(task.changed(harmonics=2, weighted=False))
@@ -459,6 +460,7 @@ def test_bars_of_similar_length_stand_on_a_linear_scale(design: Design, percent:
     assert ax.get_xlim()[0] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 13, 20, 21, 57])
 def test_bar_texts_do_not_overlap_and_stay_inside(design: Design, count: int) -> None:
     figure = spectrum_figure(with_predictions(design, np.geomspace(0.2, 500.0, count).tolist()))

@@ -111,6 +111,7 @@ def test_a_sample_is_the_same_however_many_are_drawn(result: StoredResult, sampl
     assert not np.any(other.values[:, 0] == few.values[:, 0])
 
 
+@pytest.mark.slow
 def test_what_the_data_do_not_determine_is_spread_as_the_description_says(tmp_path: Path) -> None:
     """Exact base parameters: what remains follows the prior, whose deviation it is proportional to."""
     result = two_links(tmp_path, share=1e-6)
@@ -133,6 +134,7 @@ def test_parameters_without_information_are_spread_by_the_description(tmp_path: 
     assert any("1 parameters that the data do not determine" in note for note in loose.notes)
 
 
+@pytest.mark.slow
 def test_zeros_of_the_structure_hold_exactly(tmp_path: Path) -> None:
     result = result_of(excite.load_robot("irp6"), tmp_path)
     covariance = np.diag((0.01 * np.abs(result.coefficients)) ** 2)
@@ -145,6 +147,7 @@ def test_zeros_of_the_structure_hold_exactly(tmp_path: Path) -> None:
     assert np.all(np.ptp(np.delete(samples.values, zero, axis=1), axis=0) > 0)
 
 
+@pytest.mark.slow
 def test_mismatch_of_friction_widens(tmp_path: Path) -> None:
     result = two_links(tmp_path, share=0.01)
     change = np.zeros(len(result.names))

@@ -72,6 +72,7 @@ def torques(found: Simulation) -> Array:
     return np.asarray((run.effort - weight) @ np.linalg.inv(found.robot.transmission.coupling))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", ["pd", "computed-torque"])
 @pytest.mark.parametrize(("drive", "forward", "backward"), [("z2", 16.8, 10.6), ("z3", 18.0, 14.1)])
 def test_a_drive_follows_the_ramp_until_it_breaks_loose(

@@ -373,6 +373,7 @@ def test_shapes_to_start_from() -> None:
     assert -0.1 < problem.violation(x) < 0.0
 
 
+@pytest.mark.slow
 def test_designs_are_compared(
     designs: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

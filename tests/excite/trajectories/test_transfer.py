@@ -573,6 +573,7 @@ def test_bad_home_in_the_robots_file_is_named(home: str, message: str) -> None:
 # --- the command
 
 
+@pytest.mark.slow
 def test_command_with_home_in_a_task_file(here: Here) -> None:
     (here.cwd / "task.yaml").write_text(
         "starts: 1\nharmonics: 3\nexecutor: serial\nspeed: 0.5\nhome: [0.5, 0, 0, 0.2, 0]\nvia: [[0.1, 0, 0, 0, 0]]\n",

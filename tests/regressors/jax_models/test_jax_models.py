@@ -158,6 +158,7 @@ def test_a_partial_motion_and_a_selection_of_columns() -> None:
     assert_columns_equal(rows(jax_model, states), expected_rows(model, states)[:, :, base.index])
 
 
+@pytest.mark.slow
 def test_rows_are_mapped_and_differentiated() -> None:
     """A batch is all of its instants; the derivative of its rows is that of central differences."""
     model = DifferentialModel(random_chain("r", np.random.default_rng(3)), Terms.inertial_only())

@@ -158,6 +158,7 @@ def test_every_iterate_is_inside_all_limits_over_continuous_time(method: Solver,
     assert found.history == [value for _, value in seen]
 
 
+@pytest.mark.slow
 def test_the_best_iterate_is_returned_and_better_than_the_start(method: Solver, problem: Problem) -> None:
     for seed in (1, 2):
         x = start(problem, seed)
@@ -172,6 +173,7 @@ def test_the_best_iterate_is_returned_and_better_than_the_start(method: Solver, 
         np.testing.assert_array_equal(x, before)
 
 
+@pytest.mark.slow
 def test_of_several_starts_nothing_better_is_thrown_away(method: Solver, problem: Problem) -> None:
     seen: list[tuple[float, bool]] = []
     starts = [start(problem, seed) for seed in (20, 21, 22)]
@@ -191,6 +193,7 @@ def test_the_same_start_gives_the_same_bytes(method: Solver, problem: Problem) -
     assert other.x != first.x
 
 
+@pytest.mark.slow
 def test_a_start_on_the_border_is_left(method: Solver, problem: Problem) -> None:
     """Pushed to a limit, so that the first step has no room in some directions."""
     for seed in (7, 8):

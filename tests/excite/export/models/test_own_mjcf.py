@@ -33,6 +33,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES)
 def test_the_copy_has_the_torques_of_the_result_and_all_else_of_the_file(change: str, tmp_path: Path) -> None:
     path, new = tmp_path / "arm.xml", tmp_path / "new.xml"

@@ -111,6 +111,7 @@ def fitted(log: Log, **settings: object) -> Characteristic:
     return one
 
 
+@pytest.mark.slow
 def test_a_log_shows_how_friction_grows_with_gravity() -> None:
     log = run(TRUTH)
     one = fitted(log)

@@ -58,6 +58,7 @@ def by(plan: FrictionPlan, label: str) -> CoordinatePlan:
     return next(c for c in plan.coordinates if c.label == label)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HALVES)
 def test_speed_is_constant_in_windows_and_symmetric_about_the_pose(name: str) -> None:
     plan = plan_of(name)

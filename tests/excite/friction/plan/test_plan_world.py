@@ -72,6 +72,7 @@ def test_every_run_keeps_the_distances_that_coal_measures() -> None:
             assert moved == pytest.approx(d.at - c.centre, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_another_pose_is_looked_for_where_the_best_one_is_not_free() -> None:
     robot, schedule = built_in("irp6"), Schedule(percent=(5.0, 100.0), warm_up=0.0, breakaways=0, rate=100.0)
     in_the_way = Obstacle("crate", Box((0.75, 0.0, 1.25), (0.2, 0.3, 0.2)))

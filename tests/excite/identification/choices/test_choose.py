@@ -307,6 +307,7 @@ def test_several_logs() -> None:
     assert len(result.choices) == 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seconds", "rate"), [(0.2, 200.0), (1.0, 200.0), (1.5, 200.0), (8.0, 10.0), (8.0, 20.0)])
 def test_short_and_slow_logs_go_on(seconds: float, rate: float) -> None:
     result = excite.identify("irp6", clean(seconds, rate), choose=("cutoff", "delay"))

@@ -117,6 +117,7 @@ def test_what_the_data_does_not_show_keeps_its_reference() -> None:
     assert estimate.coefficients[1] == 5.0
 
 
+@pytest.mark.slow
 def test_by_name_towards_the_description(tmp_path: Path) -> None:
     assert "ridge" in ESTIMATORS
     assert type(instance("estimator", "ridge")) is Ridge

@@ -71,6 +71,7 @@ def test_huber_costs_five_percent_on_normal_noise() -> None:
     np.testing.assert_allclose(ratio**2, 1 / 0.95, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_coverage_of_huber_with_heavy_tails() -> None:
     rng = np.random.default_rng(4)
     W, beta, inside, runs = rng.normal(size=(150, 3)), np.array([1.0, -2.0, 0.5]), 0, 250

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from foreign_logs import Motion, write_plotjuggler
 from value_fuzzer import ROBOT
 
@@ -13,6 +14,7 @@ import excite
 DELAY = 0.012  # s
 
 
+@pytest.mark.slow
 def test_delay_of_a_slower_stream_of_efforts_is_estimated(tmp_path: Path) -> None:
     (tmp_path / "two.yaml").write_text(ROBOT, encoding="utf-8")
     robot = excite.load_robot(str(tmp_path / "two.yaml"))
