@@ -40,4 +40,13 @@ class LostMotionError(ExciteError, RuntimeError):
 
 
 class LostWorkersError(ExciteError, RuntimeError):
-    """Worker processes of a search end again and again, and no start does."""
+    """Worker processes end again and again, and no work does; or the scheduler of workers went away.
+
+    Parameters
+    ----------
+    *sentences : str
+        What happened; then, what becomes of the work, and what to do.
+    """
+
+    def __str__(self) -> str:
+        return "; ".join(self.args)

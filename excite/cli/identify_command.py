@@ -22,7 +22,7 @@ from excite.cli.options import (
     snap_option,
 )
 from excite.cli.task_options import task_options, typed_options
-from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
+from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, EXECUTORS, SIGNALS
 from excite.tasks.task import PLACE
 
 _RECIPE = (
@@ -67,7 +67,7 @@ _GROUPS = {
     "Friction in the equations": ("sign_width", "breakaway", "standstill", "friction_scale"),
     "Estimator": ("estimator", "covariance", "pull", "described_within", "choose"),
     "Drive gains": ("loaded", "known_mass", "gains"),
-    "Repetitions": ("each", "repeat", "seed"),
+    "Repetitions": ("each", "repeat", "seed", "executor", "workers"),
 }
 
 
@@ -280,6 +280,19 @@ What is written to DIR:
 @click.option("--each", is_flag=True, help="Of several logs: the estimate of each alone too, beside their scatter.")
 @click.option("--repeat", type=Number(), default=0, metavar="N", help="Repeat the experiment N times in simulation.")
 @click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of the repetitions.")
+@click.option(
+    "--executor",
+    type=PartName("executor", EXECUTORS, own=False),
+    default="process",
+    help="Where repetitions run, with the same numbers; those of less than 10 s and those on a GPU stay in this "
+    "process.",
+)
+@click.option(
+    "--workers",
+    type=Number(),
+    metavar="N",
+    help="Processes for the repetitions.  [default: one per core, as memory allows]",
+)
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")
 @click.pass_context
@@ -294,6 +307,9 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
 
     typed = {name: value for name, value in typed_options(ctx).items() if PLACE[name] in ("installation", "model")}
     typed.pop("friction_curves", None)
+    for name in ("executor", "workers"):
+        if _is_typed(ctx, name) and not options["repeat"]:
+            raise click.UsageError(f"--{name} is for repetitions: give their number, --repeat N")
     of_recipe = {name: options[name] for name in _RECIPE if _is_typed(ctx, name) and options[name] is not None}
     Recipe(**of_recipe)
     identify_and_write(robot, logs, out, typed, of_recipe, options)

@@ -71,7 +71,8 @@ def identify_and_write(
         status = NOT_HELD if content["doubts"] else 0
         if given["repeat"]:
             tell("repeating the experiment in simulation")
-            content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"], figures)
+            where = {"executor": given["executor"], "workers": given["workers"]}
+            content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"], figures, **where)
             status = repeated or status
             drawn = figure_names([REPETITIONS], figures.formats) if "repetitions" in content else []
             files = [*(out / name for name in drawn), *files]

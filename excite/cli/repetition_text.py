@@ -12,15 +12,17 @@ from typing import Any
 from rich.table import Table
 
 from excite.cli.figure_options import FigureChoice
-from excite.cli.interrupts import deferred_interrupt, interrupted_status
+from excite.cli.interrupts import deferred_interrupt, interrupted_status, one_interrupt
 from excite.cli.literal_console import console, console_of_progress
 from excite.cli.sign_of_life import something_is_shown
 from excite.cli.streams import remark, say
 from excite.cli.terminal import can_move
 from excite.cli.verbosity import verbosity
+from excite.errors import LostWorkersError
 from excite.files.result_json import amend_content
 from excite.identification.identification import Identification
 from excite.montecarlo.repetitions import Repetitions
+from excite.registry import is_addressed
 from regressors.errors import InputError
 
 _SILENCE = 2.0  # before the first line of progress [s]
@@ -28,7 +30,15 @@ _PAUSE = 5.0  # between two lines of it [s]
 
 
 def repeat_and_write(
-    result: Identification, out: Path, content: dict[str, Any], count: int, seed: int, figures: FigureChoice
+    result: Identification,
+    out: Path,
+    content: dict[str, Any],
+    count: int,
+    seed: int,
+    figures: FigureChoice,
+    *,
+    executor: str,
+    workers: int | None,
 ) -> tuple[dict[str, Any], int]:
     """Repeat an identification in simulation, add the statistics to its result, and draw them beside it.
 
@@ -41,6 +51,8 @@ def repeat_and_write(
         Content of ``result.json``.
     count, seed : int
     figures : FigureChoice
+    executor : str
+    workers : int, optional
 
     Returns
     -------
@@ -53,18 +65,20 @@ def repeat_and_write(
     ------
     InputError
         The experiment cannot be repeated.
+    LostWorkersError
+        Nothing is left to repeat it.
     """
     from excite.montecarlo.repetition import repetitions
 
     try:
-        with deferred_interrupt("stopping after the repetitions at work") as answer, _progress(count) as progress:
+        with _interrupts(executor) as answer, _progress(count) as progress:
 
             def report_progress(done: int, of: int) -> None:
                 progress(done, of)
                 if done < of:
                     answer()
 
-            repeated_runs = repetitions(result, count, seed, report_progress)
+            repeated_runs = repetitions(result, count, seed, report_progress, executor=executor, workers=workers)
             content = {**content, "repetitions": repetition_content(repeated_runs)}
             amend_content(out, content)
     except KeyboardInterrupt:
@@ -72,6 +86,8 @@ def repeat_and_write(
         return content, interrupted_status()
     except InputError as error:
         raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
+    except LostWorkersError as error:
+        raise LostWorkersError(*error.args, f"the result in {out} is saved, without repetitions") from error
     if figures:
         from excite.plots.repetitions_plot import write_repetitions_figure
 
@@ -134,6 +150,17 @@ def print_repetitions(content: dict[str, Any]) -> None:
             p["unit"],
         )
     console().print(table)
+
+
+@contextmanager
+def _interrupts(executor: str) -> Iterator[Callable[[], None]]:
+    """Defer a signal to the end of the repetitions at work; while this process waits for Dask, heed it at once."""
+    if is_addressed("executor", executor):
+        with one_interrupt():
+            yield lambda: None
+        return
+    with deferred_interrupt("stopping after the repetitions at work") as answer:
+        yield answer
 
 
 @contextmanager

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
+import os
 import queue
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +53,12 @@ class DaskCluster:
     def __init__(self, address: str, workers: int | None = None) -> None:
         self.address, self._workers = dask_address(address), workers
 
-    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    @property
+    def processes_here(self) -> int:
+        """Workers that are started on this machine: none with the address of a scheduler."""
+        return (self.address.processes or self._workers or os.cpu_count() or 1) if self.address.is_local else 0
+
+    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
         """See `UnitExecutor.run`.
 
         Raises
@@ -86,7 +92,7 @@ class ConnectedCluster:
     def __init__(self, client: Client, address: DaskAddress) -> None:
         self._client, self._address = client, address
 
-    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
         """See `DaskCluster.run`."""
         yield from _Units(self._client, self._address, work, common).run(units)
 
@@ -101,7 +107,7 @@ class _Units:
         self._running: dict[Future, int] = {}
         self._without_workers = 0.0
 
-    def run(self, units: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def run(self, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
         left = iter(range(len(units)))
         try:
             for index, _ in zip(left, range(_AHEAD), strict=False):
@@ -147,8 +153,8 @@ class _Units:
 
         if future.status in ("cancelled", "lost"):
             raise LostWorkersError(
-                f"the Dask scheduler at {self._address} went away; what is finished is kept, and the same command "
-                "continues with the rest"
+                f"the Dask scheduler at {self._address} went away",
+                "what is finished is kept, and the same command continues with the rest",
             )
         if future.status == "finished":
             return future.result()

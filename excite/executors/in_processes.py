@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -34,7 +34,7 @@ class InProcesses:
     def __init__(self, count: int | None = None) -> None:
         self.count = count or os.cpu_count() or 1
 
-    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
         """See `UnitExecutor.run`."""
         with environment_of_workers():
             processes = _Processes(work, common, units)
@@ -95,8 +95,8 @@ class _Processes:
         self._in_a_row += 1
         if self._in_a_row > _MOST * (count + 1):
             raise LostWorkersError(
-                f"{self._in_a_row} worker processes ended one after the other ({how}); what is finished is kept, and "
-                "another try continues with the rest: give fewer `workers`"
+                f"{self._in_a_row} worker processes ended one after the other ({how})",
+                "what is finished is kept, and another try continues with the rest: give fewer `workers`",
             )
         _log.warning("a worker process ended (%s) and is replaced", how)
         return how

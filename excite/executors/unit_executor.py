@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
@@ -33,8 +33,8 @@ class UnitExecutor(Protocol):
 
     shares_disk: bool
 
-    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Iterator[tuple[int, Any]]:
-        """Call ``work(common, unit)`` for every unit.
+    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
+        """Call ``work(common, unit)`` for every unit, until the generator is closed.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class InThisProcess:
 
     shares_disk = True
 
-    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
         """See `UnitExecutor.run`."""
         for index, unit in enumerate(units):
             yield index, work(common, unit)

@@ -2,33 +2,49 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
+from contextlib import closing
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from excite.design.interruption import current_interruption
+from excite.errors import LostWorkersError
 from excite.estimates.long_work import announce
+from excite.executors.unit_executor import LostUnit, UnitExecutor
 from excite.identification.repetition_count import repetition_prediction
 from excite.montecarlo.batch_estimators import Solved
-from excite.montecarlo.chain import Chain
 from excite.montecarlo.experiment import Experiment
-from excite.montecarlo.repetition_memory import experiment_prediction
 from excite.montecarlo.repetition_time import repetition_seconds
+from excite.montecarlo.repetition_units import (
+    SeededExperiment,
+    common_of,
+    executor_of_repetitions,
+    numerical_repetition,
+    processes_here,
+    repeat_elsewhere,
+    repeat_numbers,
+    units_of,
+)
 from excite.montecarlo.repetitions import Repetitions
 from regressors.errors import InputError
-from regressors.numerical import numerical_work
 from regressors.quantities import check
 
 _ENDED = "Ctrl-C ends them, and what was identified is saved"
 _FEWEST = 2  # repetitions that have a scatter
+_log = logging.getLogger(__name__)
 
 
-@numerical_work(
-    "the repetition of the experiment",
-    "rows that hardly move, or numbers of very different sizes are the likely cause: "
-    "check the units of the log and `rows`",
-)
+@numerical_repetition()
 def repeat_experiment(
-    experiment: Experiment, count: int, seed: int, *, progress: Callable[[int, int], None] | None = None
+    experiment: Experiment,
+    count: int,
+    seed: int,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    executor: str | UnitExecutor = "process",
+    workers: int | None = None,
 ) -> Repetitions:
     """Estimates from repetitions with different noise.
 
@@ -38,54 +54,89 @@ def repeat_experiment(
     count : int
         Number of repetitions.
     seed : int
-        Repetition k of a seed is the same whatever `count` is, and however many are computed at once; on a GPU to
+        Repetition k of a seed is the same to the last digit whatever `count`, `executor` and `workers` are; on a GPU to
         rounding.
     progress : callable, optional
-        Called after every repetition with the number of repetitions done and `count`.
+        Called with the number of repetitions done and `count`: after each in this process, elsewhere after some.
+    executor : str or UnitExecutor
+        ``process``, ``serial``, ``dask://HOST:PORT``, ``dask-file:PATH``, ``dask-local`` or ``dask-local:N``: where
+        repetitions are computed. ``process`` is worker processes of this machine, but this process where all
+        repetitions are predicted to take less than 10 s, since a worker takes 1 to 3 s of processor time to start
+        where it is not forked; where JAX finds a GPU; and where there would be one worker only.
+    workers : int, optional
+        Processes of this machine; if not given one per core, or as many as fit into the cap on memory.
 
     Returns
     -------
     Repetitions
-        After Ctrl-C those that were completed, `interrupted`, if there are two or more.
+        After Ctrl-C those that were completed, `interrupted`, if there are two or more. Repetitions that end their
+        worker again and again are left out, which is logged.
 
     Raises
     ------
     InputError
-        Fewer than two repetitions, more memory than the cap, a motion from which the parameters are not identifiable,
-        or a method that chooses its settings from the positions.
+        Fewer than two repetitions, asked for or left, more memory than the cap, a motion from which the parameters are
+        not identifiable, a method that chooses its settings from the positions, or Dask not reachable.
+    LostWorkersError
+        Worker processes end again and again, or the Dask scheduler went away.
     """
     check("repeats", count)
     check("seed", seed)
     if count < _FEWEST:
-        raise InputError(f"repetitions: expected 2 or more, given {count}")
-    experiment_prediction(experiment).check()
+        raise InputError(f"repetitions: expected {_FEWEST} or more, given {count}")
+    units = executor_of_repetitions(executor, workers, experiment, count)
     repetition_prediction(count, experiment.base.rank).check()
-    announce("the repetitions", repetition_seconds(experiment, count), _ENDED)
-    chain = Chain(experiment)
-    solved, interrupted = _solved(chain, count, seed, progress)
-    base, beta = experiment.base, np.asarray(experiment.beta, dtype=float)
+    announce("the repetitions", repetition_seconds(experiment, count) / max(1, processes_here(units)), _ENDED)
+    common = common_of(units, experiment, seed)
+    with threadpool_limits(1):  # sums that are the same everywhere
+        solved, interrupted = _solved(units, common, count, progress)
+    return _summary(common, solved, interrupted=interrupted)
+
+
+def _summary(common: SeededExperiment, solved: list[Solved], *, interrupted: bool) -> Repetitions:
+    chain, base = common.chain, common.experiment.base
+    beta = np.asarray(common.experiment.beta, dtype=float)
     P = np.eye(beta.size) if chain.change is None else chain.change
     estimates = beta + np.array([P @ one.error for one in solved])
     predicted = np.array([np.linalg.norm(P @ one.half, axis=1) for one in solved])
     noise = np.array([one.noise for one in solved])
     return Repetitions(
-        base.names, base.units, beta, estimates, predicted, noise, chain.rows - base.rank, seed, interrupted
+        base.names, base.units, beta, estimates, predicted, noise, chain.rows - base.rank, common.seed, interrupted
     )
 
 
 def _solved(
-    chain: Chain, count: int, seed: int, progress: Callable[[int, int], None] | None
+    executor: UnitExecutor, common: SeededExperiment, count: int, progress: Callable[[int, int], None] | None
 ) -> tuple[list[Solved], bool]:
-    """The repetitions that were completed, and whether an interrupt ended them before the last."""
-    solved: list[Solved] = []
+    """The repetitions that were completed, by their numbers, and whether an interrupt ended them before the last."""
+    solved: dict[int, Solved] = {}
+    units, work = units_of(executor, common, count), repeat_numbers if executor.shares_disk else repeat_elsewhere
+    interrupted = False
     try:
-        for first in range(0, count, chain.batch):
-            for one in chain.repetitions(seed, range(first, min(first + chain.batch, count))):
-                solved.append(one)
+        with closing(executor.run(work, common, units)) as results:
+            for index, result in results:
+                if isinstance(result, LostUnit):
+                    _leave_out(units[index], result)
+                    continue
+                solved.update(zip(units[index], result, strict=True))
                 if progress is not None:
                     progress(len(solved), count)
     except KeyboardInterrupt:
         if len(solved) < _FEWEST:
             raise
-        return solved, True
-    return solved, False
+        interrupted = True
+        if (answered := current_interruption()) is not None:
+            answered.caught()
+    except LostWorkersError as error:
+        raise LostWorkersError(error.args[0], "repeat with fewer `workers`, or with another `executor`") from error
+    if len(solved) < _FEWEST:
+        raise InputError(
+            f"repetitions: {len(solved)} of {count} are left, since workers ended; repeat with fewer `workers`, or "
+            "with another `executor`"
+        )
+    return [solved[number] for number in sorted(solved)], interrupted
+
+
+def _leave_out(numbers: range, lost: LostUnit) -> None:
+    which = f"repetition {numbers[0]} is" if len(numbers) == 1 else f"repetitions {numbers[0]} to {numbers[-1]} are"
+    _log.warning("%s left out: %s", which, lost.reason)

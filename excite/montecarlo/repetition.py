@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.stats
 
+from excite.executors.unit_executor import UnitExecutor
 from excite.identification.identification import Identification
 from excite.identification.measured_regressor import predicted_rows
 from excite.identification.prediction import instantaneous_target
@@ -23,7 +24,13 @@ from regressors.samples import Array, Samples
 
 
 def repetitions(
-    result: Identification, count: int, seed: int, progress: Callable[[int, int], None] | None = None
+    result: Identification,
+    count: int,
+    seed: int,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    executor: str | UnitExecutor = "process",
+    workers: int | None = None,
 ) -> Repetitions:
     """Repeat the experiment of the first log with the estimate as the truth.
 
@@ -39,11 +46,17 @@ def repetitions(
     seed : int
     progress : callable, optional
         Called with the number of repetitions done, and `count`.
+    executor : str or UnitExecutor
+        Where they are computed, see `excite.montecarlo.repeated.repeat_experiment`; the numbers are the same.
+    workers : int, optional
+        Processes of this machine; if not given one per core, or as many as fit into the cap on memory.
 
     Raises
     ------
     InputError
         See `Recipe.check_repeatable`; known friction; or a motion from which the parameters are not identifiable.
+    LostWorkersError
+        Worker processes end again and again, or the Dask scheduler went away.
     """
     if result.friction is not None:
         raise not_repeated()
@@ -61,7 +74,7 @@ def repetitions(
         every=_every(recipe, part.samples),
         estimator=str(recipe.estimator),
     )
-    return repeat_experiment(experiment, count, seed, progress=progress)
+    return repeat_experiment(experiment, count, seed, progress=progress, executor=executor, workers=workers)
 
 
 def _every(recipe: Recipe, samples: Samples) -> int:

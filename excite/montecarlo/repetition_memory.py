@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
+from excite.estimates.cap import memory_cap
+from excite.estimates.work_prediction import BASE, FLOAT, MemoryPart, WorkPrediction
 from excite.montecarlo.equation_columns import BLOCK, entries_of_equations
 from excite.montecarlo.experiment import Experiment
 
@@ -16,7 +19,7 @@ _SHORTER = "repeat a shorter stretch of the log (`rows`)"
 _PLAIN = ", or leave out `low_pass`"
 
 
-def experiment_prediction(experiment: Experiment) -> WorkPrediction:
+def experiment_prediction(experiment: Experiment, processes: int = 0) -> WorkPrediction:
     """Largest memory that the repetitions of an experiment hold at once; it does not grow with their number.
 
     Columns of single instants are computed in blocks; those of windows and those that are filtered, at once. Where only
@@ -26,6 +29,9 @@ def experiment_prediction(experiment: Experiment) -> WorkPrediction:
     Parameters
     ----------
     experiment : Experiment
+    processes : int
+        Worker processes of this machine, each of which holds as much as this one; what forked ones share with it is
+        counted for each.
     """
     model, N = experiment.model, experiment.samples.time.size
     channels = model.robot.n + (6 if model.channel == "wrench" else model.robot.n)
@@ -33,7 +39,7 @@ def experiment_prediction(experiment: Experiment) -> WorkPrediction:
     entries = entries_of_equations(model, experiment.base.index)
     at_once, held = _at_once(experiment, entries), _held(experiment, entries)
     table = 0 if experiment.method is None else experiment.method.table_width
-    return WorkPrediction(
+    own = WorkPrediction(
         "the repetition of the experiment",
         (
             MemoryPart("programs", 1, 1, _PROGRAMS, remedy=remedy),
@@ -43,6 +49,26 @@ def experiment_prediction(experiment: Experiment) -> WorkPrediction:
             MemoryPart("rows of equations", N, held / N, FLOAT * held, remedy=remedy),
         ),
     )
+    return replace(own, parts=(*own.parts, _of_workers(own, processes))) if processes else own
+
+
+def _of_workers(own: WorkPrediction, processes: int) -> MemoryPart:
+    """What the worker processes hold."""
+    part = own.largest
+    what = f"{part.what} in each of {processes} worker processes"
+    held = processes * (own.bytes - BASE)
+    return MemoryPart(what, part.rows, part.columns, held, "workers", processes)
+
+
+def fitting_workers(experiment: Experiment) -> int:
+    """Number of worker processes that fit into the cap on memory beside this one.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    """
+    own = experiment_prediction(experiment).bytes
+    return max(0, int((memory_cap() - own) / (own - BASE)))
 
 
 def _at_once(experiment: Experiment, entries: list[int]) -> float:

@@ -1,0 +1,132 @@
+"""Repetitions as units of work: ranges of their numbers, and what runs these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, partial
+from importlib.metadata import version
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from excite.design.problem_identity import PACKAGES
+from excite.executors.dask_cluster import DaskCluster
+from excite.executors.dask_starts import check_versions
+from excite.executors.in_processes import InProcesses
+from excite.executors.unit_executor import InThisProcess, UnitExecutor
+from excite.executors.unit_executors import unit_executor
+from excite.montecarlo.batch_estimators import Solved
+from excite.montecarlo.chain import Chain
+from excite.montecarlo.experiment import Experiment
+from excite.montecarlo.jax_moments import has_gpu
+from excite.montecarlo.repetition_memory import experiment_prediction, fitting_workers
+from excite.montecarlo.repetition_time import repetition_seconds
+from regressors.numerical import numerical_work
+
+SHORT = 10.0  # seconds of all repetitions below which worker processes are not worth their start
+_UNIT = 0.1  # seconds of a unit
+
+numerical_repetition = partial(
+    numerical_work,
+    "the repetition of the experiment",
+    "rows that hardly move, or numbers of very different sizes are the likely cause: "
+    "check the units of the log and `rows`",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class SeededExperiment:
+    """What all repetitions of an experiment have in common, in whatever process they are computed.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    seed : int
+    versions : dict of str to str
+        Packages that a process elsewhere must have in the same version.
+    """
+
+    experiment: Experiment
+    seed: int
+    versions: dict[str, str]
+
+    @cached_property
+    def chain(self) -> Chain:
+        """Built once per process; a forked one inherits it."""
+        check_versions(self.versions)
+        return Chain(self.experiment)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "chain"}
+
+
+@numerical_repetition()
+def repeat_numbers(common: SeededExperiment, numbers: range) -> list[Solved]:
+    """Estimates of the repetitions of some numbers.
+
+    Parameters
+    ----------
+    common : SeededExperiment
+    numbers : range
+    """
+    return list(common.chain.repetitions(common.seed, numbers))
+
+
+def repeat_elsewhere(common: SeededExperiment, numbers: range) -> list[Solved]:
+    """The same in a process that was not started here: linear algebra in one thread, as everywhere, for equal sums."""
+    with threadpool_limits(1):
+        return repeat_numbers(common, numbers)
+
+
+def executor_of_repetitions(
+    given: str | UnitExecutor, workers: int | None, experiment: Experiment, count: int
+) -> UnitExecutor:
+    """What runs the repetitions of an experiment; memory is checked for the processes that it has here.
+
+    Parameters
+    ----------
+    given : str or UnitExecutor
+        ``process`` is this process where the repetitions are predicted to take less than `SHORT`, JAX finds a GPU, or
+        there would be one worker only.
+    workers : int, optional
+        Processes of this machine; one per core, if the cap on memory allows, if not given.
+    experiment : Experiment
+    count : int
+        Of the repetitions.
+
+    Raises
+    ------
+    TooLargeError
+        More memory than the cap.
+    UnknownName, InputError
+        See `excite.executors.unit_executors.unit_executor`.
+    """
+    executor = unit_executor(given, workers)
+    experiment_prediction(experiment).check()
+    if given == "process" and isinstance(executor, InProcesses):
+        most = fitting_workers(experiment) if workers is None else executor.count
+        executor = InProcesses(max(1, min(executor.count, most, count)))
+        if executor.count == 1 or has_gpu() or repetition_seconds(experiment, count) < SHORT:
+            return InThisProcess()
+    experiment_prediction(experiment, processes_here(executor)).check()
+    return executor
+
+
+def processes_here(executor: UnitExecutor) -> int:
+    """Worker processes that an executor starts on this machine."""
+    if isinstance(executor, DaskCluster):
+        return executor.processes_here
+    return executor.count if isinstance(executor, InProcesses) else 0
+
+
+def common_of(executor: UnitExecutor, experiment: Experiment, seed: int) -> SeededExperiment:
+    """What an executor's processes need; those elsewhere must have this one's versions."""
+    versions = {} if executor.shares_disk else {name: version(name) for name in PACKAGES}
+    return SeededExperiment(experiment, seed, versions)
+
+
+def units_of(executor: UnitExecutor, common: SeededExperiment, count: int) -> list[range]:
+    """Ranges of all numbers: here those that are computed at once, elsewhere about `_UNIT` seconds of work each."""
+    each = repetition_seconds(common.experiment, 1)
+    size = common.chain.batch if isinstance(executor, InThisProcess) else max(1, int(_UNIT / each))
+    return [range(first, min(first + size, count)) for first in range(0, count, size)]
