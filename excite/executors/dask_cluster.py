@@ -7,6 +7,7 @@ import os
 import queue
 import threading
 import time
+import warnings
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
@@ -102,7 +103,10 @@ class _Units:
 
     def __init__(self, client: Client, address: DaskAddress, work: Work, common: Any) -> None:
         self._client, self._address, self._work = client, address, work
-        self._common = client.submit(_same, common, pure=False)  # made again where its worker is lost, unlike scattered
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
+            # made again where its worker is lost, unlike scattered
+            self._common = client.submit(_same, common, pure=False)
         self._done: queue.SimpleQueue[Future] = queue.SimpleQueue()
         self._running: dict[Future, int] = {}
         self._without_workers = 0.0

@@ -54,7 +54,8 @@ class SeededExperiment:
     def chain(self) -> Chain:
         """Built once per process; a forked one inherits it."""
         check_versions(self.versions)
-        return Chain(self.experiment)
+        with threadpool_limits(1):
+            return Chain(self.experiment)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "chain"}
@@ -72,8 +73,8 @@ def repeat_numbers(common: SeededExperiment, numbers: range) -> list[Solved]:
     return list(common.chain.repetitions(common.seed, numbers))
 
 
-def repeat_elsewhere(common: SeededExperiment, numbers: range) -> list[Solved]:
-    """The same in a process that was not started here: linear algebra in one thread, as everywhere, for equal sums."""
+def repeat_in_one_thread(common: SeededExperiment, numbers: range) -> list[Solved]:
+    """The same where linear algebra may have more threads, which add in another order."""
     with threadpool_limits(1):
         return repeat_numbers(common, numbers)
 
@@ -127,6 +128,7 @@ def common_of(executor: UnitExecutor, experiment: Experiment, seed: int) -> Seed
 
 def units_of(executor: UnitExecutor, common: SeededExperiment, count: int) -> list[range]:
     """Ranges of all numbers: here those that are computed at once, elsewhere about `_UNIT` seconds of work each."""
-    each = repetition_seconds(common.experiment, 1)
-    size = common.chain.batch if isinstance(executor, InThisProcess) else max(1, int(_UNIT / each))
+    at_once = common.chain.batch  # built, and its errors raised, before processes start, which inherit it if forked
+    elsewhere = max(1, int(_UNIT / repetition_seconds(common.experiment, 1)))
+    size = at_once if isinstance(executor, InThisProcess) else elsewhere
     return [range(first, min(first + size, count)) for first in range(0, count, size)]

@@ -19,6 +19,7 @@ from recorded import link_files, write_files
 
 from excite import plots
 from excite.cli import repetition_text
+from excite.errors import LostWorkersError
 from excite.files.result_json import load_result
 from excite.logs.log_reading import read_log
 from excite.logs.log_writing import write_log
@@ -389,13 +390,13 @@ def test_repetitions_join_the_result(here: Here) -> None:
 def test_an_interrupt_keeps_the_repetitions_that_were_completed(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     repeat = repetition.repeat_experiment
 
-    def interrupted(e: Any, count: int, seed: int, progress: Callable[[int, int], None]) -> Any:
+    def interrupted(e: Any, count: int, seed: int, progress: Callable[[int, int], None], **where: Any) -> Any:
         def counted(done: int, of: int) -> None:
             if done == 4:
                 signal.raise_signal(signal.SIGINT)
             progress(done, of)
 
-        return repeat(e, count, seed, progress=counted)
+        return repeat(e, count, seed, progress=counted, **where)
 
     monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
     ended = here.run("identify", "irp6", "run.csv", "--repeat", "9", "--out", "out")
@@ -405,8 +406,36 @@ def test_an_interrupt_keeps_the_repetitions_that_were_completed(here: Here, monk
     assert (here.cwd / "out" / "repetitions.png").exists()
 
 
+def test_lost_workers_of_the_repetitions_keep_the_result(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    where: dict[str, Any] = {}
+
+    def lost(*_: Any, **how: Any) -> None:
+        where.update(how)
+        raise LostWorkersError("the Dask scheduler went away", "repeat with fewer `workers`")
+
+    monkeypatch.setattr(repetition, "repeat_experiment", lost)
+    given = ("--repeat", "9", "--executor", "dask://10.0.0.1:8786", "--workers", "3")
+    ended = here.run("identify", "irp6", "run.csv", *given, "--out", "out")
+    assert (ended.returncode, ended.stderr) == (
+        1,
+        "excite: the Dask scheduler went away; repeat with fewer --workers; the result in out is saved, without "
+        "repetitions\n",
+    )
+    assert (where["executor"], where["workers"]) == ("dask://10.0.0.1:8786", 3)
+    assert "repetitions" not in json.loads((here.cwd / "out" / "result.json").read_text())
+
+
+@pytest.mark.parametrize("option", [("--executor", "serial"), ("--workers", "2")])
+def test_where_repetitions_run_is_refused_without_repetitions(here: Here, option: tuple[str, str]) -> None:
+    before = files_below(here.cwd)
+    ended = here.run("identify", "irp6", "run.csv", *option, "--out", "out")
+    assert ended.returncode == 2
+    assert ended.stderr.startswith(f"excite: {option[0]} is for repetitions: give their number, --repeat N")
+    assert files_below(here.cwd) == before
+
+
 def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(_: Any, count: int, __: int, progress: Callable[[int, int], None]) -> None:
+    def interrupted(_: Any, count: int, __: int, progress: Callable[[int, int], None], **___: Any) -> None:
         progress(1, count)
         signal.raise_signal(signal.SIGINT)
         progress(2, count)
