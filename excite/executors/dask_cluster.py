@@ -5,13 +5,16 @@ from __future__ import annotations
 import logging
 import os
 import queue
+import signal
 import threading
 import time
 import warnings
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from multiprocessing.resource_tracker import ensure_running
 from typing import TYPE_CHECKING, Any
 
+from excite.design.interruption import held_signals
 from excite.design.workers import environment_of_workers, main_not_imported
 from excite.errors import LostWorkersError
 from excite.executors.dask_address import DaskAddress, dask_address
@@ -211,9 +214,15 @@ def _cluster(address: DaskAddress, workers: int | None) -> Iterator[dict[str, An
         return
     from distributed import LocalCluster
 
-    with environment_of_workers(), main_not_imported():
+    if hasattr(os, "fork"):
+        ensure_running()  # multiprocessing's own process, whose start would let Ctrl-C through
+    with environment_of_workers(), main_not_imported(), held_signals((signal.SIGINT,)):  # which is answered here
         cluster = LocalCluster(
-            n_workers=address.processes or workers, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=address.processes or workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.ERROR,  # workers that are ended at work warn of it
         )
     try:
         yield {"address": cluster}

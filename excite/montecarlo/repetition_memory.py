@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.estimates.cap import memory_cap
-from excite.estimates.work_prediction import BASE, FLOAT, MemoryPart, WorkPrediction
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.montecarlo.equation_columns import BLOCK, entries_of_equations
 from excite.montecarlo.experiment import Experiment
 
@@ -31,7 +31,7 @@ def experiment_prediction(experiment: Experiment, processes: int = 0) -> WorkPre
     experiment : Experiment
     processes : int
         Worker processes of this machine, each of which holds as much as this one; what forked ones share with it is
-        counted for each.
+        counted for each, which keeps all of them within once to twice what was measured with two.
     """
     model, N = experiment.model, experiment.samples.time.size
     channels = model.robot.n + (6 if model.channel == "wrench" else model.robot.n)
@@ -56,8 +56,7 @@ def _of_workers(own: WorkPrediction, processes: int) -> MemoryPart:
     """What the worker processes hold."""
     part = own.largest
     what = f"{part.what} in each of {processes} worker processes"
-    held = processes * (own.bytes - BASE)
-    return MemoryPart(what, part.rows, part.columns, held, "workers", processes)
+    return MemoryPart(what, part.rows, part.columns, processes * own.bytes, "workers", processes)
 
 
 def fitting_workers(experiment: Experiment) -> int:
@@ -68,7 +67,7 @@ def fitting_workers(experiment: Experiment) -> int:
     experiment : Experiment
     """
     own = experiment_prediction(experiment).bytes
-    return max(0, int((memory_cap() - own) / (own - BASE)))
+    return max(0, int(memory_cap() / own) - 1)
 
 
 def _at_once(experiment: Experiment, entries: list[int]) -> float:

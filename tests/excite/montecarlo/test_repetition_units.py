@@ -149,7 +149,7 @@ def test_what_is_asked_for_by_address_or_as_an_object_is_used() -> None:
 
 @pytest.mark.usefixtures("cores")
 def test_workers_that_would_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.8")
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "1.5")
     pool = executor_of_repetitions("process", None, plain(), LONG)
     assert isinstance(pool, InProcesses)
     assert 1 < pool.count < 16
