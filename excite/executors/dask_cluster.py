@@ -10,6 +10,7 @@ import threading
 import time
 import warnings
 from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from multiprocessing.resource_tracker import ensure_running
 from typing import TYPE_CHECKING, Any
@@ -159,18 +160,24 @@ class _Units:
         from distributed.scheduler import KilledWorker
 
         if future.status in ("cancelled", "lost"):
-            raise LostWorkersError(
-                f"the Dask scheduler at {self._address} went away",
-                "what is finished is kept, and the same command continues with the rest",
-            )
+            raise self._lost()
         if future.status == "finished":
-            return future.result()
+            try:
+                return future.result()
+            except (CancelledError, OSError) as broken:  # it went away before the result was here
+                raise self._lost() from broken
         error = future.exception()
         if isinstance(error, KilledWorker):
             return LostUnit("its Dask worker ended each time")
         if isinstance(error, ImportError):
             raise InputError(f"a Dask worker cannot run this ({error}); install the same version there") from error
         raise error
+
+    def _lost(self) -> LostWorkersError:
+        return LostWorkersError(
+            f"the Dask scheduler at {self._address} went away",
+            "what is finished is kept, and the same command continues with the rest",
+        )
 
 
 def _same(common: Any) -> Any:

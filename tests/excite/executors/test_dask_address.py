@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import CancelledError
 from pathlib import Path
 
 import pytest
 
 from excite.cli.options import PartName
+from excite.errors import LostWorkersError
 from excite.executors.dask_address import DaskAddress, dask_address
-from excite.executors.dask_cluster import DaskCluster
+from excite.executors.dask_cluster import DaskCluster, _Units
 from excite.executors.in_processes import InProcesses
 from excite.executors.unit_executor import InThisProcess
 from excite.executors.unit_executors import unit_executor
@@ -75,6 +77,22 @@ def test_a_scheduler_file_that_is_missing_is_named(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     with pytest.raises(InputError, match=r"no Dask scheduler file .*none\.json"):
         list(DaskCluster(f"dask-file:{tmp_path}/none.json").run(max, 1, [2]))
+
+
+class Unfetched:
+    """A finished unit whose result stays where it is, since the connection breaks while it is fetched."""
+
+    status = "finished"
+
+    def result(self) -> None:
+        raise CancelledError
+
+
+def test_a_scheduler_that_goes_away_before_a_result_is_here() -> None:
+    units = object.__new__(_Units)
+    units._address = dask_address("dask://127.0.0.1:9")
+    with pytest.raises(LostWorkersError, match=r"^the Dask scheduler at dask://127\.0\.0\.1:9 went away; what is"):
+        units._result(Unfetched())  # type: ignore[arg-type]
 
 
 def test_without_dask_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

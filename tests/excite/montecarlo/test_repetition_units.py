@@ -120,7 +120,7 @@ LONG = 10**6  # repetitions of far more than `SHORT`
 
 @pytest.fixture
 def cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("os.cpu_count", lambda: 16)
+    monkeypatch.setattr("os.cpu_count", lambda: 8)
 
 
 @pytest.mark.usefixtures("cores")
@@ -129,7 +129,7 @@ def test_short_repetitions_stay_in_this_process_and_long_ones_take_all_cores(mon
     assert isinstance(executor_of_repetitions("process", 2, plain(), COUNT), InThisProcess)
     assert isinstance(executor_of_repetitions("process", 1, plain(), LONG), InThisProcess)
     assert isinstance(executor_of_repetitions("serial", 2, plain(), LONG), InThisProcess)
-    for workers, processes in ((None, 16), (3, 3)):
+    for workers, processes in ((None, 8), (3, 3)):
         pool = executor_of_repetitions("process", workers, plain(), LONG)
         assert isinstance(pool, InProcesses)
         assert pool.count == processes
@@ -152,12 +152,12 @@ def test_workers_that_would_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("EXCITE_MEMORY_CAP", "1.5")
     pool = executor_of_repetitions("process", None, plain(), LONG)
     assert isinstance(pool, InProcesses)
-    assert 1 < pool.count < 16
+    assert 1 < pool.count < 8
     experiment_prediction(plain(), pool.count).check()
-    for how in (("process", 16), (InProcesses(16), None), ("dask-local:16", None), ("dask-local", None)):
-        with pytest.raises(TooLargeError, match=rf"`workers=16` that .* large, `workers={pool.count}` would do"):
+    for how in (("process", 8), (InProcesses(8), None), ("dask-local:8", None), ("dask-local", None)):
+        with pytest.raises(TooLargeError, match=rf"`workers=8` that .* large, `workers={pool.count}` would do"):
             executor_of_repetitions(*how, plain(), LONG)
-    assert isinstance(executor_of_repetitions("dask://127.0.0.1:9", 16, plain(), LONG), DaskCluster)
+    assert isinstance(executor_of_repetitions("dask://127.0.0.1:9", 8, plain(), LONG), DaskCluster)
     monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.3")
     assert isinstance(executor_of_repetitions("process", None, plain(), LONG), InThisProcess)
 
