@@ -10,7 +10,7 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
@@ -21,6 +21,8 @@ from problems import CONVENTIONS, HARMONICS, PERIOD, PROBLEMS, RATE
 
 if TYPE_CHECKING:
     from excite.design.formulation import Formulation
+    from excite.design.problem import Problem
+    from excite.design.solvers.solver import Attempt, SolverResult
     from regressors.samples import Array
 
 Specification = Mapping[str, Any]
@@ -103,33 +105,29 @@ def target(wanted: Specification) -> dict[str, Any]:
     """The search that is the default, in this process, until an iterate, judged at 100 Hz, is as good as the target."""
     made = formulation({**wanted, "starts": None})
     from excite.design.search_rounds import Rounds
-    from excite.design.single_start import optimise_start
+    from excite.design.single_start import optimise_starts
     from excite.design.solvers.sqp import SequentialQuadratic
 
     problem = made.problem
     ready = time.process_time()
 
     class Watched(SequentialQuadratic):
-        def _accepted(self, x: Array, value: float) -> None:
-            if value <= 1.01 * wanted["target"] and problem.exact_value(x) <= 0.9995 * wanted["target"]:
-                raise _Reached(x)
+        def attempt(self, problem: Problem, attempts: Sequence[Attempt]) -> Iterator[tuple[int, SolverResult]]:
+            return super().attempt(problem, [replace(one, watch=accepted) for one in attempts])
 
-        def solve(self, problem: Any, starts: Any, watch: Any = None) -> Any:
-            return super().solve(problem, starts, self._accepted)
-
-        def combine(self, problem: Any, starts: Any, known: Any, watch: Any = None) -> Any:
-            return super().combine(problem, starts, known, self._accepted)
+    def accepted(x: Array, value: float) -> None:
+        if value <= 1.01 * wanted["target"] and problem.exact_value(x) <= 0.9995 * wanted["target"]:
+            raise _Reached(x)
 
     method, rounds, results, ended = Watched(), Rounds(replace(made.task.search, rounds=10**6)), [], 0
     while time.process_time() < wanted["patience"]:
-        starts, results = rounds.following(results), []
-        for start in starts:
-            try:
-                results.append(optimise_start(problem, method, made.task.search.seed, start, None))
-            except _Reached as reached:
-                end = time.process_time()
-                return {"cpu": end, "cpu_set_up": ready, "starts": ended + 1, "trajectory": _plain(made, reached.x)}
-            ended += 1
+        starts = rounds.following(results)
+        try:
+            results = optimise_starts(problem, method, made.task.search.seed, starts, None)
+        except _Reached as reached:
+            end = time.process_time()
+            return {"cpu": end, "cpu_set_up": ready, "starts": ended + 1, "trajectory": _plain(made, reached.x)}
+        ended += len(starts)
     return {"cpu": None, "cpu_set_up": ready, "starts": ended, "trajectory": None}
 
 
