@@ -10,6 +10,7 @@ from excite.cli.messages import in_options
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark
 from excite.cli.summary import Summary, compact_table, show
+from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from excite.precision.next_motion import NextMotion, PrecisionInHand
 
 _ROWS = 8
+_NAMES = 3  # of parameters of which nothing is asked
 
 
 def plan_next_motion(task: Task, of: str, out: Path | None, *, force: bool) -> bool:
@@ -71,7 +73,7 @@ def _summary(step: NextMotion, files: list[Path], out: Path | None) -> Summary:
             *_runs_lines(step),
             *compact_table(kind, "value", "half-width", "allowed", "then", "unit", rows=rows, most=_ROWS),
         ],
-        notes=[in_options(note) for note in (() if step.design is None else step.design.notes)],
+        notes=[*_not_asked(step), *(in_options(note) for note in (() if step.design is None else step.design.notes))],
         files=files,
         next_steps=[_next(step, out)],
     )
@@ -83,6 +85,19 @@ def _verdict(step: NextMotion) -> str:
         planned = f", once {', '.join(step.planned)} is played" if step.planned else ""
         return f"Enough: stop. All {count} parameters of {step.robot} are known as precisely as asked for{planned}"
     return f"{len(step.missing)} of {count} parameters of {step.robot} are not known as precisely as asked for"
+
+
+def _not_asked(step: NextMotion) -> list[str]:
+    """Parameters that a share of every one leaves out, since nothing is known of their size."""
+    names = [parameter.name for parameter in step.parameters if not math.isfinite(parameter.allowed)]
+    asked = step.task.objective.precision
+    if not names or not isinstance(asked, PrecisionTarget) or asked.share is None:
+        return []
+    shown = ", ".join(names[:_NAMES]) + f" and {len(names) - _NAMES} more" * (len(names) > _NAMES)
+    return [
+        f"nothing is asked of {shown}: their size is not described, and what was measured of them may be zero; "
+        "a YAML file for --precision can state it, under scales"
+    ]
 
 
 def _runs_lines(step: NextMotion) -> list[str]:

@@ -6,12 +6,17 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commands import Here, content_of
 
+import excite
+from excite.cli.next_motion_run import plan_next_motion
 from excite.precision import period_search
+from excite.precision.next_motion import NextMotion, PrecisionInHand
 
 FEW = ("--joints", "1,2", "--starts", "1", "--executor", "serial", "--figures", "none")
+ALLOWED = {"X1": 1.0, **dict.fromkeys(("F1c", "F2c", "F3c", "F1v"), np.inf)}
 
 
 @pytest.fixture
@@ -91,3 +96,19 @@ def test_files_that_are_refused(here: Here, tmp_path: Path, content: str, messag
     assert ended.returncode == 2
     assert message in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("precision", "said"), [("5%", True), (excite.PrecisionTarget(None, parameters={"X1": 0.1}), False)]
+)
+def test_parameters_of_which_nothing_is_asked_are_named(
+    precision: object, said: bool, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that a share of every parameter leaves out, not those that the user leaves out."""
+    rows = [PrecisionInHand(name, name, "Nm", 1.0, allowed, 0.1, 0.1) for name, allowed in ALLOWED.items()]
+    task = excite.Task("irp6", precision=precision)
+    monkeypatch.setattr(excite, "next_motion", lambda *_, **__: NextMotion("irp6", tuple(rows), None, (), task))
+    assert plan_next_motion(task, "measured", None, force=False)
+    printed = " ".join(capfd.readouterr().out.split())
+    assert "Enough: stop. All 1 parameters" in printed
+    assert ("nothing is asked of F1c, F2c, F3c and 1 more: their size is not described" in printed) == said
