@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
+from itertools import islice
 from multiprocessing.resource_tracker import ensure_running
 from typing import TYPE_CHECKING, Any
 
@@ -118,7 +119,7 @@ class _Units:
     def run(self, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
         left = iter(range(len(units)))
         try:
-            for index, _ in zip(left, range(_AHEAD), strict=False):
+            for index in islice(left, _AHEAD):
                 self._submit(index, units[index])
             while self._running:
                 future = self._next()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from excite.design.planned_start import PlannedStart
 from excite.design.problem_identity import PACKAGES
 from excite.design.start_results import StartResult, read_starts
 from excite.errors import LostWorkersError
+from excite.executors.dask_cluster import DaskCluster
 from excite.executors.dask_starts import DaskStarts, check_versions
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -42,6 +44,11 @@ def expected(problem: Formulation, tmp_path_factory: pytest.TempPathFactory) -> 
     folder = tmp_path_factory.mktemp("serial")
     serial(problem, [range(COUNT)], folder, lambda _: None)
     return timeless(folder)
+
+
+def test_units_of_which_few_are_sent_at_a_time_all_run(dask: DaskProcesses, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("excite.executors.dask_cluster._AHEAD", 3)
+    assert sorted(DaskCluster(dask.address).run(operator.add, 1, range(10))) == [(k, k + 1) for k in range(10)]
 
 
 def timeless(folder: Path) -> list[StartResult]:
