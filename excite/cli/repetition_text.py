@@ -14,12 +14,13 @@ from rich.table import Table
 from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import deferred_interrupt, interrupted_status, one_interrupt
 from excite.cli.literal_console import console, console_of_progress
+from excite.cli.messages import in_options
 from excite.cli.sign_of_life import something_is_shown
 from excite.cli.streams import remark, say
 from excite.cli.terminal import can_move
 from excite.cli.verbosity import verbosity
 from excite.errors import LostWorkersError
-from excite.files.result_json import amend_content
+from excite.files.result_json import SO_FAR, amend_content
 from excite.identification.identification import Identification
 from excite.montecarlo.repetitions import Repetitions
 from excite.registry import is_addressed
@@ -46,7 +47,8 @@ def repeat_and_write(
     ----------
     result : Identification
     out : Path
-        Folder with the complete result, which stays complete if the repetitions are interrupted.
+        Folder with the complete result, which stays complete if the repetitions are interrupted; what is computed of
+        them is kept there until all are.
     content : dict
         Content of ``result.json``.
     count, seed : int
@@ -78,7 +80,9 @@ def repeat_and_write(
                 if done < of:
                     answer()
 
-            repeated_runs = repetitions(result, count, seed, report_progress, executor=executor, workers=workers)
+            repeated_runs = repetitions(
+                result, count, seed, report_progress, executor=executor, workers=workers, kept=out / SO_FAR
+            )
             content = {**content, "repetitions": repetition_content(repeated_runs)}
             amend_content(out, content)
     except KeyboardInterrupt:
@@ -87,15 +91,21 @@ def repeat_and_write(
     except InputError as error:
         raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
     except LostWorkersError as error:
-        raise LostWorkersError(*error.args, f"the result in {out} is saved, without repetitions") from error
+        saved = f"the result in {out} is saved, without repetitions"
+        raise LostWorkersError(*error.args, saved + _continued(out)) from error
     if figures:
         from excite.plots.repetitions_plot import write_repetitions_figure
 
         write_repetitions_figure(repeated_runs, result.robot.name, out, **figures.how)
     if repeated_runs.interrupted:
-        say(f"excite: interrupted; the result is saved, with {repeated_runs.count} of {count} repetitions")
+        done = f"with {repeated_runs.count} of {count} repetitions"
+        say(f"excite: interrupted; the result is saved, {in_options(done + _continued(out))}")
         return content, interrupted_status()
     return content, 0
+
+
+def _continued(out: Path) -> str:
+    return "; with `force`, the same command goes on" if (out / SO_FAR).exists() else ""
 
 
 def repetition_content(repeated_runs: Repetitions) -> dict[str, Any]:

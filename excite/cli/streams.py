@@ -16,7 +16,9 @@ from excite.cli.messages import in_options
 from excite.cli.sign_of_life import clear_line
 from excite.cli.verbosity import verbosity
 
-_LEVELS = {"excite.estimates": logging.INFO, "regressors.input_files": logging.DEBUG}
+_LEVELS = {
+    "excite.estimates": logging.INFO, "excite.montecarlo": logging.INFO, "regressors.input_files": logging.DEBUG
+}  # fmt: skip
 _WITH_LINES = ("excite", "regressors.input_files")
 
 

@@ -39,6 +39,7 @@ from regressors.models.motor_side import MotorSide, motor_sides
 SCHEMA = "excite.result/1"
 RESULT, KIND = "result.json", "result"
 REPETITIONS = "repetitions"
+SO_FAR = "repetitions-so-far.npz"  # until all are computed
 FIGURES = ("torques", "residuals", "parameters", "estimates", REPETITIONS)
 
 

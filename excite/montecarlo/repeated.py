@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing, nullcontext
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -14,8 +15,8 @@ from excite.errors import LostWorkersError
 from excite.estimates.long_work import announce
 from excite.executors.unit_executor import InThisProcess, LostUnit, UnitExecutor, Work
 from excite.identification.repetition_count import repetition_prediction
-from excite.montecarlo.batch_estimators import Solved
 from excite.montecarlo.experiment import Experiment
+from excite.montecarlo.kept_repetitions import KeptRepetitions
 from excite.montecarlo.repetition_time import repetition_seconds
 from excite.montecarlo.repetition_units import (
     SeededExperiment,
@@ -27,7 +28,7 @@ from excite.montecarlo.repetition_units import (
     repeat_numbers,
     units_of,
 )
-from excite.montecarlo.repetitions import Repetitions
+from excite.montecarlo.repetitions import Repetition, Repetitions
 from regressors.errors import InputError
 from regressors.quantities import check
 
@@ -45,6 +46,7 @@ def repeat_experiment(
     progress: Callable[[int, int], None] | None = None,
     executor: str | UnitExecutor = "process",
     workers: int | None = None,
+    kept: str | Path | None = None,
 ) -> Repetitions:
     """Estimates from repetitions with different noise.
 
@@ -66,6 +68,9 @@ def repeat_experiment(
         from 6 s on, and the prediction is right within a factor of three; other machines were not measured.
     workers : int, optional
         Processes of this machine; if not given one per core, or as many as fit into the cap on memory.
+    kept : path, optional
+        File in which repetitions are kept until all are there, so that the same call goes on after it was killed, or
+        its workers were lost. Those of a model of one's own whose source is not accessible are not kept.
 
     Returns
     -------
@@ -77,7 +82,8 @@ def repeat_experiment(
     ------
     InputError
         Fewer than two repetitions, asked for or left, more memory than the cap, a motion from which the parameters are
-        not identifiable, a method that chooses its settings from the positions, or Dask not reachable.
+        not identifiable, a method that chooses its settings from the positions, Dask not reachable, or a file that
+        cannot be written.
     LostWorkersError
         Worker processes end again and again, or the Dask scheduler went away.
     """
@@ -91,56 +97,79 @@ def repeat_experiment(
     common = common_of(units, experiment, seed)
     here = isinstance(units, InThisProcess)  # a process that limits its threads could not be forked
     with threadpool_limits(1) if here else nullcontext():
-        solved, interrupted = _solved(units, repeat_numbers if here else repeat_in_one_thread, common, count, progress)
-    with threadpool_limits(1):
-        return _summary(common, solved, interrupted=interrupted)
+        running = _Running(count, None if kept is None else KeptRepetitions(Path(kept), common), progress)
+        running.run(units, repeat_numbers if here else repeat_in_one_thread, common)
+    return _summary(common, running.found, interrupted=running.interrupted)
 
 
-def _summary(common: SeededExperiment, solved: list[Solved], *, interrupted: bool) -> Repetitions:
+def _summary(common: SeededExperiment, found: Mapping[int, Repetition], *, interrupted: bool) -> Repetitions:
     chain, base = common.chain, common.experiment.base
     beta = np.asarray(common.experiment.beta, dtype=float)
-    P = np.eye(beta.size) if chain.change is None else chain.change
-    estimates = beta + np.array([P @ one.error for one in solved])
-    predicted = np.array([np.linalg.norm(P @ one.half, axis=1) for one in solved])
-    noise = np.array([one.noise for one in solved])
+    error, deviation, noise = (np.array(part) for part in zip(*(found[k] for k in sorted(found)), strict=True))
     return Repetitions(
-        base.names, base.units, beta, estimates, predicted, noise, chain.rows - base.rank, common.seed, interrupted
+        base.names, base.units, beta, beta + error, deviation, noise, chain.rows - base.rank, common.seed, interrupted
     )
 
 
-def _solved(
-    executor: UnitExecutor,
-    work: Work,
-    common: SeededExperiment,
-    count: int,
-    progress: Callable[[int, int], None] | None,
-) -> tuple[list[Solved], bool]:
-    """The repetitions that were completed, by their numbers, and whether an interrupt ended them before the last."""
-    solved: dict[int, Solved] = {}
-    units, interrupted = units_of(executor, common, count), False
-    try:
-        with closing(executor.run(work, common, units)) as results:
-            for index, result in results:
-                if isinstance(result, LostUnit):
-                    _leave_out(units[index], result)
-                    continue
-                solved.update(zip(units[index], result, strict=True))
-                if progress is not None:
-                    progress(len(solved), count)
-    except KeyboardInterrupt:
-        if len(solved) < _FEWEST:
-            raise
-        interrupted = True
-        if (answered := current_interruption()) is not None:
-            answered.caught()
-    except LostWorkersError as error:
-        raise LostWorkersError(error.args[0], "repeat with fewer `workers`, or with another `executor`") from error
-    if len(solved) < _FEWEST:
-        raise InputError(
-            f"repetitions: {len(solved)} of {count} are left, since workers ended; repeat with fewer `workers`, or "
-            "with another `executor`"
-        )
-    return [solved[number] for number in sorted(solved)], interrupted
+class _Running:
+    """Repetitions that are there, and those that are to come.
+
+    Parameters
+    ----------
+    count : int
+        Of all.
+    kept : KeptRepetitions, optional
+    progress : callable, optional
+    """
+
+    def __init__(self, count: int, kept: KeptRepetitions | None, progress: Callable[[int, int], None] | None) -> None:
+        self.count, self._kept, self._progress = count, kept, progress
+        self.found = {} if kept is None else kept.read(count)
+        self.interrupted = False
+
+    def run(self, executor: UnitExecutor, work: Work, common: SeededExperiment) -> None:
+        """Compute what is left, until Ctrl-C."""
+        left = [number for number in range(self.count) if number not in self.found]
+        units = units_of(executor, common, left) if left else []
+        try:
+            with closing(executor.run(work, common, units)) as results:
+                for index, result in results:
+                    self._take(units[index], result)
+        except KeyboardInterrupt:
+            self._keep()
+            if len(self.found) < _FEWEST:
+                raise
+            self.interrupted = True
+            if (answered := current_interruption()) is not None:
+                answered.caught()
+        except LostWorkersError as error:
+            raise LostWorkersError(error.args[0], self._remedy()) from error
+        if len(self.found) < _FEWEST:
+            raise InputError(
+                f"repetitions: {len(self.found)} of {self.count} are left, since workers ended; repeat with fewer "
+                "`workers`, or with another `executor`"
+            )
+        if self._kept is not None and not self.interrupted:
+            self._kept.remove()
+
+    def _take(self, numbers: range, result: list[Repetition] | LostUnit) -> None:
+        if isinstance(result, LostUnit):
+            _leave_out(numbers, result)
+            return
+        self.found.update(zip(numbers, result, strict=True))
+        if self._kept is not None:
+            self._kept.save(self.found)
+        if self._progress is not None:
+            self._progress(len(self.found), self.count)
+
+    def _keep(self) -> bool:
+        return self._kept is not None and self._kept.save(self.found, now=True)
+
+    def _remedy(self) -> str:
+        if self._kept is not None and self._keep():
+            done = f"{len(self.found)} of {self.count} repetitions"
+            return f"{done} are kept in {self._kept.path}, and the same call computes the rest"
+        return "repeat with fewer `workers`, or with another `executor`"
 
 
 def _leave_out(numbers: range, lost: LostUnit) -> None:

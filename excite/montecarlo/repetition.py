@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import scipy.stats
@@ -31,6 +32,7 @@ def repetitions(
     *,
     executor: str | UnitExecutor = "process",
     workers: int | None = None,
+    kept: str | Path | None = None,
 ) -> Repetitions:
     """Repeat the experiment of the first log with the estimate as the truth.
 
@@ -50,6 +52,8 @@ def repetitions(
         Where they are computed, see `excite.montecarlo.repeated.repeat_experiment`; the numbers are the same.
     workers : int, optional
         Processes of this machine; if not given one per core, or as many as fit into the cap on memory.
+    kept : path, optional
+        File in which they are kept until all are there, likewise.
 
     Raises
     ------
@@ -74,7 +78,7 @@ def repetitions(
         every=_every(recipe, part.samples),
         estimator=str(recipe.estimator),
     )
-    return repeat_experiment(experiment, count, seed, progress=progress, executor=executor, workers=workers)
+    return repeat_experiment(experiment, count, seed, progress=progress, executor=executor, workers=workers, kept=kept)
 
 
 def _every(recipe: Recipe, samples: Samples) -> int:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from excite.design.problem_identity import PACKAGES
@@ -21,6 +23,7 @@ from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.jax_moments import has_gpu
 from excite.montecarlo.repetition_memory import experiment_prediction, fitting_workers
 from excite.montecarlo.repetition_time import repetition_seconds
+from excite.montecarlo.repetitions import Repetition
 from regressors.numerical import numerical_work
 
 SHORT = 10.0  # seconds of all repetitions below which worker processes are not worth their start
@@ -62,18 +65,23 @@ class SeededExperiment:
 
 
 @numerical_repetition()
-def repeat_numbers(common: SeededExperiment, numbers: range) -> list[Solved]:
-    """Estimates of the repetitions of some numbers.
+def repeat_numbers(common: SeededExperiment, numbers: range) -> list[Repetition]:
+    """Repetitions of some numbers.
 
     Parameters
     ----------
     common : SeededExperiment
     numbers : range
     """
-    return list(common.chain.repetitions(common.seed, numbers))
+    return [_repetition(common.chain, solved) for solved in common.chain.repetitions(common.seed, numbers)]
 
 
-def repeat_in_one_thread(common: SeededExperiment, numbers: range) -> list[Solved]:
+def _repetition(chain: Chain, solved: Solved) -> Repetition:
+    P = np.eye(solved.error.size) if chain.change is None else chain.change
+    return Repetition(P @ solved.error, np.linalg.norm(P @ solved.half, axis=1), solved.noise)
+
+
+def repeat_in_one_thread(common: SeededExperiment, numbers: range) -> list[Repetition]:
     """The same where linear algebra may have more threads, which add in another order."""
     with threadpool_limits(1):
         return repeat_numbers(common, numbers)
@@ -126,9 +134,14 @@ def common_of(executor: UnitExecutor, experiment: Experiment, seed: int) -> Seed
     return SeededExperiment(experiment, seed, versions)
 
 
-def units_of(executor: UnitExecutor, common: SeededExperiment, count: int) -> list[range]:
-    """Ranges of all numbers: here those that are computed at once, elsewhere about `_UNIT` seconds of work each."""
+def units_of(executor: UnitExecutor, common: SeededExperiment, numbers: Sequence[int]) -> list[range]:
+    """Ranges of ascending numbers: here what is computed at once, elsewhere about `_UNIT` seconds of work each."""
     at_once = common.chain.batch  # built, and its errors raised, before processes start, which inherit it if forked
     elsewhere = max(1, int(_UNIT / repetition_seconds(common.experiment, 1)))
     size = at_once if isinstance(executor, InThisProcess) else elsewhere
-    return [range(first, min(first + size, count)) for first in range(0, count, size)]
+    gaps = np.flatnonzero(np.diff(numbers) > 1) + 1
+    return [
+        range(first, min(first + size, run[-1] + 1))
+        for run in np.split(np.asarray(numbers, dtype=int), gaps)
+        for first in range(run[0], run[-1] + 1, size)
+    ]

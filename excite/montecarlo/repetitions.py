@@ -3,12 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.stats
 
 from excite.identification.estimate import CONFIDENCE
 from regressors.samples import Array
+
+
+class Repetition(NamedTuple):
+    """One repetition.
+
+    Parameters
+    ----------
+    error : ndarray, shape (b,)
+        Estimate less true value.
+    deviation : ndarray, shape (b,)
+        Standard deviation that the estimator predicts, from this repetition's residuals.
+    noise : ndarray, shape (r,)
+        Standard deviation of each equation's residuals.
+    """
+
+    error: Array
+    deviation: Array
+    noise: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 from collections.abc import Callable
@@ -401,7 +402,7 @@ def test_an_interrupt_keeps_the_repetitions_that_were_completed(here: Here, monk
     monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
     ended = here.run("identify", "irp6", "run.csv", "--repeat", "9", "--out", "out")
     assert ended.returncode == 130
-    assert ended.stderr.splitlines()[-1] == "excite: interrupted; the result is saved, with 4 of 9 repetitions"
+    assert ended.stderr.splitlines()[-1].startswith("excite: interrupted; the result is saved, with 4 of 9 repetitions")
     assert json.loads((here.cwd / "out" / "result.json").read_text())["repetitions"]["count"] == 4
     assert (here.cwd / "out" / "repetitions.png").exists()
 
@@ -423,6 +424,35 @@ def test_lost_workers_of_the_repetitions_keep_the_result(here: Here, monkeypatch
     )
     assert (where["executor"], where["workers"]) == ("dask://10.0.0.1:8786", 3)
     assert "repetitions" not in json.loads((here.cwd / "out" / "result.json").read_text())
+
+
+@pytest.mark.slow
+def test_repetitions_that_are_kept_are_not_computed_again(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(done: int, answer: Callable[[], None]) -> None:
+        if done == 4:
+            signal.raise_signal(signal.SIGINT)
+        answer()
+
+    repeat = repetition.repeat_experiment
+
+    def interrupted(e: Any, count: int, seed: int, progress: Callable[[int, int], None], **where: Any) -> Any:
+        return repeat(e, count, seed, progress=lambda done, of: stop(done, lambda: progress(done, of)), **where)
+
+    run = ("identify", "irp6", "run.csv", "--repeat", "9")
+    with monkeypatch.context() as patch:
+        patch.setattr(repetition, "repeat_experiment", interrupted)
+        ended = here.run(*run, "--out", "out")
+    assert ended.stderr.splitlines()[-1] == (
+        "excite: interrupted; the result is saved, with 4 of 9 repetitions; with --force, the same command goes on"
+    )
+    assert (here.cwd / "out" / "repetitions-so-far.npz").exists()
+    again = here.run(*run, "--out", "out", "--force")
+    assert again.returncode == 0, again.stderr
+    assert f"excite: 4 of 9 repetitions are already done in out{os.sep}repetitions-so-far.npz" in again.stderr
+    assert not (here.cwd / "out" / "repetitions-so-far.npz").exists()
+    here.run(*run, "--out", "whole")
+    contents = [json.loads((here.cwd / out / "result.json").read_text())["repetitions"] for out in ("out", "whole")]
+    assert contents[0] == contents[1]
 
 
 @pytest.mark.parametrize("option", [("--executor", "serial"), ("--workers", "2")])

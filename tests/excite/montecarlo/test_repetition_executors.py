@@ -103,6 +103,27 @@ def test_a_scheduler_that_goes_away_is_one_sentence(tmp_path: Path, monkeypatch:
             repeat_experiment(plain(), 400, 0, progress=progress, executor=dask.address)
 
 
+def test_after_a_scheduler_that_goes_away_the_same_call_computes_the_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("excite.executors.dask_cluster._AHEAD", 4)
+    (tmp_path / "one").mkdir()
+    (tmp_path / "other").mkdir()
+    file = tmp_path / "so-far.npz"
+    with DaskProcesses(tmp_path / "one") as dask:
+        progress = after(6, lambda: kill(dask.scheduler))
+        with pytest.raises(LostWorkersError, match=r"went away; \d+ of 100 repetitions are kept in"):
+            repeat_experiment(plain(), 100, 0, progress=progress, executor=dask.address, kept=file)
+    done: list[int] = []
+    with DaskProcesses(tmp_path / "other") as dask:
+        found = repeat_experiment(
+            plain(), 100, 0, progress=lambda count, _: done.append(count), executor=dask.address, kept=file
+        )
+    assert done[0] > 6
+    same(found, repeat_experiment(plain(), 100, 0))
+
+
 def test_ctrl_c_ends_the_worker_processes() -> None:
     def stop() -> None:
         raise KeyboardInterrupt

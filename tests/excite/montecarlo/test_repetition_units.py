@@ -59,7 +59,7 @@ def in_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", chains())
 def test_an_experiment_is_repeated_as_well_after_it_was_sent(name: str) -> None:
     common = SeededExperiment(chains()[name], 3, {})
-    expected = list(common.chain.repetitions(3, range(2)))
+    expected = units_file.repeat_numbers(common, range(2))
     sent = pickle.loads(pickle.dumps(common))
     assert isinstance(common.chain, Chain)
     assert "chain" not in vars(sent)
@@ -166,5 +166,5 @@ def test_workers_that_would_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch)
 def test_units_are_all_numbers_once(count: int) -> None:
     common = SeededExperiment(plain(), 0, {})
     for executor in (InThisProcess(), InProcesses(2)):
-        assert [k for unit in units_of(executor, common, count) for k in unit] == list(range(count))
-    assert len(units_of(InThisProcess(), common, count)) == count
+        assert [k for unit in units_of(executor, common, range(count)) for k in unit] == list(range(count))
+    assert len(units_of(InThisProcess(), common, range(count))) == count
