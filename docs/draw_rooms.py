@@ -162,7 +162,7 @@ def _draw_arrow(axes: Axes, place: dict[str, float], edge: Edge, count: int, *, 
     thickness = 0.35 + 0.55 * count**0.5 if side > 0 else 0.15 + 0.3 * count**0.5
     arrow = FancyArrowPatch(
         path=curve, arrowstyle="-|>,head_length=3,head_width=1.5", mutation_scale=1, color=colour, fill=False,
-        linewidth=thickness, zorder=2 if nearest else 1, capstyle="butt",
+        linewidth=thickness, zorder=2 if nearest else 1, capstyle="butt", clip_on=False,
     )  # fmt: skip
     axes.add_patch(arrow)
 

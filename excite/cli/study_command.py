@@ -9,7 +9,8 @@ import click
 
 from excite.cli.command import Command
 from excite.cli.figure_options import FigureChoice, figure_options
-from excite.cli.options import Folder, Number, Numbers, RobotName, own_parts
+from excite.cli.options import Folder, Number, Numbers, PartName, RobotName, own_parts
+from excite.registry import EXECUTORS
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 _GROUPS = {
     "Motions": ("designs", "trajectories", "mapping"),
     "Estimates": ("below", "points", "estimator", "cutoff"),
-    "Simulation": ("repeats", "rate", "torque_noise", "encoder", "seed"),
+    "Simulation": ("repeats", "executor", "workers", "rate", "torque_noise", "encoder", "seed"),
 }
 
 
@@ -67,6 +68,13 @@ What is written to DIR:
 )
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--repeats", type=Number(), default=0, metavar="N", help="Measure each run N times, such as 30.")
+@click.option(
+    "--executor",
+    type=PartName("executor", EXECUTORS, own=False),
+    default="process",
+    help="Where repetitions run, with the same numbers; those of a study of less than 10 s stay in this process.",
+)
+@click.option("--workers", type=Number(), metavar="N", help="Processes for the repetitions.  [default: one per core]")
 @click.option("--below", type=Number(), default=5.0, metavar="%", help="Deviation that parameters are to fall below.")
 @click.option("--points", type=Number(), default=100, metavar="K", help="Number of instants.")
 @click.option("--mapping", type=click.Path(path_type=Path), metavar="FILE", help="Layout of logs in another format.")
@@ -93,6 +101,8 @@ def command(
     trajectories: tuple[Path, ...],
     out: Path,
     repeats: int,
+    executor: str,
+    workers: int | None,
     below: float,
     points: int,
     rate: float,
@@ -116,6 +126,8 @@ def command(
     from excite.storage.result_folder import result_folder
     from excite.timecourse.study_over_time import study_over_time
 
+    if not repeats and (executor != "process" or workers is not None):
+        raise click.UsageError("--executor and --workers are for repetitions: give their number, --repeats N")
     settings: dict[str, Any] = {"rate": rate, "encoder": encoder, "torque_noise": torque_noise, "seed": seed}
     given = {name: value for name, value in options.items() if value is not None}
     with result_folder(out):
@@ -129,6 +141,8 @@ def command(
             repeats=repeats,
             below=below / 100,
             points=points,
+            executor=executor,
+            workers=workers,
             progress=tell,
             **given,
         )

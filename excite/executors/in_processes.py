@@ -16,6 +16,7 @@ from excite.design.workers import Worker, environment_of_workers
 from excite.errors import LostWorkersError
 from excite.executors.unit_executor import LostUnit, Work
 
+SHORT = 10.0  # seconds of work below which worker processes are not worth their start
 _MOST = 3  # times that a unit may end its process
 _log = logging.getLogger(__name__)
 

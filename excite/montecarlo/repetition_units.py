@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.problem_identity import PACKAGES
 from excite.executors.dask_cluster import DaskCluster
 from excite.executors.dask_starts import check_versions
-from excite.executors.in_processes import InProcesses
+from excite.executors.in_processes import SHORT, InProcesses
 from excite.executors.unit_executor import InThisProcess, UnitExecutor
 from excite.executors.unit_executors import unit_executor
 from excite.montecarlo.batch_estimators import Solved
@@ -26,7 +26,6 @@ from excite.montecarlo.repetition_time import repetition_seconds
 from excite.montecarlo.repetitions import Repetition
 from regressors.numerical import numerical_work
 
-SHORT = 10.0  # seconds of all repetitions below which worker processes are not worth their start
 _UNIT = 0.1  # seconds of a unit
 
 numerical_repetition = partial(

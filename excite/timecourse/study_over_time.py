@@ -8,20 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
 from excite.estimates.long_work import announce
-from excite.identification.estimation import estimate_parameters
+from excite.executors.in_processes import SHORT
+from excite.executors.unit_executor import InThisProcess, UnitExecutor
+from excite.executors.unit_executors import unit_executor
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
-from excite.logs.log import Log
 from excite.registry import built_in
-from excite.simulation.measured import joint_log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
-from excite.timecourse.estimates_over_time import estimates_over_time, instants, values_over_time
+from excite.timecourse.estimates_over_time import estimates_over_time, instants
+from excite.timecourse.measured_again import measured_again, values_again
 from excite.timecourse.study_memory import study_prediction
 from excite.timecourse.study_time import study_seconds
 from excite.timecourse.time_course import TimeCourse
@@ -51,6 +51,8 @@ def study_over_time(
     repeats: int = 0,
     below: float = BELOW,
     points: int = POINTS,
+    executor: str | UnitExecutor = "process",
+    workers: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
     **options: Any,
 ) -> TimeStudy:
@@ -75,6 +77,11 @@ def study_over_time(
         Share of their magnitude that deviations are to fall below.
     points : int
         Number of instants.
+    executor : str or UnitExecutor
+        Where repetitions are computed, with the same numbers: ``process``, which is this process where the study is
+        predicted to take less than 10 s, ``serial``, ``dask://HOST:PORT``, ``dask-file:PATH`` or ``dask-local[:N]``.
+    workers : int, optional
+        Processes of this machine; one per core if not given.
     progress : callable
         Called with a description of each step.
     **options
@@ -88,7 +95,9 @@ def study_over_time(
     Raises
     ------
     InputError
-        Neither logs nor designs, numbers out of range, or what `identify` refuses.
+        Neither logs nor designs, numbers out of range, what `identify` refuses, or Dask not reachable.
+    LostWorkersError
+        Worker processes end again and again, or the Dask scheduler went away.
     """
     for name, value in (("repeats", repeats), ("points", points), ("below", 100 * below)):
         check(name, value)
@@ -110,8 +119,14 @@ def study_over_time(
     first = played[0] if played else None
     motions = [*((one, None) for one in played), *((played[0], Path(file)) for file in trajectories)]
     known = {name: value for name, value in (simulation or {}).items() if value is not None}
-    announce("the study", _seconds([design for design, _ in motions], known, repeats, points))
-    studied = [_of_motion(model, design, file, known, repeats, points, progress, options) for design, file in motions]
+    seconds = _seconds([design for design, _ in motions], known, repeats, points)
+    announce("the study", seconds)
+    units = unit_executor(executor, workers)
+    if executor == "process" and seconds < SHORT:
+        units = InThisProcess()
+    studied = [
+        _of_motion(model, design, file, known, repeats, points, units, progress, options) for design, file in motions
+    ]
     for log in logs:
         progress(f"identifying from {getattr(log, 'source', log)}")
         result = identify(model, log, design=first, **options)
@@ -134,6 +149,7 @@ def _of_motion(
     simulation: dict[str, Any],
     repeats: int,
     points: int,
+    executor: UnitExecutor,
     progress: Callable[[str], None],
     options: dict[str, Any],
 ) -> tuple[TimeCourse, Identification]:
@@ -149,13 +165,13 @@ def _of_motion(
     notes = (*notes, *run.outcome.failures)
     if not repeats:
         return replace(course, notes=notes), result
-    time, values = instants(result, points), []
-    for k in range(1, repeats + 1):
-        if k % _TOLD == 0:
-            progress(f"{name}: repetition {k} of {repeats}")
-        again = _identified_again(result, measured_again(run, how, k), design)
-        values.append(values_over_time(again, time))
-    return replace(course, repeated=np.array(values), notes=notes), result
+
+    def told(done: int) -> None:
+        if done % _TOLD == 0:
+            progress(f"{name}: repetition {done} of {repeats}")
+
+    values = values_again(executor, run, how, result, design.trajectory, instants(result, points), repeats, told)
+    return replace(course, repeated=values, notes=notes), result
 
 
 def _with_usual_noise(run: Simulation) -> tuple[SimulationSettings, tuple[str, ...]]:
@@ -164,29 +180,3 @@ def _with_usual_noise(run: Simulation) -> tuple[SimulationSettings, tuple[str, .
     shown = ", ".join(f"{value:.3g}" for value in noise)
     note = f"simulated with torque noise of 1 % of each joint's torque: {shown} Nm (N)"
     return replace(run.settings, torque_noise=tuple(noise.tolist())), (note,)
-
-
-def measured_again(run: Simulation, settings: SimulationSettings, number: int) -> Log:
-    """Log of a simulated run as another measurement of it would be.
-
-    Parameters
-    ----------
-    run : Simulation
-    settings : SimulationSettings
-        Of the sensors.
-    number : int
-        Of the measurement; the same one has the same noise.
-    """
-    own = replace(settings, seed=settings.seed + number)
-    log = joint_log(run.robot, run.run, own, np.random.default_rng(own.seed))
-    known = run.log.truth, run.log.saturated
-    log = replace(log, source=f"measurement {number}", truth=known[0], saturated=known[1])
-    return replace(log, sha256=log.identity)
-
-
-def _identified_again(result: Identification, log: Log, design: DesignedMotion) -> Identification:
-    """The same identification, with the choices made for the first log."""
-    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
-        return estimate_parameters(
-            result.robot, result.task, [log], result.recipe, commanded=design.trajectory, friction=result.friction
-        )

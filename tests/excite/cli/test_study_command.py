@@ -45,6 +45,11 @@ def test_motions_side_by_side(here: Here) -> None:
         (("run.csv", "--repeats", "30"), "repetitions are simulated from designs (--design"),
         (("run.csv", "--points", "1"), "points must be 2 or more"),
         (("nowhere.csv",), "nowhere.csv"),
+        (("run.csv", "--workers", "2"), "--executor and --workers are for repetitions: give their number, --repeats N"),
+        (
+            ("--design", "design", "--repeats", "2", "--executor", "dask:nowhere"),
+            "'dask:nowhere' is not one of process, serial, dask://HOST:PORT",
+        ),
     ],
 )
 def test_what_is_refused(here: Here, arguments: tuple[str, ...], said: str) -> None:

@@ -20,7 +20,8 @@ from excite.plots.time_course_plot import estimates_over_time_figure
 from excite.simulation.simulate import simulate
 from excite.timecourse.estimates_over_time import estimates_over_time, values_over_time
 from excite.timecourse.growing_factors import growing_factors
-from excite.timecourse.study_over_time import measured_again, study_over_time
+from excite.timecourse.measured_again import measured_again
+from excite.timecourse.study_over_time import study_over_time
 from excite.timecourse.time_course import TimeCourse
 from regressors.errors import InputError
 
