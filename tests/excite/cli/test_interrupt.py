@@ -1,6 +1,7 @@
 """Ctrl-C and other signals, and processes that are killed: the best so far is saved, and nothing is left running."""
 
 import os
+import re
 import signal
 import subprocess
 import time
@@ -121,7 +122,7 @@ def test_interrupt_before_a_start_has_finished_saves_its_best_point(tmp_path: Pa
         assert finished(tmp_path) == 0
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 130
-    assert "best of 0 finished and 1 unfinished starts" in saved(tmp_path)["notes"][-1]
+    assert re.search(r"best of 0 finished and [1-9] unfinished starts", saved(tmp_path)["notes"][-1])
 
 
 @pytest.mark.slow
