@@ -29,6 +29,7 @@ from excite.executors.unit_executors import unit_executor
 
 ROBOT, HARMONICS = "irp6", 5
 FEW, MANY = 10, 40  # cells; the difference is free of what a campaign costs once
+_REST = 5.0  # seconds for which processes without work are watched
 _TICKS = os.sysconf("SC_CLK_TCK")
 LIMITATIONS = (
     "wanted: from 1 to 2 workers at least 1.6 in wall time, at most 50 ms of overhead for a cell",
@@ -36,18 +37,23 @@ LIMITATIONS = (
     "the middle one of the ratios counts",
     "Dask: scheduler, workers and client on this one machine; no network, and no SLURM",
     "beside it: processor time of all processes less that of the threads in which cells are designed and saved, with "
-    "all that Dask's scheduler and workers do meanwhile, which is 2 to 5 % of a core for each without any work",
+    "all that Dask's scheduler and workers do meanwhile; with nothing to do: what these use of it in any case, as in "
+    f"the {_REST:g} s before the campaign",
     f"cells: campaigns of {FEW} and of {MANY}, so that processes have started already; as small as designs get",
 )
 
 
 @dataclass(frozen=True)
 class Times:
-    """Of a campaign [s]: ``cpu`` of all processes, ``work`` of the threads in which cells run, and ``wall``."""
+    """Of a campaign [s]: ``cpu`` of all processes, ``work`` of the threads in which cells run, and ``wall``.
+
+    ``idle`` is what other processes use in that time with nothing to do.
+    """
 
     cpu: float
     work: float
     wall: float
+    idle: float
 
 
 @contextmanager
@@ -139,15 +145,26 @@ def campaign(executor: str, count: int) -> Times:
     """A campaign with two workers."""
 
     def run(address: str, others: list[int]) -> Times:
+        idle = _idle(others)
         with tempfile.TemporaryDirectory() as folder:
             began, spent, timed = time.monotonic(), cpu(others), _Timed(unit_executor(address, 2))
             excite.run_campaign(_tasks(count), folder, executor=timed)
-            return Times(cpu(others) - spent, timed.cpu, time.monotonic() - began)
+            wall = time.monotonic() - began
+            return Times(cpu(others) - spent, timed.cpu, wall, idle * wall)
 
     if executor != "dask":
         return run(executor, [])
     with dask(2) as (address, processes):
         return run(address, processes)
+
+
+def _idle(processes: list[int]) -> float:
+    """Share of a core that processes use with nothing to do."""
+    if not processes:
+        return 0.0
+    before = cpu(processes)
+    time.sleep(_REST)
+    return (cpu(processes) - before) / _REST
 
 
 def _tasks(count: int) -> dict[str, excite.Task]:
@@ -192,7 +209,13 @@ def _text(content: dict[str, object]) -> str:
         rows.append([executor, f"{middle['1']:.0f}", f"{middle['2']:.0f}", span, f"{busy:.2f}"])
     head = ["executor", "wall s, 1 worker", "wall s, 2 workers", "ratio", "CPU, 2 over 1"]
     lines = [record.table(head, rows), ""]
-    head = ["campaign", "wall ms for each further cell", "CPU ms of its design", "CPU ms beside it"]
+    head = [
+        "campaign",
+        "wall ms for each further cell",
+        "CPU ms of its design",
+        "CPU ms beside it",
+        "with nothing to do",
+    ]
     lines.append(record.table(head, [_cell_row(name, slopes) for name, slopes in cells.items()]))
     same = "the same to the last digit" if content["equal"] else "NOT the same"
     return "\n".join(
@@ -202,8 +225,9 @@ def _text(content: dict[str, object]) -> str:
 
 def _cell_row(name: str, slopes: list[dict[str, float]]) -> list[str]:
     beside = sorted(1e3 * (each["cpu"] - each["work"]) for each in slopes)
-    wall, work = (f"{1e3 * statistics.median(each[part] for each in slopes):.0f}" for part in ("wall", "work"))
-    return [name, wall, work, f"**{statistics.median(beside):.0f}** ({beside[0]:.0f}-{beside[-1]:.0f})"]
+    parts = ("wall", "work", "idle")
+    wall, work, idle = (f"{1e3 * statistics.median(each[part] for each in slopes):.0f}" for part in parts)
+    return [name, wall, work, f"**{statistics.median(beside):.0f}** ({beside[0]:.0f}-{beside[-1]:.0f})", idle]
 
 
 if __name__ == "__main__":
