@@ -231,6 +231,7 @@ def typed(code: str) -> str:
     return "".join(f"{line}\n\n" if end else f"{line}\n" for line, end in zip(lines, (*ends, False), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "way",
     [

@@ -23,6 +23,7 @@ def ended(*command: str, cwd: Path, site: Path) -> tuple[int, bytes, bytes]:
     return done.returncode, done.stdout, done.stderr
 
 
+@pytest.mark.slow
 def test_import_and_robots(tmp_path: Path) -> None:
     code = (
         "import os, excite, excite.cli.main; [getattr(excite, name) for name in excite.__all__]; "

@@ -39,6 +39,7 @@ def chosen(here: Here, log: str, *arguments: str) -> tuple[list[dict[str, Any]],
     return content["choices"], ended.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "names"),
     [

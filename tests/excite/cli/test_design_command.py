@@ -121,6 +121,7 @@ def test_json_on_stdout(here: Here) -> None:
     assert {"feasible", "criteria", "limits", "task", "trajectory", "predicted", "base"} <= set(shown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joints", "moving"),
     [
@@ -300,6 +301,7 @@ def snapshot(folder: Path) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in files_below(folder) if (folder / name).is_file()}
 
 
+@pytest.mark.slow
 def test_a_folder_with_a_design_is_kept_unless_forced(here: Here) -> None:
     folder = here.designed("irp6", *QUICK)
     before = snapshot(folder)

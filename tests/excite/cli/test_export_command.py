@@ -222,6 +222,7 @@ def identified(here: Here, *arguments: str) -> tuple[str, object]:
     return ended.stderr, json.loads((here.cwd / "results" / "result.json").read_text())["design"]
 
 
+@pytest.mark.slow
 def test_identify_finds_the_design_by_its_hash(here: Here, log: Path) -> None:
     assert here.run("export", "designs/irp6", "--format", "npz", "--out", "play/a.npz").returncode == 0
     mapping = ("--mapping", "play/a.npz.mapping.yaml")

@@ -71,6 +71,7 @@ def values(content: dict[str, Any]) -> dict[str, float]:
 # ---------------------------------------------------------------- what is written and said
 
 
+@pytest.mark.slow
 def test_a_result_holds_what_it_rests_on(drawing: Here) -> None:
     here = drawing
     ended = here.run("identify", "irp6", "run.csv", "again.csv", "--design", "design", "-v", "--out", "results/irp6")
@@ -159,6 +160,7 @@ def test_estimators_with_more_to_tell(here: Here) -> None:
     assert physical["standard"]["m3"] > 0.0
 
 
+@pytest.mark.slow
 def test_foreign_logs_are_read_through_a_mapping(here: Here) -> None:
     header, table = table_of(here.cwd / "run.csv")
     degrees = np.where([name.endswith(("position", "velocity")) for name in header], 180.0 / np.pi, 1.0)
@@ -175,6 +177,7 @@ def test_foreign_logs_are_read_through_a_mapping(here: Here) -> None:
     assert mapping["sha256"] == sha256((here.cwd / "map.yaml").read_bytes()).hexdigest()
 
 
+@pytest.mark.slow
 def test_a_result_is_replaced_only_when_asked(here: Here) -> None:
     first = done(here, "run.csv")
     ended = here.run("identify", "irp6", "again.csv", "--out", "out")

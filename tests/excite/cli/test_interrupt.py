@@ -83,6 +83,7 @@ def saved(cwd: Path) -> dict[str, object]:
     return content
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "whom", "signal_"),
     [

@@ -31,6 +31,7 @@ def _ur10e() -> excite.Robot:
     return excite.load_robot("ur10e")
 
 
+@pytest.mark.slow
 def test_identify_and_verify_take_the_mapping_as_it_stands(here: Here) -> None:
     """Of a log in degrees, milliseconds and tabs; the questions that remain are answered rightly by the guess."""
     (here.cwd / "two.yaml").write_text(ROBOT, encoding="utf-8")

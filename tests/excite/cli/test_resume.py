@@ -299,6 +299,7 @@ main()
 """
 
 
+@pytest.mark.slow
 def test_a_closed_stderr_costs_no_design(tmp_path: Path) -> None:
     script = tmp_path / "excite_without_figures.py"
     script.write_text(WITHOUT_FIGURES)

@@ -86,6 +86,7 @@ def test_combinations_of_local_minima_are_solved_to_others() -> None:
     assert refined.value <= result.value
 
 
+@pytest.mark.slow
 def test_the_search_is_the_same_in_processes(undisturbed: excite.Design, tmp_path: Path) -> None:
     for workers in (1, 2):
         other = design(tmp_path / str(workers), executor="process", workers=workers)

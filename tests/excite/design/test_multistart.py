@@ -144,6 +144,7 @@ def run(executor: str, made: Formulation, folder: Path) -> tuple[list[StartResul
     return reported, on_disk
 
 
+@pytest.mark.slow
 def test_every_start_is_on_disk_when_it_is_reported_and_the_executor_does_not_matter(
     made: Formulation, tmp_path: Path
 ) -> None:
@@ -258,6 +259,7 @@ print(design.condition_number)
 """
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_still_gets_its_design(tmp_path: Path) -> None:
     # The pool's processes import the script again, fail to start a pool of their own and end; this one takes over.
     (tmp_path / "script.py").write_text(PLAIN_SCRIPT)

@@ -117,6 +117,7 @@ def test_a_design_keeps_every_limit_as_pinocchio_sees_it(name: str) -> None:
         assert upper is None or place[:, axis].max() <= upper
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_certificates_of_a_design(name: str) -> None:
     """Which limits are exact and which enclosed; the ones that bind are nearly reached, so that nothing is wasted."""

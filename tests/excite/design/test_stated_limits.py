@@ -175,6 +175,7 @@ def test_a_torque_limit_that_is_given_replaces_the_default() -> None:
     np.testing.assert_allclose(made.nonlinear[0].upper[1], 0.7 * 330.0)
 
 
+@pytest.mark.slow
 def test_contact_of_a_urdf_with_itself_is_avoided_where_the_motion_has_it(tmp_path: Path) -> None:
     folder = robots_folder()
     if folder is None:

@@ -46,6 +46,7 @@ def expected(problem: Formulation, tmp_path_factory: pytest.TempPathFactory) -> 
     return timeless(folder)
 
 
+@pytest.mark.slow
 def test_units_of_which_few_are_sent_at_a_time_all_run(dask: DaskProcesses, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("excite.executors.dask_cluster._AHEAD", 3)
     assert sorted(DaskCluster(dask.address).run(operator.add, 1, range(10))) == [(k, k + 1) for k in range(10)]

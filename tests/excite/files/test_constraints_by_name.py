@@ -38,6 +38,7 @@ def test_numbers_of_an_object_are_not_in_the_file_so_it_is_given_again(tmp_path:
     assert excite.load_design(tmp_path / "design", constraints=[limit]).task == design.task
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "missing"), [("tool-box", "lower, upper"), ("tool-speed", "speed")])
 def test_a_built_in_limit_that_needs_numbers_says_so(name: str, missing: str, tmp_path: Path) -> None:
     ended = run("design", "irp6", "--constraint", name, "--out", "out", cwd=tmp_path)

@@ -207,6 +207,7 @@ def test_meshes_that_are_none_are_refused(tmp_path: Path, name: str, content: by
         mesh_corners(tmp_path / name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", [arm for arm in ARMS if arm.id in ("panda-hand", "z1-held-gripper")], ids=str)
 def test_shapes_of_a_urdf_are_inside_the_capsules(arm: Arm) -> None:
     """Corners that Pinocchio and Coal find for every collision geometry, all joints at zero."""

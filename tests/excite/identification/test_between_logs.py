@@ -77,6 +77,7 @@ def test_noise_alone_seldom_warns_and_a_change_is_named() -> None:
     assert warning.startswith("b5 differs between the logs")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("logs", [2, 3, 5])
 @pytest.mark.parametrize("change", [0.0, 1.0, 10.0])
 def test_intervals_cover_the_mean_over_logs_whose_friction_changes(logs: int, change: float) -> None:
@@ -118,6 +119,7 @@ def logs() -> tuple[Log, Log]:
     return noisy(exact, 0.5, 0.0, 1), replace(noisy(exact, 0.5, 0.0, 2), source="OTHER")
 
 
+@pytest.mark.slow
 def test_each_log_is_estimated_as_if_it_were_alone(logs: tuple[Log, Log]) -> None:
     recipe = replace(EXACT, sign_width=0.0)
     both = identify(TASK, list(logs), recipe=recipe, each=True)

@@ -71,6 +71,7 @@ def of(result: Identification) -> GainCalibration:
     return result.calibration
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["each", "common"])
 def test_planted_gains_come_back_and_the_parameters_are_true(kind: str, tmp_path: Path) -> None:
     gains = GAINS if kind == "each" else dict.fromkeys(GAINS, 1.09)

@@ -185,6 +185,7 @@ def test_scatter_over_curves_and_noise_is_what_is_stated() -> None:
     assert squares.mean() == pytest.approx(values.shape[1], rel=0.12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["least-squares", "weighted"])
 def test_truth_lies_in_the_intervals_as_often_as_they_say(method: str) -> None:
     truth, wide, alone = drawn(method)

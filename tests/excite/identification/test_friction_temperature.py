@@ -271,6 +271,7 @@ def test_identify_refuses(here: Here, arguments: tuple[str, ...], message: str) 
     assert message in ended.stderr
 
 
+@pytest.mark.slow
 def test_temperatures_are_for_curves_that_depend_on_them(here: Here) -> None:
     identify = ("identify", "irp6", "bare.csv", "--drives", "2", "--rows", "all", "--out", "res", "--temperature", "30")
     ended = here.run(*identify)

@@ -286,6 +286,7 @@ def case(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
+@pytest.mark.slow
 def test_designs_keep_every_limit(case: str) -> None:
     """By the certificate over continuous time, and by dense samples of all joints and drives that the robot has."""
     design = designed(case)

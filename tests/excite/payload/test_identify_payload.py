@@ -101,6 +101,7 @@ def test_stated_gains_widen_the_interval_of_the_mass_only(played: Played) -> Non
     np.testing.assert_allclose(half[1][1:3], half[0][1:3], atol=0.003)  # the factor of all drives cancels in the centre
 
 
+@pytest.mark.slow
 def test_gains_from_a_known_mass_correct_another_load(played: Played, tmp_path: Path) -> None:
     pair = noisy(played.held, 3, gain=0.9), noisy(played.bare, 4, gain=0.9)
     found = excite.calibrate_gains("panda", *pair, 1.5, kind="common")

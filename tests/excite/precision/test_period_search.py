@@ -129,6 +129,7 @@ def test_fewest_runs_are_enough_and_one_less_is_not(design: excite.Design) -> No
     assert short.too_wide[0] == short.worst
 
 
+@pytest.mark.slow
 def test_the_search_meets_a_coarse_target_and_continues_from_its_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -65,6 +65,7 @@ def test_estimates_over_time_are_drawn_from_the_file(tmp_path: Path) -> None:
     assert "Estimates over time" in [figure.title for figure in section.figures]
 
 
+@pytest.mark.slow
 def test_player_shows_the_measured_motion_and_torques() -> None:
     made = result("old")
     motion = result_section(made, "s", LOOKS).motion

@@ -43,6 +43,7 @@ def in_samples(given: MotionSource, rate: float = 100.0) -> MotionSource:
     return replace(given, motion=SampledMotion(given.motion.sampled(rate)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["irp6", "panda", "ur10e"])
 def test_what_is_designed_is_played(robot: str) -> None:
     assert broken_limits(source(robot=robot)) == ()

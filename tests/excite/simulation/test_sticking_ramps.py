@@ -231,6 +231,7 @@ def test_smooth_friction_is_played_where_it_is_asked_for(here: Here) -> None:
     assert (beside["settings"]["sign_width"], beside["settings"]["breakaway"]) == (0.01, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -71,6 +71,7 @@ def test_the_same_seed_takes_the_same_way() -> None:
     assert not np.array_equal(one, other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "limits",
     [[wall(1.5)], [pillar(0.4, (0.9, 0.05))]],

@@ -81,6 +81,7 @@ def test_an_unknown_joint() -> None:
         SpringModel(three_axes(), rest={"q9": 0.1})
 
 
+@pytest.mark.slow
 def test_by_name_from_the_design_to_the_verdict(tmp_path: Path) -> None:
     """The simulated robot has no springs, and so do its parameters."""
     assert "springs" in MODELS

@@ -184,6 +184,7 @@ def test_of_several_starts_nothing_better_is_thrown_away(method: Solver, problem
     assert found.value == min(value for value, _ in seen)
 
 
+@pytest.mark.slow
 def test_the_same_start_gives_the_same_bytes(method: Solver, problem: Problem) -> None:
     first, second = (optimise_start(problem, method, seed=3, start=5, folder=None) for _ in range(2))
     assert np.array(first.x).tobytes() == np.array(second.x).tobytes()

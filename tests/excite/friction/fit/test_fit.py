@@ -311,6 +311,7 @@ def test_gravity_does_not_turn_the_column() -> None:
     assert one.fit.values == pytest.approx([15.0, 20.0, 0.3], abs=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gravity", ["none", "auto"])
 def test_a_drive_that_gravity_never_turns_needs_no_masses(gravity: str) -> None:
     """z1 turns about the vertical; z2, which gravity turns, is refused."""
@@ -347,6 +348,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureF
     return Here(tmp_path, monkeypatch, capfd)
 
 
+@pytest.mark.slow
 def test_the_command_writes_curves_that_read_back(here: Here) -> None:
     ended = here.run("friction", "fit", "irp6", "run.csv", "-v", "--out", "fit")
     assert (ended.returncode, ended.stderr) == (0, "")
@@ -369,6 +371,7 @@ def test_the_command_writes_curves_that_read_back(here: Here) -> None:
     assert json.loads(asked.stdout)["drives"][0]["fit"] is None
 
 
+@pytest.mark.slow
 def test_the_command_takes_the_windows_of_a_plan(here: Here) -> None:
     planned = here.run("friction", "plan", "irp6", "--drives", "2", "--speeds", "50", "--warm-up", "0", "--out", "plan")
     assert planned.returncode == 0, planned.stderr

@@ -93,6 +93,7 @@ def test_both_directions_have_the_same_windows() -> None:
             assert (a.first, a.last) == (pytest.approx(b.last), pytest.approx(b.first))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HALVES)
 def test_limits_hold_at_every_sample_and_certificates_bound_them(name: str) -> None:
     plan = plan_of(name)
@@ -298,6 +299,7 @@ def test_eq_20_gives_the_friction_back_where_gravity_cancels() -> None:
         assert mean == pytest.approx(expected, abs=0.02)
 
 
+@pytest.mark.slow
 def test_speeds_and_windows_are_those_of_the_paper() -> None:
     one, two, three = first_three().coordinates
     assert sorted(one.order) == sorted(two.order) == PAPER

@@ -145,6 +145,7 @@ def write_any(path: Path, moved: Motion, how: Written) -> Path:
     return write_table(path, names, table, how.mark)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(how=TABLES, seed=st.integers(0, 20))
 def test_units_are_right_or_asked(tmp_path: Path, how: Written, seed: int) -> None:
