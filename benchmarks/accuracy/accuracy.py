@@ -49,10 +49,15 @@ def main(robots: list[str], conditions: list[str], *, resume: bool) -> None:
                 path.write_text(json.dumps(cell, indent=1))
                 print(row(cell), flush=True)
     if not conditions and set(robots) == set(NOISE):
-        cells = [json.loads((CELLS / file).read_text()) for file in sorted(p.name for p in CELLS.glob("*.json"))]
-        order = [c.name for c in CONDITIONS]
-        cells.sort(key=lambda cell: (list(NOISE).index(cell["robot"]), order.index(cell["condition"])))
-        record.save("accuracy", load_before, {"cells": cells}, text(cells), LIMITATIONS, folder=HERE)
+        save(load_before)
+
+
+def save(load_before: float) -> None:
+    """Write the tables of the cells that are there."""
+    cells = [json.loads((CELLS / file).read_text()) for file in sorted(p.name for p in CELLS.glob("*.json"))]
+    order = [c.name for c in CONDITIONS]
+    cells.sort(key=lambda cell: (list(NOISE).index(cell["robot"]), order.index(cell["condition"])))
+    record.save("accuracy", load_before, {"cells": cells}, text(cells), LIMITATIONS, folder=HERE)
 
 
 def predicted_and_repeated(robot: str, condition: Condition) -> dict[str, Any]:
@@ -168,7 +173,9 @@ LIMITATIONS = (
     "identification; for the irp6 it is found from each log",
     "bias: of the parameters that the simulated robot has; under Stribeck friction it has no Coulomb and viscous ones",
     f"{PLAIN}: the prediction takes the settings that `identify` chooses from one simulated log; repeats choose anew "
-    "from each log, and a parameter may be missing in some of them",
+    "from each log, and a parameter may be missing in some of them; these were not run to their end",
+    "not in the table: Fourier series for the motion of one period, since noise moves the ends of the stretch that is "
+    "used, and what is left can be shorter than the period",
 )
 
 if __name__ == "__main__":
@@ -176,5 +183,11 @@ if __name__ == "__main__":
     parser.add_argument("--resume", action="store_true", help="keep the cells that are done")
     parser.add_argument("--robots", nargs="+", default=list(NOISE), choices=list(NOISE))
     parser.add_argument("--conditions", nargs="+", default=[], choices=[c.name for c in CONDITIONS])
+    parser.add_argument(
+        "--stored", action="store_true", help="run nothing, write the tables of the cells that are done"
+    )
     given = parser.parse_args()
-    main(given.robots, given.conditions, resume=given.resume)
+    if given.stored:
+        save(record.load())
+    else:
+        main(given.robots, given.conditions, resume=given.resume)
