@@ -160,4 +160,6 @@ def test_identify_command_on_dask(here: Here, dask: DaskProcesses, monkeypatch: 
     monkeypatch.setattr(units_file, "_UNIT", 0.0)
     ended = here.run(*run, "--executor", dask.address, "--out", "c")
     assert ended.returncode == 130
-    assert ended.stderr == "excite: interrupted; the result is saved, with 2 of 9 repetitions\n"
+    assert ended.stderr == (
+        "excite: interrupted; the result is saved, with 2 of 9 repetitions; with --force, the same command goes on\n"
+    )
