@@ -36,7 +36,8 @@ class KeptRepetitions:
     """
 
     def __init__(self, path: Path, common: SeededExperiment) -> None:
-        self.path, self._identity, self._next = path, _identity(common), 0.0
+        self.path, self._identity = path, _identity(common)
+        self._next = time.monotonic() + _EVERY
 
     def read(self, count: int) -> dict[int, Repetition]:
         """Repetitions of numbers below ``count`` that are in the file; none where there is no file."""

@@ -80,6 +80,8 @@ def study_over_time(
     executor : str or UnitExecutor
         Where repetitions are computed, with the same numbers: ``process``, which is this process where the study is
         predicted to take less than 10 s, ``serial``, ``dask://HOST:PORT``, ``dask-file:PATH`` or ``dask-local[:N]``.
+        The 10 s are those of `repeat_experiment`; they were not measured for studies, and neither was the memory of
+        the workers, each of which holds a copy of the run.
     workers : int, optional
         Processes of this machine; one per core if not given.
     progress : callable
