@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import criteria
 import numpy as np
 import record
-from problems import HARMONICS, PERIOD, RATE
+from problems import FREE_SPACE, HARMONICS, PERIOD, RATE
 
 if TYPE_CHECKING:
     from excite.design.formulation import Formulation
@@ -62,6 +62,7 @@ def problem_of(name: str, options: dict[str, Any]) -> Formulation:
 
     setting = criteria.SETTINGS[name]
     common = {"noise": setting.noise, "weighted": True, "period": PERIOD, "harmonics": HARMONICS, "rate": RATE}
+    common |= FREE_SPACE
     return formulate(setting.robot(), Task(**setting.options, **common, seed=SEED, **options))
 
 

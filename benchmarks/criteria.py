@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import record
-from problems import HARMONICS, PERIOD, PROBLEMS, RATE
+from problems import FREE_SPACE, HARMONICS, PERIOD, PROBLEMS, RATE
 
 if TYPE_CHECKING:
     from excite.design.formulation import Formulation
@@ -71,7 +71,7 @@ def problem_of(setting: Setting, goal: str) -> Formulation:
     from excite.design.formulation import formulate
     from excite.tasks.task import Task
 
-    common = {"noise": setting.noise, "period": PERIOD, "harmonics": HARMONICS, "rate": RATE, "seed": SEED}
+    common = {"noise": setting.noise, "period": PERIOD, "harmonics": HARMONICS, "rate": RATE, "seed": SEED} | FREE_SPACE
     return formulate(setting.robot(), Task(**setting.options, **common, **GOALS[goal]))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import record
-from problems import PROBLEMS, RATE
+from problems import FREE_SPACE, PROBLEMS, RATE
 
 if TYPE_CHECKING:
     from excite.tasks.task import Task
@@ -80,7 +80,7 @@ def tasks(setting: Setting) -> Iterator[tuple[str, int, Task]]:
     for wanted in setting.sizes:
         for name, options in FAMILIES.items():
             base = {"harmonics": 2, "rate": RATE, "seed": SEED, **setting.options, **options}
-            task = Task(**base, limits=LimitChoice(**setting.limits))
+            task = Task(**base, limits=LimitChoice(**setting.limits, **FREE_SPACE))
             while task.trajectory.family().size < wanted:
                 task = task.changed(trajectory=task.trajectory.finer())
             yield name, wanted, task

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import record
 from measure import script
-from problems import PERIOD, PROBLEMS, RATE
+from problems import FREE_SPACE, PERIOD, PROBLEMS, RATE
 
 from excite.design.formulation import formulate
 from excite.design.single_start import optimise_start
@@ -26,9 +26,9 @@ def measured(robot: str, harmonics: int) -> dict[str, list[float]]:
     """Starts one after the other in this process, compiled before."""
     if robot in PROBLEMS:
         arm = PROBLEMS[robot].robot()
-        task = Task(robot, friction=False, rotor=False, period=PERIOD, rate=RATE, harmonics=harmonics)
+        task = Task(robot, friction=False, rotor=False, period=PERIOD, rate=RATE, harmonics=harmonics, **FREE_SPACE)
     else:
-        arm, task = load_robot(robot), Task(robot, harmonics=harmonics)
+        arm, task = load_robot(robot), Task(robot, harmonics=harmonics, **FREE_SPACE)
     problem, method = formulate(arm, task).problem, instance("solver", "sqp")
     problem.gradient(problem.point(problem.rest, 1.0))
     results = [optimise_start(problem, method, 0, k, None) for k in range(STARTS)]

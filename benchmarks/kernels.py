@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import record
 from measure import script
-from problems import PROBLEMS
+from problems import FREE_SPACE, PROBLEMS
 
 from excite.design.formulation import formulate
 from excite.tasks.task import Task
@@ -41,7 +41,7 @@ _CALLED = {"sin": "sin", "cos": "cos", "sqrt": "sqrt", "tanh": "tanh", "exp": "e
 def functions(robot: str) -> tuple[ca.Function, ca.Function]:
     """The regressor's entries, and the gradient of their weighted sum, as the search evaluates them."""
     arm = PROBLEMS[robot].robot() if robot in PROBLEMS else load_robot(robot)
-    task = Task(robot, friction=False, rotor=False) if robot in PROBLEMS else Task(robot)
+    task = Task(robot, friction=False, rotor=False, **FREE_SPACE) if robot in PROBLEMS else Task(robot, **FREE_SPACE)
     function = formulate(arm, task).problem.information._function
     made: list[ca.Function] = []
     kept, vectorised._program = vectorised._program, lambda of: made.append(of) or (lambda inputs: np.zeros((1, 1)))

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from problems import CONVENTIONS, HARMONICS, PERIOD, PROBLEMS, RATE
+from problems import CONVENTIONS, FREE_SPACE, HARMONICS, PERIOD, PROBLEMS, RATE
 
 if TYPE_CHECKING:
     from excite.design.formulation import Formulation
@@ -46,7 +46,7 @@ def formulation(wanted: Specification) -> Formulation:
         starts=wanted.get("starts", 12),
         seed=wanted.get("seed", 0),
         executor=wanted.get("executor", "process"),
-        **{name: _tuples(value) for name, value in wanted.get("task", {}).items()},
+        **(FREE_SPACE | {name: _tuples(value) for name, value in wanted.get("task", {}).items()}),
     )
     made = formulate(PROBLEMS[wanted["problem"]].robot(), task)
     names = wanted.get("columns")

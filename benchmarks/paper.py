@@ -12,6 +12,8 @@ from typing import Any
 import record
 from measure import measured
 
+FREE_SPACE = ("--floor", "none", "--no-self-collision")
+
 
 @dataclass(frozen=True)
 class Case:
@@ -83,7 +85,7 @@ def run(case: Case) -> dict[str, Any]:
     """One case through the command line."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "design"
-        arguments = ["design", "irp6", "--seed", "0", "--out", str(out), *case.options]
+        arguments = ["design", "irp6", "--seed", "0", "--out", str(out), *FREE_SPACE, *case.options]
         took = measured([sys.executable, "-m", "excite", *arguments])
         content = json.loads((out / "design.json").read_text(encoding="utf-8"))
         first = json.loads((out / "starts" / "start-0000.json").read_text(encoding="utf-8"))

@@ -20,11 +20,11 @@ import posterior
 import record
 import scipy.stats
 
+from excite.identification.estimators.possible_set import PossibleSet
 from excite.identification.torque_target import torque_target
 from excite.posterior import chains, reflected_paths
-from excite.posterior.inner_point import inner_point
+from excite.posterior.inner_point import coordinates_inside, inner_point
 from excite.posterior.mixing import effective_draws, split_deviation
-from excite.posterior.possible_set import PossibleSet, possible_set
 from excite.posterior.posterior_coordinates import PosteriorCoordinates
 from excite.posterior.sample_posterior import PRIOR, posterior_of
 from regressors.samples import Array
@@ -48,7 +48,7 @@ def problem(case: posterior.Case) -> Problem:
     rng, experiment = np.random.default_rng([SEED, 0]), case.experiment
     result = posterior.identified(case, experiment, experiment.log(experiment.truth(rng), case.noise, rng, 0))
     standard, coordinates = posterior_of(result, torque_target(result), PRIOR)
-    possible = possible_set(standard, coordinates)
+    possible = coordinates_inside(standard, coordinates)
     return Problem(coordinates, possible, inner_point(possible).z)
 
 

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from regressors.robot.robot import Robot
 
 PERIOD, HARMONICS, RATE = 10.0, 5, 100.0
+#: Options of the common problems, of those of the paper and of the public ones: nothing is in the way of the robot.
+FREE_SPACE = {"floor": "none", "self_collision": False}
 _ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 
 #: Base columns and what else counts: the name, and whether ``sign(dq_j)`` and ``dq_j`` are columns too.

@@ -42,7 +42,7 @@ def robot_options(name: str) -> list[str]:
     positions = (f"{low}:{high}" for low, high in zip(problem.lower, problem.upper, strict=True))
     return [
         str(problem.path),
-        *("--tip", problem.tip, "--no-friction", "--no-rotor", "--no-self-collision"),
+        *("--tip", problem.tip, "--no-friction", "--no-rotor", "--no-self-collision", "--floor", "none"),
         *("--period", str(PERIOD), "--harmonics", str(HARMONICS)),
         f"--position-limit={','.join(positions)}",
         f"--velocity-limit={','.join(map(str, problem.velocity))}",

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
+import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 
 from constraints.constraint import OTHER, Constraint
+from regressors.arguments import checked
 from regressors.models.model import evaluate_samples
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index, Samples
@@ -24,6 +27,7 @@ from regressors.symbolic.vectorised import VectorisedFunction
 Expression = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 
 
+@checked
 class NonlinearConstraint(Constraint):
     """``lower <= g(q, dq, ddq) <= upper``.
 
@@ -67,6 +71,17 @@ class NonlinearConstraint(Constraint):
         self.joints, self.expression = joints, expression
         self.lower, self.upper, self.scale = lower, upper, scale
         self.labels, self.units = labels, units
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The state with the instructions of g, whose expression pickle could not name."""
+        compiled = {name for name in vars(self) if isinstance(getattr(type(self), name, None), cached_property)}
+        symbols = self._symbols(3)
+        g = ca.Function("g", symbols, [self.expression(*symbols)])
+        kept = {name: value for name, value in vars(self).items() if name not in compiled}
+        return {**kept, "expression": g, "shown": cloudpickle.dumps(self.shown)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update({**state, "shown": cloudpickle.loads(state["shown"])})
 
     def _symbols(self, count: int) -> list[ca.SX]:
         return [ca.SX.sym("d" * order + "q", self.joints) for order in range(count)]
@@ -197,6 +212,9 @@ class StackedConstraint(NonlinearConstraint):
             tuple(unit for part in parts for unit in part.units),
             self._shown,
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.parts,)
 
     def _shown(self, values: Array) -> Array:
         split = np.split(values, self._first[1:-1], axis=-1)

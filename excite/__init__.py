@@ -400,10 +400,18 @@ def _built_in_parts() -> dict[str, str]:
     return {name: module for module, _, name in places}
 
 
+def _explained(thing: Any) -> Any:
+    """The same, with all names of its annotations: `typing.get_type_hints` finds those that typing alone needs too."""
+    from regressors.arguments import evaluated
+
+    evaluated(thing)
+    return thing
+
+
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, so that ``import excite`` costs nothing."""
     if name in _PLACES:
-        return getattr(import_module(_PLACES[name]), name)
+        return _explained(getattr(import_module(_PLACES[name]), name))
     if name in (*_RENAMED, "save_design"):
         now = _RENAMED.get(name, "the method save of a design")
         warnings.warn(f"excite.{name} is now {now}", DeprecationWarning, stacklevel=2)

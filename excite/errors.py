@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from regressors.errors import ExciteError, InputError, NumericalError, TakenError, UnknownName
+from regressors.errors import ExciteError, InputError, NumericalError, TakenError, TooLargeError, UnknownName
 
 __all__ = [
     "BrokenLimitError",
@@ -17,10 +17,6 @@ __all__ = [
     "TooLargeError",
     "UnknownName",
 ]
-
-
-class TooLargeError(InputError):
-    """The work would take more memory than it may; the message says which option to change, and how far."""
 
 
 class NoFeasibleMotionError(ExciteError, RuntimeError):

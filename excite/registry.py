@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from regressors.errors import InputError, UnknownName
+from regressors.quantities import shown
 
 BUILT_IN: Mapping[str, Mapping[str, str]] = {
     "model": {
@@ -113,18 +114,13 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     # what `save` calls, by the kind of object that is saved
     "writer": {
-        "accuracy": "excite.files.accuracy_file:save_accuracy",
-        "bound": "excite.files.bound_file:save_bound",
         "design": "excite.files.design_folder:save_design",
         "result": "excite.files.result_json:save_result",
-        "verification": "excite.files.verification_json:save_verification",
         "posterior": "excite.files.posterior_file:save_posterior",
         "simulation": "excite.files.simulation_files:save_simulation",
-        "time study": "excite.files.time_study_json:save_time_study",
         "friction plan": "excite.files.friction_plan_folder:save_plan",
         "friction plan content": "excite.files.friction_plan_folder:plan_content",
-        "friction fit": "excite.files.friction_fit_file:save_fit",
-        "payload": "excite.payload.payload_file:save_payload",
+        "friction curves": "excite.files.friction_file:write_friction",
     },
     "reader": {
         "design": "excite.files.design_json:load_design",
@@ -136,6 +132,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "motion": "excite.files.motion_source:read_source",
         "result": "excite.files.result_json:load_result",
         "shape": "excite.files.world_file:urdf_capsules",
+        "lowest point": "excite.files.world_file:urdf_lowest",
         "task motion": "excite.files.task_motion_file:read_task_motion",
         "world": "excite.files.world_file:read_world",
     },
@@ -144,6 +141,19 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "result": "excite.report.restored_result:stored_estimate",
     },
 }
+
+# what a part of a user's own is a subclass of
+INTERFACES: Mapping[str, str] = {
+    "model": "regressors.models.model:RegressorModel",
+    "trajectory": "excite.trajectories.family:Family",
+    "criterion": "excite.information.criteria:Criterion",
+    "constraint": "constraints.limit:Limit",
+    "estimator": "excite.identification.estimator:Estimator",
+    "solver": "excite.design.solvers.solver:Solver",
+    "model format": "excite.export.models.model_format:ModelFormat",
+    "motion format": "excite.export.motions.motion_format:MotionFormat",
+}
+_FUNCTIONS = ("executor", "signals")
 
 # parts whose names go on with an address, by how the names begin: they are called with the whole name
 ADDRESSED: Mapping[str, Mapping[str, str]] = {
@@ -161,7 +171,7 @@ SOLVERS, EXECUTORS, SIGNALS, ESTIMATORS = (
 )
 MOTION_FORMATS, MODEL_FORMATS = (tuple(BUILT_IN[kind]) for kind in ("motion format", "model format"))
 WINDOWS = ("short", "long")
-NEARLY = ("keep", "drop")
+NEARLY = ("drop-rounding", "keep", "drop")
 STARTS = ("random", "cosine", "quintic", "sines")
 CONVENTIONS = ("gautier", "pivoted", "orthonormal")
 SCALES = ("unit", "prior", "value", "precision")
@@ -253,6 +263,22 @@ def check_name(kind: str, name: str) -> None:
         raise UnknownName(kind, name, (*BUILT_IN[kind], *ADDRESS_FORMS.get(kind, ()), "or module:Name of your own"))
 
 
+def check_part(kind: str, given: Any, name: str = "") -> None:
+    """Raise `InputError` for what is neither a name that may be given, nor a part of its kind, nor a class of such."""
+    if isinstance(given, str):
+        return check_name(kind, given)
+    interface = _attribute(INTERFACES[kind]) if kind in INTERFACES else None
+    function = kind in _FUNCTIONS and callable(given)
+    if isinstance(given, OwnPart) or function or (interface is not None and _is_part(given, interface)):
+        return None
+    expected = f"a {interface.__name__}, a class of such," if interface is not None else "a function"
+    raise InputError(f"{f'{kind} {name}'.strip()}: expected {expected} or a name, given {shown(given)}")
+
+
+def _is_part(given: Any, interface: type) -> bool:
+    return issubclass(given, interface) if isinstance(given, type) else isinstance(given, interface)
+
+
 def own(kind: str, name: str) -> Any:
     """Object that ``module:Name`` stands for; the module may lie in the current folder.
 
@@ -307,7 +333,10 @@ def part(kind: str, given: Any) -> Any:
     for begin, place in ADDRESSED.get(kind, {}).items():
         if given.startswith(begin):
             return _attribute(place)(given)
-    return own(kind, given) if is_own(given) else built_in(kind, given)
+    if not is_own(given):
+        return built_in(kind, given)
+    check_part(kind, found := own(kind, given), given)
+    return found
 
 
 def instance(kind: str, given: Any) -> Any:

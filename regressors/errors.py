@@ -35,6 +35,10 @@ class TakenError(InputError):
         super().__init__(f"{what}; `replace` replaces it, or choose another `folder`")
 
 
+class TooLargeError(InputError):
+    """The work would take more memory than it may; the message says what to change, and how far."""
+
+
 class UnknownName(InputError):
     """A name that does not exist where it was looked up.
 

@@ -84,6 +84,21 @@ def read_bytes(path: str | Path, most: int = FILE) -> bytes:
     return content
 
 
+def regular_size(path: str | Path, most: int = FILE) -> int:
+    """Size of a file [bytes] that another library opens by its name: no pipe, no device; see `opened`.
+
+    Raises
+    ------
+    OSError
+        See `opened`; or it is a pipe.
+    """
+    status = os.stat(path)
+    _check(status, most)
+    if stat.S_ISFIFO(status.st_mode):
+        raise UnreadableFile("it is a pipe, expected a file")
+    return status.st_size
+
+
 def read_text(path: str | Path, most: int = DOCUMENT, encoding: str = "utf-8") -> str:
     """Text of a file, whose lines all end as on Unix; see `opened`.
 
@@ -105,6 +120,8 @@ def _handle(path: str | Path) -> int:
         if error.errno == errno.ENXIO:
             raise UnreadableFile("it is a socket, expected a file") from error
         raise
+    except ValueError as error:
+        raise UnreadableFile("its name has a null character") from error
 
 
 def _check(status: os.stat_result, most: int) -> None:

@@ -121,6 +121,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "tool_box": LENGTH,
     "tool_speed": Quantity("m/s", 1e-9, 1e6),
     "tool_point": LENGTH,
+    "floor": LENGTH,
     # search
     "starts": Quantity("", 1, 10**7, whole=True),
     "rounds": Quantity("", 0, 10**6, whole=True),

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from regressors.arguments import checked
 from regressors.errors import InputError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Joint motion at N instants of n joints.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import click
 import pytest
@@ -14,8 +15,6 @@ from excite.cli.task_options import flag_of
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS
 
-ALL = messages()
-OF_THE_LIBRARY = [message for message in ALL if not message.place.startswith("excite/cli/")]
 OTHERS = ("ros2 run", "ros2 action", "record.py", "pip install")  # command lines of other programs
 FORBIDDEN = (
     r"\bstands twice\b",
@@ -43,15 +42,26 @@ FORBIDDEN = (
 COMMAND_LINES = "excite/report/identify_commands.py"  # what a report says to type again
 
 
+@cache
+def every_message() -> list[Message]:
+    """Messages of the whole program."""
+    return messages()
+
+
+def of_the_library() -> list[Message]:
+    """Those that do not belong to the command line."""
+    return [message for message in every_message() if not message.place.startswith("excite/cli/")]
+
+
 def wrong(chosen: list[Message], pattern: str) -> list[str]:
     """Messages in which a pattern is found, with their places."""
     return [f"{message.place}: {message.text}" for message in chosen if re.search(pattern, message.text)]
 
 
 def test_messages_are_found() -> None:
-    kinds = {message.kind for message in ALL}
+    kinds = {message.kind for message in every_message()}
     assert kinds == {"docstring", "error", "help", "text"}
-    texts = {message.text for message in ALL}
+    texts = {message.text for message in every_message()}
     assert "{}; `replace` replaces it, or choose another `folder`" in texts  # a raised error's base class
     assert "List built-in robots, or show one: joints, limits, base parameters." in texts
 
@@ -59,7 +69,7 @@ def test_messages_are_found() -> None:
 def test_messages_of_the_library_name_no_flag() -> None:
     own = [
         message
-        for message in OF_THE_LIBRARY
+        for message in of_the_library()
         if not any(program in message.text for program in OTHERS) and not message.place.startswith(COMMAND_LINES)
     ]
     assert wrong(own, r"(?<![-\w])--[a-z{]") == []
@@ -67,16 +77,16 @@ def test_messages_of_the_library_name_no_flag() -> None:
 
 def test_messages_of_the_library_name_no_command() -> None:
     commands = "|".join(sorted(cli.list_commands(click.Context(cli))))
-    assert wrong([m for m in OF_THE_LIBRARY if m.kind != "docstring"], rf"'excite ({commands})") == []
+    assert wrong([m for m in of_the_library() if m.kind != "docstring"], rf"'excite ({commands})") == []
 
 
 @pytest.mark.parametrize("words", FORBIDDEN)
 def test_messages_are_no_riddles(words: str) -> None:
-    assert wrong(ALL, f"(?i){words}") == []
+    assert wrong(every_message(), f"(?i){words}") == []
 
 
 def test_errors_have_no_double_and_no_trailing_spaces() -> None:
-    errors = [message for message in ALL if message.kind in ("error", "docstring")]
+    errors = [message for message in every_message() if message.kind in ("error", "docstring")]
     assert wrong(errors, r"\S  +\S|[^:]\s$") == []
 
 

@@ -72,5 +72,5 @@ def _by_default(name: str, train: Measurement, unseen: Measurement) -> dict[str,
 
 
 def _messages(found: Identification, judged: Verification) -> list[str]:
-    notes = [note for part in (*found.prepared, judged.prepared) for note in part.notes]
+    notes = [note for part in (*found.prepared, judged.log) for note in part.notes]
     return [*dict.fromkeys((*notes, *found.estimate.notes, *judged.verdict.against, *judged.verdict.remarks))]

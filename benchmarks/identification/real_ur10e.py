@@ -94,7 +94,7 @@ def verification_case(
         "training_notes": [list(part.notes) for part in result.prepared],
         "test": test,
         "rows": rows,
-        "test_notes": list(found.prepared.notes),
+        "test_notes": list(found.log.notes),
         "recipe": result.recipe.to_dict(),
         "condition_number": result.condition_number,
         "training_error_percent": 100 * (found.training_error or 0.0),

@@ -133,7 +133,7 @@ def outcome(robot: Any, equations: LoadEquations, y: np.ndarray, mass: float, *,
         body = HeldBody.of(fit_load(equations.with_measured(y)))
         return {"mass": mass, **errors(body, mass)}
     estimate = estimate_load(equations.with_measured(y))
-    result = PayloadResult(robot, _frame(None, None), estimate, "joint torques", None, ())
+    result = PayloadResult(robot, _frame(None, None), estimate, "joint torques", None)
     truth = HeldBody.of(load_of(mass)).listed
     low, high = result.intervals.T
     return {

@@ -10,7 +10,7 @@ from typing import Any
 from problems import HARMONICS, PERIOD, PROBLEMS, RATE
 
 _COMMON = {"period": PERIOD, "harmonics": HARMONICS, "rate": RATE, "executor": "serial"}
-_LIMITS = {"torque_margin": "none", "self_collision": False}
+_LIMITS = {"torque_margin": "none", "self_collision": False, "floor": "none"}
 _ARM = {"base": "gautier", "friction": False, "rotor": False}
 
 

@@ -46,7 +46,8 @@ class LimitUse:
         Distance to the bound, negative beyond it; in the same unit.
     use : float
         Fraction used of the distance from the middle of the allowed range to its edge; of the bound, if only one side
-        is bounded, or of the largest value where that bound is zero. Above 1 where the limit is violated.
+        is bounded, or of the largest value where that bound is zero. Above 1 where the limit is violated; 0, never
+        below, where a value is further away than that.
     method : {"exact", "enclosed"}
         Whether the extreme is exact, or an outer bound that is proven for every instant.
     quantity : str
@@ -95,7 +96,7 @@ def limit_uses(constraint: Bounds, extrema: Extrema, method: str = EXACT) -> lis
         bound, margin = (upper, above) if at_upper else (lower, below)
         largest = max(abs(float(extrema.low[k])), abs(float(extrema.high[k])))
         half = 0.5 * (upper - lower) if np.isfinite(upper - lower) else abs(bound) or largest
-        use = 1.0 - margin / half if half > 0 else 1.0
+        use = max(0.0, 1.0 - margin / half) if half > 0 else 1.0
         uses.append(
             LimitUse(label, constraint.units[k], extreme, time, bound, margin, use, method, constraint.quantity)
         )

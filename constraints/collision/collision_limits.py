@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
 
 from constraints.collision.clearance import Gap, gaps
 from constraints.collision.frames import Frames
-from constraints.collision.geometry import Capsule, Shape, World
+from constraints.collision.geometry import Capsule, Obstacle, Shape, World
 from constraints.limit import Limit
 from constraints.nonlinear import NonlinearConstraint
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import BASE, Robot
@@ -43,6 +45,10 @@ class Pair:
         Body that carries the other one: the link itself, or the base.
     shapes : tuple of shapes
         In the carrier's frame.
+    clearance : float
+        Least distance [m].
+    mounting : bool
+        Whether the robot is fastened to the other body.
     """
 
     link: str
@@ -50,6 +56,8 @@ class Pair:
     other: str
     carrier: str
     shapes: tuple[Shape, ...]
+    clearance: float
+    mounting: bool = False
 
     @property
     def is_obstacle(self) -> bool:
@@ -63,7 +71,7 @@ class Pair:
 
 
 class Clearance(NonlinearConstraint):
-    """Distances of one link's capsules from other bodies.
+    """Distances of capsules on links from other bodies.
 
     With d the sum of radii and clearance, ``(|p - y|^2 - d^2) / (2 d) + clearance >= clearance``, which at the bound
     equals the distance between the surfaces in value and slope; for a plane ``n . p - offset - radius``. The distances
@@ -83,22 +91,23 @@ class Clearance(NonlinearConstraint):
 
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
-        gaps = [(pair.label, gap) for pair, gap in self._gaps(ca.SX.sym("q", motion.matrix.shape[1]))]
+        gaps = list(self._gaps(ca.SX.sym("q", motion.matrix.shape[1])))
         reach = np.array([gap.reach for _, gap in gaps])
         squared = np.array([gap.squared for _, gap in gaps])
-        d = reach + world.clearance
+        clearance = np.array([pair.clearance for pair, _ in gaps])
+        d = reach + clearance
 
         def shown(values: Array) -> Array:
-            square = 2 * d * (values - world.clearance) + d**2
+            square = 2 * d * (values - clearance) + d**2
             return np.where(squared, np.sqrt(np.maximum(square, 0.0)) - reach, values)
 
         super().__init__(
             motion.matrix.shape[1],
             lambda q, dq, ddq: self._expression(q)[0],
-            np.full(len(gaps), world.clearance),
+            clearance,
             np.full(len(gaps), np.inf),
             np.full(len(gaps), _SCALE),
-            tuple(label for label, _ in gaps),
+            tuple(pair.label for pair, _ in gaps),
             ("m",) * len(gaps),
             shown,
             "distance",
@@ -116,15 +125,11 @@ class Clearance(NonlinearConstraint):
 
     def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for held values, the symbols, and their expressions."""
-        gaps = [gap for _, gap in self._gaps(s)]
-        open_form = ca.vertcat(*(self._value(gap) for gap in gaps))
-        held = [pair for gap in gaps for pair in gap.held]
+        gaps = list(self._gaps(s))
+        open_form = ca.vertcat(*(_value(gap, pair.clearance) for pair, gap in gaps))
+        held = [pair for _, gap in gaps for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
         return ca.substitute(open_form, symbols, meaning), open_form, symbols, meaning
-
-    def _value(self, gap: Gap) -> ca.SX:
-        d = gap.reach + self.world.clearance
-        return (gap.value - d**2) / (2 * d) + self.world.clearance if gap.squared else gap.value
 
     @cached_property
     def jacobian(self) -> VectorisedFunction:
@@ -133,6 +138,14 @@ class Clearance(NonlinearConstraint):
         _, g, held, meaning = self._expression(q)
         slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
+
+    @cached_property
+    def over_boxes(self) -> tuple[IntervalFunction, IntervalFunction]:
+        """``g`` and, by columns, ``dg/dq`` of positions q, enclosed over boxes."""
+        (q,) = self._symbols(1)
+        g, open_form, held, meaning = self._expression(q)
+        slopes = ca.substitute(ca.jacobian(open_form, q), held, meaning)
+        return IntervalFunction([q], g), IntervalFunction([q], ca.vec(ca.densify(slopes)))
 
     @cached_property
     def rate(self) -> IntervalFunction:
@@ -148,12 +161,17 @@ class Clearance(NonlinearConstraint):
         return Clearance(self.robot, through, self.pairs, self.world)
 
 
+def _value(gap: Gap, clearance: float) -> ca.SX:
+    d = gap.reach + clearance
+    return (gap.value - d**2) / (2 * d) + clearance if gap.squared else gap.value
+
+
 def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:
     """Limits that keep a robot apart from itself and from obstacles, for each link from bodies nearer to the base.
 
-    Left out are: adjacent links; ignored pairs; constant distances that keep the clearance; and pairs of links that
-    collide in every one of 2000 random poses, since their capsules touch by construction: the notes of the constraints
-    list these.
+    Left out are: adjacent links; ignored pairs; constant distances that keep the clearance; what never moves away from
+    the surface that the robot is fastened to; and pairs of links, or of a link and that surface, that collide in every
+    one of 2000 random poses, since their capsules touch by construction: the notes of the constraints list these.
 
     Parameters
     ----------
@@ -176,6 +194,8 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
 def limits_of_pairs(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:
     """The limits of `collision_limits`, each pair of bodies on its own: a search can do with a few of them.
 
+    Heights above the surface that the robot is fastened to share most of their terms, and are one limit.
+
     Parameters
     ----------
     robot, world, motion
@@ -187,7 +207,26 @@ def limits_of_pairs(robot: Robot, world: World, motion: PartialMotion) -> list[N
         As there.
     """
     world.check(robot)
-    return _limits(robot, world, motion, [[pair] for pairs in _pairs(robot, world).values() for pair in pairs])
+    numbers = (motion.matrix.tobytes(), motion.offset.tobytes())
+    return list(_alone(_Situation((robot.sha256(), *motion.labels, *numbers), world, robot, motion)))
+
+
+@dataclass(frozen=True)
+class _Situation:
+    """What limits of pairs depend on."""
+
+    content: tuple[str | bytes, ...]
+    world: World
+    robot: Robot = field(compare=False)
+    motion: PartialMotion = field(compare=False)
+
+
+@lru_cache(maxsize=16)  # designs of one robot after the other have the same limits, whose functions are compiled
+def _alone(case: _Situation) -> tuple[NonlinearConstraint, ...]:
+    pairs = [pair for pairs in _pairs(case.robot, case.world).values() for pair in pairs]
+    heights = [pair for pair in pairs if pair.mounting]
+    groups = [*([pair] for pair in pairs if not pair.mounting), heights]
+    return tuple(_limits(case.robot, case.world, case.motion, groups))
 
 
 def _limits(
@@ -196,11 +235,11 @@ def _limits(
     clearances: list[Clearance] = []
     notes: list[str] = []
     poses = _poses(robot, motion)
-    for pairs in groups:
+    for pairs in (pairs for pairs in groups if pairs):
         limit = Clearance(robot, motion, pairs, world)
         kept = _kept(limit, poses, notes)
         if kept:
-            clearances.append(limit if len(kept) == len(pairs) else Clearance(robot, motion, kept, world))
+            clearances.append(limit if kept == list(pairs) else Clearance(robot, motion, kept, world))
     if clearances:
         clearances[0].notes = tuple(notes)
     return list(clearances)
@@ -210,9 +249,12 @@ def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
     """Pairs whose distance varies and is allowed in some pose; a note lists pairs left out without being safe."""
     zero = np.zeros_like(poses)
     distance = limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))
-    allowed, kept = limit.world.clearance, []
+    kept = []
     for pair in limit.pairs:
-        own = distance[:, [label == pair.label for label in limit.labels]]
+        own, allowed = distance[:, [label == pair.label for label in limit.labels]], pair.clearance
+        if pair.mounting:
+            kept += _above_mounting(pair, own, notes)
+            continue
         fixed, widest = bool(np.all(np.ptp(own, axis=0) < _STILL)), float(own.min(axis=1).max())
         if fixed and pair.is_obstacle and widest < allowed:
             raise InputError(
@@ -227,6 +269,30 @@ def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
     return kept
 
 
+def _above_mounting(pair: Pair, distance: Array, notes: list[str]) -> list[Pair]:
+    """A pair with the surface that the robot is fastened to, without ends of capsules that never leave it.
+
+    Parameters
+    ----------
+    pair : Pair
+        With a plane: one distance for every end of a capsule.
+    distance : ndarray, shape (poses, ends)
+    notes : list of str
+        Gets one on an end that moves, but is too near in every pose.
+    """
+    still, near = np.ptp(distance, axis=0) < _STILL, distance.max(axis=0) < pair.clearance
+    if np.any(near & ~still):
+        notes.append(
+            f"{pair.label} is checked in part: some of its shape is closer than allowed in all of {_POSES} random poses"
+        )
+    kept, column = [], iter(~(still | near))
+    for capsule in pair.capsules:
+        ends = [capsule.start] if capsule.length == 0 else [capsule.start, capsule.end]
+        moving = [end for end in ends if next(column)]
+        kept += [Capsule(moving[0], moving[-1], capsule.radius)] if moving else []
+    return [dataclasses.replace(pair, capsules=tuple(kept))] if kept else []
+
+
 def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
     """All pairs that must stay apart: for each link, those with bodies nearer to the base."""
     capsules: dict[str, list[Capsule]] = {}
@@ -238,14 +304,20 @@ def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
     ignored = [set(pair) for pair in world.ignored]
     pairs_of: dict[str, list[Pair]] = {}
     for number, link in enumerate(links):
-        pairs = [Pair(link, tuple(capsules[link]), o.name, BASE, (o.shape,)) for o in world.obstacles if link != BASE]
+        own = tuple(capsules[link])
+        pairs = [_from_obstacle(link, own, each, world) for each in world.obstacles if link != BASE]
         if world.self_collision:
             nearer = (other for other in links[:number] if parent[link] != other)
-            pairs += [Pair(link, tuple(capsules[link]), other, other, tuple(capsules[other])) for other in nearer]
+            pairs += [Pair(link, own, other, other, tuple(capsules[other]), world.clearance) for other in nearer]
         pairs = [pair for pair in pairs if {link, pair.other} not in ignored]
         if pairs:
             pairs_of[link] = pairs
     return pairs_of
+
+
+def _from_obstacle(link: str, capsules: tuple[Capsule, ...], obstacle: Obstacle, world: World) -> Pair:
+    clearance = world.clearance if obstacle.clearance is None else obstacle.clearance
+    return Pair(link, capsules, obstacle.name, BASE, (obstacle.shape,), clearance, obstacle.mounting)
 
 
 def _poses(robot: Robot, motion: PartialMotion) -> Array:
@@ -257,6 +329,7 @@ def _poses(robot: Robot, motion: PartialMotion) -> Array:
     return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
 
 
+@checked
 @dataclass(frozen=True)
 class Collisions(Limit):
     """Distances between a robot's links, and between links and obstacles.

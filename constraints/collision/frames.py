@@ -1,11 +1,13 @@
-"""Relative poses of a robot's bodies, as expressions of only those joint positions that lie between them."""
+"""Poses of a robot's bodies: relative ones as expressions of the joint positions between them, and all of a motion."""
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
 
-from regressors.robot.robot import BASE, Robot
+from regressors.robot.inertia import skew
+from regressors.robot.robot import BASE, Joint, Robot
+from regressors.samples import Array
 from regressors.symbolic.kinematics import relative_pose, sparse
 
 Pose = tuple[ca.SX, ca.SX]
@@ -54,3 +56,34 @@ class Frames:
             step, origin = self._step[body]
             self._known[body, ancestor] = ca.mtimes(R, step), p + ca.mtimes(R, origin)
         return self._known[body, ancestor]
+
+
+def link_poses(robot: Robot, q: Array) -> dict[str, Array]:
+    """Pose of the base, of every link and of every branch in the base frame, shape (N, 4, 4) each.
+
+    Parameters
+    ----------
+    robot : Robot
+    q : ndarray, shape (N, n)
+        [rad or m]
+    """
+    poses = {BASE: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
+    before = BASE
+    for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
+        poses[link.name], before = poses[before] @ _steps(joint, q[:, k]), link.name
+    for branch in robot.branches:
+        poses[branch.name] = poses[branch.parent] @ _steps(branch.joint, q @ branch.coupling + branch.offset)
+    return poses
+
+
+def _steps(joint: Joint, q: Array) -> Array:
+    """Poses of a joint's link in the frame of the link before it, shape (N, 4, 4)."""
+    T = np.tile(np.eye(4), (q.size, 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = joint.rotation, joint.translation
+    if joint.kind == "prismatic":
+        T[:, :3, 3] += q[:, None] * (joint.rotation @ joint.axis)
+    else:
+        K = skew(joint.axis)
+        turn = np.eye(3) + np.sin(q)[:, None, None] * K + (1.0 - np.cos(q))[:, None, None] * (K @ K)
+        T[:, :3, :3] = joint.rotation @ turn
+    return T

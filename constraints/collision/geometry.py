@@ -12,77 +12,13 @@ import numpy as np
 from regressors.errors import InputError, UnknownName
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
+from regressors.robot.shapes import Capsule as Capsule
+from regressors.robot.shapes import Part as Part
+from regressors.robot.shapes import Vector as Vector
+from regressors.robot.shapes import check_finite
 from regressors.samples import Array
 
-Vector = tuple[float, float, float]
 _DEEP = 1e-3  # m: a base deeper inside an obstacle than this is an error, not a robot mounted on it
-
-
-def _check_finite(what: str, *values: float) -> None:
-    if not np.all(np.isfinite(values)):
-        raise InputError(f"{what}: expected finite numbers, given {', '.join(f'{value:g}' for value in values)}")
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """All points within a radius of a line from one point to another.
-
-    Parameters
-    ----------
-    start, end : tuple of float
-        Ends of the line; the same for a sphere.
-    radius : float
-        > 0.
-
-    Raises
-    ------
-    InputError
-        Numbers that are not finite, or a radius that is not positive.
-    """
-
-    start: Vector
-    end: Vector
-    radius: float
-
-    def __post_init__(self) -> None:
-        _check_finite("capsule", *self.start, *self.end, self.radius)
-        if not self.radius > 0:
-            raise InputError(f"radius must be greater than zero, given {self.radius:g}")
-
-    @property
-    def length(self) -> float:
-        """Length of the line."""
-        return float(np.linalg.norm(np.subtract(self.end, self.start)))
-
-    def distance(self, point: Array) -> float:
-        """Distance from a point to the surface, negative inside."""
-        line = np.subtract(self.end, self.start)
-        along = line @ (point - self.start) / (line @ line) if self.length > 0 else 0.0
-        return float(np.linalg.norm(point - self.start - np.clip(along, 0.0, 1.0) * line)) - self.radius
-
-    def covering(self, tolerance: float) -> tuple[Array, float]:
-        """Spheres of one radius whose union covers the capsule.
-
-        With equal distances h between their centres, the first and the last one at its ends,
-        ``R^2 = radius^2 + (h / 2)^2``; the fewest with ``R <= radius + tolerance``.
-
-        Parameters
-        ----------
-        tolerance : float
-            > 0.
-
-        Returns
-        -------
-        centres : ndarray, shape (count, 3)
-        radius : float
-            ``R``.
-        """
-        if self.length == 0:
-            return np.array([self.start]), self.radius
-        widest = 2 * np.sqrt((self.radius + tolerance) ** 2 - self.radius**2)
-        count = int(np.ceil(self.length / widest)) + 1
-        spacing = self.length / (count - 1)
-        return np.linspace(self.start, self.end, count), float(np.hypot(self.radius, spacing / 2))
 
 
 @dataclass(frozen=True)
@@ -105,7 +41,7 @@ class HalfSpace:
     offset: float
 
     def __post_init__(self) -> None:
-        _check_finite("plane", *self.normal, self.offset)
+        check_finite("plane", *self.normal, self.offset)
         if abs(np.linalg.norm(self.normal) - 1.0) > 1e-9:
             raise InputError(f"normal must have length 1, given {np.linalg.norm(self.normal):g}")
 
@@ -137,7 +73,7 @@ class Box:
     rpy: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        _check_finite("box", *self.centre, *self.size, *self.rpy)
+        check_finite("box", *self.centre, *self.size, *self.rpy)
         if not min(self.size) > 0:
             raise InputError(f"size must be greater than zero, given {', '.join(f'{side:g}' for side in self.size)}")
 
@@ -164,21 +100,6 @@ def _plain(shape: Shape) -> dict[str, object]:
 
 
 @dataclass(frozen=True)
-class Part:
-    """A capsule on a link of the robot, in the link's frame.
-
-    Parameters
-    ----------
-    link : str
-        Name of a link, of a branch, or of the base.
-    capsule : Capsule
-    """
-
-    link: str
-    capsule: Capsule
-
-
-@dataclass(frozen=True)
 class Obstacle:
     """A solid body that does not move, in the base frame.
 
@@ -186,10 +107,25 @@ class Obstacle:
     ----------
     name : str
     shape : Capsule, HalfSpace or Box
+    clearance : float, optional
+        Least distance from it, > 0; that of the world if not given [m].
+    mounting : bool
+        Whether the robot is fastened to it: what no motion moves away from it stands on it, and is not checked.
+
+    Raises
+    ------
+    InputError
+        A clearance that is not positive.
     """
 
     name: str
     shape: Shape
+    clearance: float | None = None
+    mounting: bool = False
+
+    def __post_init__(self) -> None:
+        if self.clearance is not None and not (np.isfinite(self.clearance) and self.clearance > 0):
+            raise InputError(f"clearance of {self.name!r} must be greater than zero, given {self.clearance:g}")
 
 
 @dataclass(frozen=True)
@@ -247,9 +183,14 @@ class World:
             "tolerance": self.tolerance,
             "self_collision": self.self_collision,
             "ignore": [list(pair) for pair in self.ignored],
-            "robot": [{"link": part.link, **_plain(part.capsule)} for part in self.parts],
+            "robot": [part.to_dict() for part in self.parts],
             "objects": {
-                obstacle.name: {_KINDS[type(obstacle.shape)]: _plain(obstacle.shape)} for obstacle in self.obstacles
+                obstacle.name: {
+                    _KINDS[type(obstacle.shape)]: _plain(obstacle.shape),
+                    **({} if obstacle.clearance is None else {"clearance": obstacle.clearance}),
+                    **({"mounting": True} if obstacle.mounting else {}),
+                }
+                for obstacle in self.obstacles
             },
         }
 
@@ -271,7 +212,7 @@ class World:
         for part in self.parts:
             if part.link not in known:
                 raise UnknownName(f"link of robot {robot.name!r}", part.link, known)
-        for obstacle in self.obstacles:
+        for obstacle in (each for each in self.obstacles if not each.mounting):
             depth = -obstacle.shape.distance(np.zeros(3))
             if depth > _DEEP:
                 raise InputError(

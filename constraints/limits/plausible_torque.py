@@ -19,6 +19,7 @@ from constraints.friction.drive_friction import drive_friction
 from constraints.limit import Limit
 from constraints.limits.torque import LimitedTorques, check_inertias, joint_torque, limited_torques
 from constraints.nonlinear import Expression, NonlinearConstraint
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.columns import COULOMB, VISCOUS, Terms
@@ -31,6 +32,7 @@ from regressors.robot.robot import Robot
 from regressors.symbolic.kinematics import sparse
 
 
+@checked
 @dataclass(frozen=True)
 class PlausibleTorqueLimit(Limit):
     """The torque limits of joints and drives, kept by every robot of a box of parameters around the description.

@@ -10,6 +10,7 @@ import numpy as np
 
 from constraints.limit import Limit
 from constraints.nonlinear import NonlinearConstraint
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Robot
@@ -95,6 +96,7 @@ def tool_speed(robot: Robot, point: Array, speed: float) -> NonlinearConstraint:
     return NonlinearConstraint(robot.n, squared, none, bound, bound.copy(), ("tool speed",), ("m/s",), shown, "tool")
 
 
+@checked
 @dataclass(frozen=True)
 class ToolBox(Limit):
     """A box that a point of the last link stays in.
@@ -123,6 +125,7 @@ class ToolBox(Limit):
         return (tool_box(robot, np.array(self.point), lower, upper).restricted(motion),)
 
 
+@checked
 @dataclass(frozen=True)
 class ToolSpeed(Limit):
     """Largest speed of a point of the last link.

@@ -11,6 +11,7 @@ import numpy as np
 from constraints.friction.drive_friction import DriveFriction, drive_friction
 from constraints.limit import Limit
 from constraints.nonlinear import Expression, NonlinearConstraint
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.columns import Terms
@@ -229,6 +230,7 @@ def _limits(
     )
 
 
+@checked
 @dataclass(frozen=True)
 class TorqueLimit(Limit):
     """The torque limits of joints and drives, each reduced by a margin.

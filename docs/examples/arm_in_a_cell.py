@@ -18,7 +18,8 @@ BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "#BBBBBB"
 robot = excite.load_robot("iiwa7")
 limits = excite.LimitChoice(world=excite.read_world(Path(__file__).with_name("cell.yaml")))
 search = excite.Search(starts=1, seed=0)
-careless = excite.design_trajectory(robot, harmonics=4, search=search)
+nothing = excite.LimitChoice(self_collision=False, floor="none")
+careless = excite.design_trajectory(robot, harmonics=4, search=search, limits=nothing)
 careful = excite.design_trajectory(robot, harmonics=4, search=search, limits=limits)
 
 

@@ -1,7 +1,7 @@
 """A load at a force/torque sensor: all ten parameters of what the sensor carries, from one motion of 5 s.
 
 The wrench is linear in mass, first moments and inertia, so that the same design and identification apply. The figure
-shows each estimate with its 99 % interval, and the true load of the simulation. Takes about 4 s.
+shows each estimate with its 99 % interval, and the true load of the simulation. Takes about 8 s.
 """
 
 import sys

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.registry import built_in
+from excite.storage.records import check_replaceable, read_record, write_record
+from excite.storage.result_folder import result_folder
+
+KIND = "accuracy"
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,8 @@ class ParameterAccuracy:
         Error that all repeats share, such as by friction that the model does not describe; None where the simulated
         robot has no such parameter.
     """
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"error": lambda parameter: parameter.error}
 
     name: str
     unit: str
@@ -69,6 +74,8 @@ class AccuracyPrediction:
         Hash of the motion's coefficients.
     """
 
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"precision": lambda prediction: prediction.precision}
+
     name: str
     robot: str
     model: str
@@ -101,5 +108,21 @@ class AccuracyPrediction:
         InputError
             The folder cannot be written to, or holds a file of the name that is no such prediction.
         """
-        files: list[Path] = built_in("writer", "accuracy")(self, folder)
-        return files
+        with result_folder(Path(folder)):
+            check_replaceable(Path(folder), KIND, KIND)
+            return write_record(self, KIND, Path(folder), KIND)
+
+
+def load_accuracy(path: str | Path) -> AccuracyPrediction:
+    """Load an ``accuracy.json``.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        Another schema, entries that are missing, or a file that is not the one that was written.
+    """
+    return read_record(Path(path), AccuracyPrediction, KIND)

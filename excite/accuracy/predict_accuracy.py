@@ -22,6 +22,7 @@ from excite.registry import name_of
 from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import changed_settings, simulate
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.nominal import parameter_values
 from regressors.numerical import numerical_work
@@ -41,6 +42,7 @@ _OF_IDENTIFY = {field.name for field in fields(Recipe)} - {
 _STEPS = 4  # of progress
 
 
+@checked
 @numerical_work("the prediction of the accuracy", "noise that is far larger than the torques is the likely cause")
 def predict_accuracy(
     design: DesignedMotion,

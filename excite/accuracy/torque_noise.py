@@ -13,6 +13,7 @@ from excite.identification.factors import rows_of_groups
 from excite.identification.identification import Identification
 from excite.simulation.degradation.coloured_noise import first_order_noise
 from excite.simulation.settings import SimulationSettings, one_each
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -110,6 +111,7 @@ def _drawn(noise: AutoregressiveNoise, count: int, rng: np.random.Generator) -> 
     return np.asarray(scipy.signal.lfilter([1.0], polynomial, white)[lead:])
 
 
+@checked
 def measured_noise(result: Identification, log: int = 0) -> MeasuredNoise:
     """Noise of the torques of one log, by its residuals: of each joint, level and colour.
 
@@ -129,6 +131,8 @@ def measured_noise(result: Identification, log: int = 0) -> MeasuredNoise:
         Another model, or filtered equations.
     """
     recipe, rows = result.recipe, result.observations
+    if not 0 <= log < len(result.prepared):
+        raise InputError(f"log: expected the number of one of {len(result.prepared)} logs, from 0 on, given {log}")
     if result.target.model.window is not None or result.target.model.channel != "effort":
         raise InputError("noise is measured with a model of joint torques at single instants, such as `differential`")
     if recipe.low_pass is not None or (recipe.every or 1) > 1 or recipe.average:

@@ -9,22 +9,35 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from constraints.bounds.certificate import LimitUse
 from excite.campaigns.cell import Cell
 from excite.campaigns.cell_folder import CELLS, read_record, stored_design
-from excite.files.stored import complete, stored_content
+from excite.design.motion_limits import RecomputedLimits, recomputed_limits
+from excite.files.design_json import load_design
+from excite.files.stored import stored_content
 from excite.registry import name_of
 from excite.storage.atomic import replacing, write_json
 from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
 from excite.storage.manifest import check_files
+from excite.storage.records import complete
 from excite.storage.result_folder import replace_result
+from regressors.arguments import check_of, checked, fit, words
+from regressors.errors import InputError
 
 SCHEMA = "excite.campaign/1"
 KIND = "campaign"
 TABLE, JSON = "campaign.csv", "campaign.json"
 DESIGNED, BROKEN, LEFT = "designed", "exceeds limits", "not run"
+STATUSES = (DESIGNED, BROKEN, LEFT, "infeasible", "failed")
+_FACTS: Mapping[str, Any] = {  # of a design, which tables and figures show
+    **dict.fromkeys(("robot", "model"), str),
+    **dict.fromkeys(("parameters", "duration"), float),
+    **dict.fromkeys(("criterion", "limit_use"), float | None),
+}
 
 
+@checked
 @dataclass(frozen=True)
 class CampaignRow:
     """One cell of a campaign in numbers.
@@ -45,7 +58,7 @@ class CampaignRow:
         Robot, model, parameters, duration [s], what was minimised, its value, the tightest limit and its use, the
         number of starts and processor time [s].
     reason : str
-        Why there is no design.
+        Why there is no design, or why its limits could not be computed.
     """
 
     cell: str
@@ -128,6 +141,7 @@ class CampaignTable:
         return [folder / TABLE, folder / JSON]
 
 
+@checked
 def load_campaign(folder: str | Path) -> CampaignTable:
     """Read the table of a campaign from its folder.
 
@@ -151,7 +165,15 @@ def _loaded(path: Path) -> CampaignTable:
     if path.name == JSON:
         check_files(path.parent, KIND, (JSON,))
     with complete(path, "campaign"):
-        return CampaignTable(tuple(CampaignRow(**row) for row in content["rows"]))
+        rows = tuple(CampaignRow(**row) for row in content["rows"])
+        if not rows:
+            raise ValueError("it has no cells")
+        for row in rows:
+            if row.status not in STATUSES:
+                raise ValueError(f"no cell ends {row.status!r}")
+            for name, kind in _FACTS.items() if row.group else ():
+                fit(name, row.facts[name], (check_of(kind), words(kind)))
+        return CampaignTable(rows)
 
 
 def campaign_table(cells: Iterable[Cell], folder: Path) -> CampaignTable:
@@ -175,8 +197,14 @@ def _row(cell: Cell, folder: Path, groups: dict[Any, int]) -> CampaignRow:
     if design is None:
         return CampaignRow(cell.name, options, LEFT)
     group = groups.setdefault(_comparable(design), len(groups) + 1)
-    status = DESIGNED if design["feasible"] else BROKEN
-    return CampaignRow(cell.name, options, status, group, design["criteria"], _facts(cell, design))
+    reason = ""
+    try:
+        known = recomputed_limits(load_design(folder), enclosed=False)
+    except InputError as error:
+        known, reason = RecomputedLimits.of(design), f"all limits are those that its file states: {error}"
+    uses = (*known.motion, *(use for uses in known.transfers.values() for use in uses))
+    status = DESIGNED if all(use.holds for use in uses) else BROKEN
+    return CampaignRow(cell.name, options, status, group, design["criteria"], _facts(cell, design, uses), reason)
 
 
 def _comparable(design: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -187,8 +215,8 @@ def _comparable(design: Mapping[str, Any]) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def _facts(cell: Cell, design: Mapping[str, Any]) -> dict[str, Any]:
-    tightest = max(design["limits"], key=lambda use: use["use"], default={"label": None, "use": None})
+def _facts(cell: Cell, design: Mapping[str, Any], uses: Sequence[LimitUse]) -> dict[str, Any]:
+    tightest = max(uses, key=lambda use: use.use, default=None)
     return {
         "robot": design["robot"]["name"],
         "model": name_of(cell.task.model.model),
@@ -199,8 +227,8 @@ def _facts(cell: Cell, design: Mapping[str, Any]) -> dict[str, Any]:
         "criterion": min(
             (start["value"] for start in design["solver"]["starts"] if start["value"] is not None), default=None
         ),
-        "tightest_limit": tightest["label"],
-        "limit_use": tightest["use"],
+        "tightest_limit": None if tightest is None else tightest.label,
+        "limit_use": None if tightest is None else tightest.use,
         "starts": len(design["solver"]["starts"]) + design["solver"].get("further_starts", 0),
         "cpu_seconds": design["provenance"]["cpu_seconds"],
     }

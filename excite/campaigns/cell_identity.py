@@ -34,7 +34,7 @@ class RobotLibrary:
             No such robot, or a file that cannot be read.
         """
         named = task.robot if isinstance(task.robot, str) else id(task.robot)
-        key = (named, task.base_link, task.tip, task.snap_angles, repr(task.installation))
+        key = (named, task.base_link, task.tip, task.snap_angles, task.xacro, repr(task.installation))
         if key not in self._known:
             robot = installed_robot(task)
             self._known[key] = robot, _hash(robot.description())

@@ -31,6 +31,7 @@ from excite.executors.unit_executors import unit_executor
 from excite.storage.atomic import writing
 from excite.storage.result_folder import result_folder
 from excite.tasks.task import Task
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.quoting import listed_names, shortened
 
@@ -76,6 +77,7 @@ class CellsLeft:
     work: tuple[tuple[Cell, CellWork], ...]
 
 
+@checked
 def run_campaign(
     cells: str | Path | Mapping[str, Task] | Sequence[Cell],
     folder: str | Path,

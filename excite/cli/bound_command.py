@@ -56,8 +56,9 @@ def command(folder: Path, criteria: tuple[str, ...], seed: float, force: bool, p
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.files.bound_file import NAME, bound_content, stored_bound
+    from excite.optimality.design_bound import NAME, stored_bound
     from excite.optimality.sensitivity import sensitivity
+    from excite.storage.records import json_of
 
     design = excite.load_design(folder, parts)
     wanted, place = criteria or _CRITERIA[:1], folder if folder.suffix != ".json" else folder.parent
@@ -74,7 +75,7 @@ def command(folder: Path, criteria: tuple[str, ...], seed: float, force: bool, p
         result = replace(result, criteria=(*result.criteria, *others))
         files = result.save(place)
     summary = _summary(result, files, None if files else NAME)
-    show(summary, lambda: bound_content(result), lambda: _print(result))
+    show(summary, lambda: json_of(result), lambda: _print(result))
 
 
 def _summary(result: DesignBound, files: list[Path], read_from: str | None) -> Summary:

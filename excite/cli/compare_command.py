@@ -68,7 +68,7 @@ def command(designs: tuple[Path, ...], model: str | None, window: str | None, pa
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.files.bound_file import stored_bound
+    from excite.optimality.design_bound import stored_bound
 
     read = []
     for folder in designs:
@@ -106,16 +106,22 @@ def _verdicts(judgements: Sequence[Judgement]) -> list[str]:
     goals = _goals(judgements)
     sentences = []
     for judgement, goal in zip(judgements, goals, strict=True):
-        held = "keeps every checked limit" if judgement.feasible else "exceeds a limit"
+        held = _held(judgement, "keeps every checked limit", "exceeds a limit")
         best = "; the best of these" if _is_alike(judgements) and len(goals) > 1 and goal == min(goals) else ""
         condition = judgement.criteria["condition_number"]
         sentences.append(f"{judgement.name}: {held}, condition number {condition:.4g}{best}")
     return sentences
 
 
+def _held(judgement: Judgement, kept: str, broken: str) -> str:
+    from excite.design.unchecked import kept_headline
+
+    return kept_headline(judgement.unchecked, kept) if judgement.feasible else broken
+
+
 def _bounds(bound: DesignBound | None) -> list[str]:
     """How near a design comes to the best possible, where that was bounded."""
-    return [] if bound is None else [f"{bound.name}: {each.sentence}" for each in bound.criteria]
+    return [] if bound is None else [f"{bound.name}, by its bound.json: {each.sentence}" for each in bound.criteria]
 
 
 def _summary(judgements: Sequence[Judgement], verdicts: Sequence[str], bounds: Sequence[str]) -> Summary:
@@ -140,13 +146,13 @@ def _summary(judgements: Sequence[Judgement], verdicts: Sequence[str], bounds: S
 
 def _row(j: Judgement, goal: float) -> tuple[str, ...]:
     used = "-" if j.tightest is None else f"{100 * j.tightest.use:.1f} %"
-    held = "hold" if j.feasible else "BROKEN"
+    held = _held(j, "hold", "BROKEN")
     return (j.name, f"{j.criteria['condition_number']:.4g}", f"{goal:.4g}", f"{j.duration:g} s", used, held)
 
 
 def _unchecked(judgements: Sequence[Judgement]) -> list[str]:
     notes = (f"{j.name}: not checked when designed: {', '.join(j.unchecked)}" for j in judgements if j.unchecked)
-    return list(dict.fromkeys(notes))
+    return list(dict.fromkeys([*notes, *(f"{j.name}: {said}" for j in judgements for said in j.believed)]))
 
 
 def _notes(judgements: Sequence[Judgement]) -> list[str]:
@@ -194,7 +200,7 @@ def _print(judgements: Sequence[Judgement]) -> None:
     table.add_row(
         "use of that limit", *("-" if j.tightest is None else f"{100 * j.tightest.use:.2f} %" for j in judgements)
     )
-    table.add_row("limits of joints and drives", *("hold" if j.feasible else "BROKEN" for j in judgements))
+    table.add_row("limits that were checked", *("hold" if j.feasible else "BROKEN" for j in judgements))
     table.add_row("not checked when designed", *(", ".join(j.unchecked) or "-" for j in judgements))
     table.add_row("CPU of the design [s]", *(f"{j.cpu_seconds:.1f}" for j in judgements))
     console().print("designs under the same metrics" + ("; the best of each row is marked *" if comparable else ""))

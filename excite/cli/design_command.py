@@ -11,7 +11,7 @@ from click.core import ParameterSource
 
 from excite.cli.command import Command
 from excite.cli.figure_options import FigureChoice, figure_options
-from excite.cli.options import Folder, RobotName, own_parts, snap_option, split_base
+from excite.cli.options import Folder, RobotName, own_parts, reading_options, split_base
 from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CONVENTIONS
@@ -121,7 +121,7 @@ What is written to DIR:
 )
 @click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
-@snap_option
+@reading_options
 @task_options(PARTS, without=("base",))
 @own_parts
 @figure_options()
@@ -144,7 +144,8 @@ def command(
 
     ROBOT is a built-in name (see 'excite robots'), a robot YAML, a URDF or an MJCF. The motion is at rest at both
     ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times, not
-    only at samples; those of torques, of the tool and of collisions too, if asked for.
+    only at samples: those of joints and torques, and distances of the links from each other and from what the robot is
+    mounted on, where the description has them; those of the tool and from obstacles, if asked for.
     """
     from excite.cli.design_run import design_and_write
 
@@ -214,7 +215,7 @@ def _status(design: Design) -> int:
 def _typed(ctx: click.Context) -> dict[str, Any]:
     """Options given on the command line, as keys of a task."""
     typed = {name: value for name, value in typed_options(ctx).items() if name != "base"}
-    own = ("base_link", "tip", "snap_angles")
+    own = ("base_link", "tip", "snap_angles", "xacro")
     typed |= {name: ctx.params[name] for name in own if ctx.params[name] is not None}
     if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:
         convention, link = split_base(ctx.params["base"])

@@ -15,12 +15,10 @@ from excite.cli.streams import remark
 from excite.cli.verbosity import verbosity
 from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
-from excite.design.design_memory import TYPICAL_STARTS, search_seconds
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.multistart import ready_workers
-from excite.design.optimisation import solve
-from excite.estimates.long_work import announce
+from excite.design.optimisation import announce_search, solve, starts_left
 from excite.files.design_folder import check_no_design, data_files, figure_files, write_design, write_starts
 from excite.files.precision_files import seeks_precision
 from excite.files.resumed_search import holds_unfinished_design, resume_search
@@ -34,7 +32,6 @@ from regressors.robot.robot import Robot
 
 _SearchUntil = Callable[[Callable[[], None]], Design]  # of what is called when only saving remains
 PERIODS = "periods"  # folder of the searches at each period that a precision takes
-_ENDED = "Ctrl-C ends it, and the best so far is saved"
 
 
 def design_and_write(
@@ -100,7 +97,7 @@ def _nothing_left(kept: KeptStarts) -> Iterator[None]:
 
 def _plain_search(robot: Robot, formulation: Formulation, kept: KeptStarts) -> _SearchUntil:
     def begin(at_end: Callable[[], None]) -> Design:
-        ready = ready_workers(formulation) if _left(kept) else nullcontext()
+        ready = ready_workers(formulation) if starts_left(kept) else nullcontext()
         with ready, progress_of_starts(kept) as progress, _nothing_left(kept):
             return solve(robot, formulation, kept, progress, at_end=at_end)
 
@@ -147,7 +144,7 @@ def _precision_search(
         tell(f"looking for the best motion of {formulation.task.trajectory.period:g} s")
         if verbosity().verbose:
             return _plain_search(robot, formulation, kept)(lambda: None)
-        with ready_workers(formulation) if _left(kept) else nullcontext(), _nothing_left(kept):
+        with ready_workers(formulation) if starts_left(kept) else nullcontext(), _nothing_left(kept):
             return solve(robot, formulation, kept)
 
     def begin(at_end: Callable[[], None]) -> Design:
@@ -165,9 +162,4 @@ def _print_what_is_known(formulation: Formulation, kept: KeptStarts, notes: tupl
         remark(f"excite: note: {in_options(note)}")
     for found in kept.notes:
         remark(f"excite: {found}")
-    announce("the search", search_seconds(formulation.target, formulation.task, _left(kept)), _ENDED)
-
-
-def _left(kept: KeptStarts) -> int:
-    """Number of starts that are left, as far as it is known."""
-    return max((TYPICAL_STARTS if kept.count is None else kept.count) - len(kept.done), 0)
+    announce_search(formulation, kept)

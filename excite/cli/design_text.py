@@ -13,7 +13,8 @@ from excite.cli.literal_console import console
 from excite.cli.messages import in_options
 from excite.cli.precision_text import half_width_table, precision_lines
 from excite.cli.summary import Summary, compact_table, some_of
-from excite.design.unchecked import kept_text
+from excite.design.between_samples import between_samples_text
+from excite.design.unchecked import collisions_unchecked, kept_headline, kept_text
 from excite.information.metrics import noise_text
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
@@ -53,12 +54,14 @@ def design_summary(design: Design, files: Sequence[Path]) -> Summary:
     return Summary(
         verdict=_verdict(design),
         holds=design.feasible and (design.precision is None or design.precision.met),
+        caution=bool(collisions_unchecked(each.limit for each in design.unchecked)),
         facts=[
             *precision_lines(design),
             _asked(design),
             *_unchecked(design),
             *_nearest_limits(design),
             *_transfer_lines(design),
+            *_between_samples(design),
         ],
         notes=design.notes,
         files=files,
@@ -73,7 +76,9 @@ def _verdict(design: Design) -> str:
     if design.broken:
         held = f"Design exceeds {len(design.broken)} of {len(uses)} checked limits: {some_of(design.broken)}"
     else:
-        held = f"Design within all {len(uses)} checked limits" if uses else "Design for which no limit was checked"
+        plain = f"Design within all {len(uses)} checked limits" if uses else "Design for which no limit was checked"
+        held = kept_headline((each.limit for each in design.unchecked), plain)
+        held = held[:1].upper() + held[1:]
     return f"{held}; condition number {design.condition_number:.4g}{_guesses(design)}"
 
 
@@ -143,13 +148,13 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
         Text(f"condition number {design.condition_number:.4g}", style="bold"),
         f" of W, {design.rows} rows; minimised: {_minimised(design)}; "
         f"best of {design.number_of_starts} starts (start-{best.index:04d}), "
-        f"{design.provenance['cpu_seconds']:.1f} s CPU",
+        f"{design.provenance['cpu_seconds']:.1f} s CPU, {design.provenance['evaluation']}",
         sep="",
         soft_wrap=True,
     )
     out.print(_conditions(design))
     out.print(_limits(design))
-    for line in _transfer_lines(design):
+    for line in (*_transfer_lines(design), *map(in_options, _between_samples(design))):
         out.print(line, soft_wrap=True)
     for fact in precision_lines(design):
         out.print(fact, soft_wrap=isinstance(fact, str))
@@ -256,6 +261,12 @@ def _transfer_lines(design: Design) -> list[str]:
             f"{names[segment]}: {transfer.duration:g} s ({transfer.shortest:.4g} s at the quickest), {verdict}"
         )
     return [*lines, f"trajectory.csv lasts {design.sequence.duration:g} s"]
+
+
+def _between_samples(design: Design) -> list[str]:
+    """What becomes of the limits between the samples of the file; nothing where no limit is known."""
+    certified = design.between_samples
+    return [between_samples_text(design, certified)] if any(each.uses for each in certified) else []
 
 
 def _predictions(design: Design) -> Table:

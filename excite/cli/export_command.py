@@ -71,7 +71,8 @@ What is written:
   FILE.record.*      what to record, for the recorder that belongs to the controller, if it takes a file
   FILE.mapping.yaml  how 'excite identify --mapping' reads that recording, and by which hash it finds the design
 
-Exit status 1, and no file, where the motion breaks a limit.""",
+Exit status 1, and no file, where the motion breaks a limit; exit status 1 too where the controller does not
+document what it makes of the samples (rtde, krl, rapid), and a curve through them would pass one.""",
 )
 @click.argument("folder", type=Folder(), metavar="DIR")
 @click.option(
@@ -139,6 +140,8 @@ def command(
         from excite.cli.interrupts import interrupted_status
 
         sys.exit(interrupted_status())
+    if not exported.holds:
+        sys.exit(1)
 
 
 def _holds_result(folder: Path, form: str) -> bool:
@@ -233,7 +236,11 @@ def _show(exported: Exported) -> None:
 
     show(
         Summary(
-            verdict=_verdict(exported), holds=True, facts=_played(exported), notes=exported.notes, files=exported.files
+            verdict=_verdict(exported),
+            holds=exported.holds,
+            facts=_played(exported),
+            notes=exported.notes,
+            files=exported.files,
         ),
         content,
         details,
@@ -258,6 +265,8 @@ def _verdict(exported: Exported) -> str:
     label, used = facts["closest_limit"], facts["closest_limit_used"]
     if label is None:
         return f"Motion exported as {exported.format}; no limit of the robot is known"
+    if not facts["limits_kept"]:
+        return f"Motion exported as {exported.format}; between its samples the limits are {facts['between_samples']}"
     return (
         f"Motion exported as {exported.format}, within its limits; the closest, {label}, is used to {100 * used:.4g} %"
     )

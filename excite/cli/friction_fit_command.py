@@ -9,7 +9,7 @@ import click
 
 from excite.cli.command import Command
 from excite.cli.figure_options import figure_options
-from excite.cli.options import Folder, Names, Number, RobotName, own_parts, snap_option
+from excite.cli.options import Folder, Names, Number, RobotName, own_parts, reading_options
 from excite.cli.task_options import task_options
 from excite.registry import DROPPABLE
 
@@ -66,7 +66,7 @@ What is written to DIR:
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",), without=("gravity",))
-@snap_option
+@reading_options
 @click.option(
     "--drives",
     "--joints",

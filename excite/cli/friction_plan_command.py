@@ -9,7 +9,7 @@ import click
 
 from excite.cli.command import Command
 from excite.cli.figure_options import figure_options
-from excite.cli.options import Folder, Names, Number, Numbers, Ranges, RobotName, snap_option
+from excite.cli.options import Folder, Names, Number, Numbers, Ranges, RobotName, reading_options
 from excite.cli.task_options import installation_of, task_options
 
 _NOT_HELD = 1
@@ -80,7 +80,7 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))
-@snap_option
+@reading_options
 @click.option("--drives", type=Names(), metavar="1,3", help="Drives to measure, by name or number.  [default: all]")
 @click.option("--joints", type=Names(), metavar="1,3", help="Instead: joints to measure, each moved on its own.")
 @click.option(
@@ -155,6 +155,7 @@ def command(
     base_link: str | None,
     tip: str | None,
     snap_angles: bool | None,
+    xacro: bool | None,
     **options: Any,
 ) -> None:
     """Plan runs that measure the friction of ROBOT's joints or drives, and write them to DIR.
@@ -166,13 +167,14 @@ def command(
     from excite.cli.friction_plan_text import plan_summary, print_plan
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.files.figure_names import figure_names
     from excite.files.friction_plan_folder import FIGURE, KIND, check_free, plan_content
+    from excite.storage.figure_names import figure_names
     from excite.storage.result_folder import result_folder
     from excite.tasks.robot_of_task import installed_robot
 
     snapped = snap_angles is not False
-    task = excite.Task(robot, base_link=base_link, tip=tip, snap_angles=snapped, **installation_of(options))
+    reading: dict[str, Any] = {"snap_angles": snapped, "xacro": bool(xacro), **installation_of(options)}
+    task = excite.Task(robot, base_link=base_link, tip=tip, **reading)
     described = installed_robot(task)
     file = options["world"]
     world = None if file is None else excite.read_world(Path(file), robot, base_link, tip, snap_angles=snapped)

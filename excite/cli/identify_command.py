@@ -19,7 +19,7 @@ from excite.cli.options import (
     RobotName,
     SettingNames,
     own_parts,
-    snap_option,
+    reading_options,
 )
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, EXECUTORS, SIGNALS
@@ -134,7 +134,7 @@ What is written to DIR:
 )
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
-@snap_option
+@reading_options
 @task_options(
     ("installation", "model"),
     without=("friction_curves",),

@@ -16,11 +16,11 @@ from excite.cli.repetition_text import print_repetitions, repeat_and_write
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark
 from excite.cli.summary import show
-from excite.files.figure_names import figure_names
 from excite.files.result_curves import CURVES
 from excite.files.result_json import FIGURES, REPETITIONS, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.registry import CHOSEN, is_own
+from excite.storage.figure_names import figure_names
 from excite.storage.result_folder import result_folder
 
 _NOT_REPEATED = ("estimator", "standstill", "signals")
@@ -111,6 +111,7 @@ def _identified(
         base_link=given["base_link"],
         tip=given["tip"],
         snap_angles=given["snap_angles"],
+        xacro=given["xacro"],
         design=design,
         friction_curves=given["friction_curves"],
         choose=_to_choose(given["choose"], repeat=bool(given["repeat"])),

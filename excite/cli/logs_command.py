@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import RobotName, snap_option
+from excite.cli.options import RobotName, reading_options
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -46,7 +46,7 @@ answers, with the questions as comments: correct it before you use it.""",
 )
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
-@snap_option
+@reading_options
 @click.option(
     "--write-mapping", type=click.Path(path_type=Path), metavar="MAP.yaml", help="Mapping to write, for --mapping."
 )
@@ -57,6 +57,7 @@ def command(
     base_link: str | None,
     tip: str | None,
     snap_angles: bool | None,
+    xacro: bool | None,
     write_mapping: Path | None,
     force: bool,
 ) -> None:
@@ -72,7 +73,8 @@ def command(
     if write_mapping is not None:
         check_mapping_free(write_mapping, replace=force)
     tell(f"reading {file}")
-    moved = None if robot is None else excite.load_robot(robot, base_link, tip, snap_angles=snap_angles is not False)
+    read = {"snap_angles": snap_angles is not False, "xacro": bool(xacro)}
+    moved = None if robot is None else excite.load_robot(robot, base_link, tip, **read)
     guess = excite.guess_mapping(file, moved)
     if write_mapping is not None:
         write_mapping_file(guess, write_mapping, replace=force)

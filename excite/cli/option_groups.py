@@ -17,7 +17,7 @@ _OF_PARTS: Mapping[str, str] = {
     "output": "Home and rehearsal",
 }
 _SHARED: Mapping[str, tuple[str, ...]] = {
-    "Robot": ("base_link", "tip", "snap_angles"),
+    "Robot": ("base_link", "tip", "snap_angles", "xacro"),
     "Limits": ("world",),
     "Logs": ("mapping", "drop", "rows", "without_rows", "loaded", "without"),
     OUTPUT: ("out", "rate"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -60,11 +60,25 @@ class OwnName(click.ParamType[str]):
         return str(value)
 
 
-snap_option = click.option(
+_snap_angles = click.option(
     "--snap-angles/--no-snap-angles",
     default=None,
-    help="Take rounded right angles of a URDF, such as 1.5708, for right angles.  [default: snap]",
+    help="Take rounded right angles of a URDF or MJCF, such as 1.5708, for right angles.  [default: snap]",
 )
+_xacro = click.option(
+    "--xacro",
+    is_flag=True,
+    default=None,
+    help="Expand ROBOT as xacro although its name does not end in .xacro. Evaluated are arithmetic and listed "
+    "functions only, in a process with caps and no network; what remains is the risk of an error in Python itself.",
+)
+
+
+def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """How the file of a robot is read."""
+    return _snap_angles(_xacro(command))
+
+
 own_parts = click.option(
     "--part",
     "parts",
@@ -215,7 +229,7 @@ class Margin(click.ParamType[float | str]):
             number = number_of(str(value))
         except ValueError:
             self.fail(f"expected a number such as 0.2, {' or '.join(MARGINS)}; given {shown(value)}", param, ctx)
-        _check_all(self, "torque_margin", [number], param, ctx)
+        _check_all(self, _quantity(None, param), [number], param, ctx)
         return number
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from excite.cli.summary import Summary
     from excite.payload.payload_motion import PayloadMotion
 
-_LIMITS = ("velocity", "acceleration", "jerk", "torque_margin", "tool_point", "tool_speed", "self_collision")
+_LIMITS = ("velocity", "acceleration", "jerk", "torque_margin", "tool_point", "tool_speed", "floor", "self_collision")
 
 _GROUPS = {
     "Motion": ("box", "centre", "pose", "swing", "period", "harmonics"),

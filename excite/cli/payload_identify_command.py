@@ -100,16 +100,16 @@ def command(
     from excite.cli.payload_text import payload_summary, print_payload
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.payload.controllers import CONTROLLERS, FILES
-    from excite.payload.payload_file import check_no_payload, payload_content, save_payload
+    from excite.payload.payload_result import check_no_payload
+    from excite.storage.records import json_of
     from excite.storage.result_folder import result_folder
 
     if bool(loaded) == bool(wrench):
         raise click.UsageError("give the logs of the motion with the load, as --with or as --wrench")
-    chosen = {"all": CONTROLLERS, "none": ()}.get(given["controller"], (given["controller"],))
+    chosen = {"all": _CONTROLLERS[2:], "none": ()}.get(given["controller"], (given["controller"],))
     tell("reading the logs and identifying")
     with result_folder(out):
-        check_no_payload(out, [FILES[name] for name in chosen], replace=given["force"])
+        check_no_payload(out, chosen, replace=given["force"])
         payload = excite.identify_payload(
             robot,
             list(loaded or wrench),
@@ -119,10 +119,10 @@ def command(
             **{name: given[name] for name in ("result", "gains", "gain_deviation", "frame", "frame_name", "rated")},
             **robot_of(given),
         )
-        files = save_payload(payload, out, controllers=chosen, replace=given["force"])
+        files = payload.save(out, controllers=chosen, replace=given["force"])
     show(
         payload_summary(payload, files),
-        lambda: {"out": str(out), **payload_content(payload, chosen)},
+        lambda: {"out": str(out), **json_of(payload), "controllers": payload.texts(chosen)},
         lambda: print_payload(payload, chosen, files),
     )
     sys.exit(NOT_HELD if payload.doubts else 0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Box, Number, Numbers, snap_option
+from excite.cli.options import Box, Number, Numbers, reading_options
 from excite.cli.task_options import installation_of, task_options
 from excite.registry import DROPPABLE
 
@@ -66,7 +66,7 @@ class Share(click.ParamType[float]):
 def robot_options(command: Command) -> Command:
     """How ROBOT is read and installed."""
     for decorate in (
-        snap_option,
+        reading_options,
         task_options(("installation",), without=("payload",)),
         click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF."),
         click.option(
@@ -122,6 +122,7 @@ def robot_of(given: Mapping[str, Any]) -> dict[str, Any]:
         "base_link": given["base_link"],
         "tip": given["tip"],
         "snap_angles": given["snap_angles"] is not False,
+        "xacro": bool(given["xacro"]),
         "installation": Installation(**installation_of({"payload": None, **given})),
     }
 

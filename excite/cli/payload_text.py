@@ -12,7 +12,6 @@ from rich.text import Text
 from excite.cli.literal_console import console
 from excite.cli.messages import in_options
 from excite.cli.summary import Summary, compact_table
-from excite.payload.controllers import controller_text
 
 if TYPE_CHECKING:
     from excite.payload.payload_result import PayloadResult
@@ -84,5 +83,5 @@ def print_payload(payload: PayloadResult, controllers: Collection[str], files: S
     if payload.mass > 0:
         for name in controllers:
             out.print(f"\n{name}:", style="bold")
-            out.print(controller_text(name, payload).rstrip(), soft_wrap=True)
+            out.print(payload.text_for(name).rstrip(), soft_wrap=True)
     out.print("written: " + ", ".join(map(str, files)), soft_wrap=True)

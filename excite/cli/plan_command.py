@@ -12,7 +12,7 @@ import click
 from click.core import ParameterSource
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, Names, Number, RobotName, snap_option
+from excite.cli.options import Folder, Names, Number, RobotName, reading_options
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import MODELS
 from excite.tasks.model_choice import FURTHER_FRICTION
@@ -56,7 +56,7 @@ where it is enough, 1 where another motion is needed, which --out writes.
 @click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))
-@snap_option
+@reading_options
 @click.option("--joints", type=Names(), metavar="1,2,3", help="Joints whose parameters to identify.")
 @click.option(
     "--model", type=click.Choice(MODELS), default="energy", help="Model whose equations identify the parameters."
@@ -95,6 +95,7 @@ def command(
     base_link: str | None,
     tip: str | None,
     snap_angles: bool | None,
+    xacro: bool | None,
     joints: tuple[str, ...] | None,
     model: str,
     at_once: int | None,
@@ -133,6 +134,7 @@ def command(
         "rotor": rotor,
     }
     described: dict[str, Any] = {"base_link": base_link, "tip": tip, "snap_angles": snap_angles is not False}
+    described["xacro"] = bool(xacro)
     task = excite.Task(robot, **described, **asked, **further)
     tell("finding the parameters that each selection of drives identifies")
     campaign = excite.plan_campaign(task, at_once)
@@ -149,7 +151,7 @@ def _next_motion(
     from excite.files.task_file import read_task_file, task_from_options
 
     filed = read_task_file(task_file) if task_file else {}
-    named = ("base_link", "tip", "snap_angles")
+    named = ("base_link", "tip", "snap_angles", "xacro")
     typed = typed_options(ctx) | {name: ctx.params[name] for name in named if ctx.params[name] is not None}
     if "period" in typed:
         typed["scale"] = "precision"  # at that period, not at the shortest
@@ -171,6 +173,7 @@ def _design_command(task: Task, curves: str | None) -> str:
     words += ["--base", task.base_link] if task.base_link is not None else []
     words += ["--tip", task.tip] if task.tip is not None else []
     words += [] if task.snap_angles else ["--no-snap-angles"]
+    words += ["--xacro"] if task.xacro else []
     words += [] if task.model.friction else ["--no-friction"]
     words += [] if curves is None else ["--friction-curves", curves]
     words += [word for name in FURTHER_FRICTION for word in _friction_words(name, getattr(task.model, name))]

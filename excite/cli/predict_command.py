@@ -83,13 +83,13 @@ def command(folder: Path, count: float, parts: tuple[str, ...], choose: bool, **
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.files.accuracy_file import accuracy_content
+    from excite.storage.records import json_of
 
     given = {name: value for name, value in options.items() if value is not None}
     design = excite.load_design(folder, parts)
     prediction = excite.predict_accuracy(design, choose=choose, count=int(count), progress=tell, **given)
     files = prediction.save(folder if folder.suffix != ".json" else folder.parent)
-    show(_summary(prediction, files), lambda: accuracy_content(prediction), lambda: _print(prediction, files))
+    show(_summary(prediction, files), lambda: json_of(prediction), lambda: _print(prediction, files))
 
 
 def _summary(prediction: AccuracyPrediction, files: list[Path]) -> Summary:

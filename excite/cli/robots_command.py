@@ -10,10 +10,11 @@ import click
 
 from excite.cli.command import Command
 from excite.cli.messages import in_options
-from excite.cli.options import Names, RobotName, snap_option
+from excite.cli.options import Names, RobotName, reading_options
 from excite.cli.streams import remark
 from excite.cli.task_options import task_options
 from excite.cli.verbosity import verbosity
+from regressors.errors import InputError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -46,7 +47,7 @@ Examples:
 @click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))
-@snap_option
+@reading_options
 @click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others are locked.")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
@@ -58,6 +59,7 @@ def command(
     base: str | None,
     tip: str | None,
     snap_angles: bool | None,
+    xacro: bool | None,
     joints: tuple[str, ...] | None,
     friction: bool,
     rotor: bool,
@@ -87,14 +89,19 @@ def command(
         from excite.files.world_file import capsules_text, urdf_capsules
 
         parts, left_out = urdf_capsules(robot, base, tip, snap_angles=snapped)
-        for what in left_out:
+        if not parts:
+            more = f" ({len(left_out) - 1} more like it)" if len(left_out) > 1 else ""
+            raise InputError(f"{left_out[0][1]}{more}, and no other shape is left; put the meshes there")
+        for _, what in left_out:
             remark(f"excite: note: left out: {what}")
         if verbosity().as_json:
-            click.echo(json.dumps({"world": capsules_text(parts), "left_out": list(left_out)}, indent=1))
+            click.echo(
+                json.dumps({"world": capsules_text(parts), "left_out": [what for _, what in left_out]}, indent=1)
+            )
         else:
             click.echo(capsules_text(parts), nl=False)
         return
-    described: dict[str, Any] = {"base_link": base, "tip": tip, "snap_angles": snapped}
+    described: dict[str, Any] = {"base_link": base, "tip": tip, "snap_angles": snapped, "xacro": bool(xacro)}
     task = Task(robot, joints=joints, friction=friction, rotor=rotor, **described, **installation)
     whole = installed_robot(task)
     if out is not None:
@@ -160,6 +167,7 @@ def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any
             "columns": list(base.names),
             "expressions": list(base.expressions),
             "units": list(base.units),
+            "by_rounding": list(base.by_rounding),
         },
     }
 
@@ -173,6 +181,7 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
 
     from constraints.linear import QUANTITIES, linear_limits
     from excite.cli.literal_console import console
+    from excite.information.rounded_angles import left_out_by_rounding
 
     out = console()
     out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
@@ -205,6 +214,8 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     clarity = "no column depends on others" if base.gap == float("inf") else f"singular value gap {base.gap:.1e}"
     title = f"base parameters of {', '.join(moving)}: {base.rank} of {len(base.columns)} columns ({clarity})"
     out.print(title, soft_wrap=True)
+    for note in left_out_by_rounding(whole, base):
+        out.print(in_options(note), soft_wrap=True)
     parameters = _table(None, "column", "combination", "unit")
     for name, expression, unit in zip(base.names, base.expressions, base.units, strict=True):
         parameters.add_row(name, expression, unit)

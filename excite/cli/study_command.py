@@ -14,7 +14,6 @@ from excite.registry import EXECUTORS
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
-    from excite.timecourse.time_course import TimeCourse
     from excite.timecourse.time_study import TimeStudy
 
 _GROUPS = {
@@ -121,10 +120,11 @@ def command(
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.files.figure_names import figure_names
-    from excite.files.time_study_json import FIGURE, check_free, time_study_content
+    from excite.storage.figure_names import figure_names
+    from excite.storage.records import json_of
     from excite.storage.result_folder import result_folder
     from excite.timecourse.study_over_time import study_over_time
+    from excite.timecourse.time_study import FIGURE, check_free
 
     if not repeats and (executor != "process" or workers is not None):
         raise click.UsageError("--executor and --workers are for repetitions: give their number, --repeats N")
@@ -152,94 +152,29 @@ def command(
 
             tell("drawing")
             files = [*files, *write_time_study_figure(study, out, **figures.how)]
-    show(_summary(study, files), lambda: time_study_content(study), lambda: _print(study, files))
+    show(_summary(study, files), lambda: json_of(study), lambda: _print(study, files))
 
 
 def _summary(study: TimeStudy, files: list[Path]) -> Summary:
-    from excite.cli.summary import Summary, compact_table
+    from excite.cli.summary import Summary
+    from excite.cli.view_text import brief_table
+    from excite.views.study_view import study_view
 
-    share = f"{100 * study.below:g} %"
-    rows = [_row(course, study.below) for course in study.courses]
-    times = [(course.time_below(study.below).max(), course.name) for course in study.courses]
-    known = sorted((time, name) for time, name in times if time == time)
-    if known:
-        time, name = known[0]
-        verdict = f"{name} determines every parameter to {share} soonest, after {time:.3g} s"
-    else:
-        row = min(rows, key=lambda row: int(row[5].split()[0]))
-        verdict = f"No motion determines every parameter to {share}; fewest are left by {row[0]}: {row[5]}"
+    view = study_view(study)
     return Summary(
-        verdict=verdict,
-        holds=bool(known),
-        facts=compact_table(
-            "motion", "lasts [s]", "cond(W)", f"all below {share} [s]", "half [s]", "still above", "last", rows=rows
-        ),
-        notes=_notes(study),
+        verdict=view.verdict,
+        holds=view.holds,
+        facts=brief_table(view.tables[0]),
+        notes=view.remarks,
         files=files,
         all_in="study.json",
     )
 
 
-def _notes(study: TimeStudy) -> list[str]:
-    return [f"{course.name}: {text}" for course in study.courses for text in (*_scatter_text(course), *course.notes)]
-
-
 def _print(study: TimeStudy, files: list[Path]) -> None:
-    from rich.table import Table
-
     from excite.cli.literal_console import console
-    from excite.cli.messages import in_options
+    from excite.cli.view_text import print_view
+    from excite.views.study_view import study_view
 
-    out = console()
-    share = f"{100 * study.below:g} %"
-    table = Table(title=f"{study.robot}: when deviations stay below {share}", title_justify="left")
-    for heading in (
-        "motion",
-        "lasts [s]",
-        "cond(W)",
-        f"all below {share} [s]",
-        "half of them [s]",
-        "still above",
-        "last",
-    ):
-        table.add_column(heading, justify="left" if heading in ("motion", "last") else "right")
-    for course in study.courses:
-        table.add_row(*_row(course, study.below))
-    out.print(table)
-    for text in _notes(study):
-        out.print(f"note: {in_options(text)}", soft_wrap=True)
-    out.print(f"written: {', '.join(map(str, files))}", soft_wrap=True)
-
-
-def _row(course: TimeCourse, below: float) -> list[str]:
-    import numpy as np
-
-    times = course.time_below(below)
-    late = np.isnan(times)
-    ranked = np.sort(np.where(late, np.inf, times))
-    half = ranked[(ranked.size - 1) // 2]
-    final = course.relative_deviation[-1]
-    worst = int(np.argmax(np.where(np.isfinite(times), times, 1e9 + np.nan_to_num(final, posinf=1e9))))
-    return [
-        course.name,
-        f"{course.time[-1]:.4g}",
-        f"{course.condition_number[-1]:.4g}",
-        "never" if late.any() else f"{ranked[-1]:.3g}",
-        "never" if np.isinf(half) else f"{half:.3g}",
-        f"{int(late.sum())} of {late.size}",
-        f"{course.names[worst]}, {100 * final[worst]:.3g} %",
-    ]
-
-
-def _scatter_text(course: TimeCourse) -> list[str]:
-    """How far repetitions scatter against what is stated."""
-    import numpy as np
-
-    if course.scatter is None or course.repeated is None:
-        return []
-    seen = np.isfinite(course.deviation[-1]) & (course.deviation[-1] > 0)
-    ratio = course.scatter[-1, seen] / course.deviation[-1, seen]
-    return [
-        f"{len(course.repeated)} repetitions scatter by {np.median(ratio):.2f} times the stated deviations (median; "
-        f"{ratio.min():.2f} to {ratio.max():.2f})"
-    ]
+    print_view(study_view(study))
+    console().print(f"written: {', '.join(map(str, files))}", soft_wrap=True)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _LINES, _COLUMNS = 24, 100
 _FIGURE, _ALIKE = "figure", 4
 _STYLES = {True: "bold green", False: "bold red", None: "bold"}
+_CAUTION = "bold yellow"
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class Summary:
         In words, with the number that matters most.
     holds : bool, optional
         Whether what was asked for holds; None where that is no question.
+    caution : bool
+        Whether something that may break the robot was not checked, so that what holds is not safe to play.
     facts : sequence of str or Table
         The few numbers that matter, with units.
     notes : sequence of str
@@ -55,6 +58,7 @@ class Summary:
 
     verdict: str
     holds: bool | None = None
+    caution: bool = False
     facts: Sequence[str | Table] = ()
     notes: Sequence[str] = ()
     files: Sequence[Path] = ()
@@ -95,7 +99,8 @@ def _print_text(summary: Summary, details: Callable[[], None] | None) -> None:
     out = console()
     width = min(out.width, _COLUMNS) if sys.stdout.isatty() else _COLUMNS
     for line in _wrapped(summary.verdict, width, ""):
-        out.print(Text(line, style=_STYLES[summary.holds]), soft_wrap=True)
+        style = _CAUTION if summary.caution and summary.holds is not False else _STYLES[summary.holds]
+        out.print(Text(line, style=style), soft_wrap=True)
     if details is not None:
         from excite.cli.run_facts import print_run_facts
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -125,8 +126,9 @@ def command(
     from excite.cli.main import NOT_HELD
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.files.verification_json import check_replaceable, verification_content
+    from excite.storage.records import check_replaceable, json_of
     from excite.storage.result_folder import result_folder
+    from excite.verification.verification import KIND
 
     tolerances = excite.Tolerances(torque_tolerance / 100, motion_tolerance / 100)
     result = excite.load_result(folder, parts)
@@ -136,7 +138,7 @@ def command(
     options = {**read, **how, "tolerances": tolerances}
     with result_folder(target):
         for stem in stems:
-            check_replaceable(target, stem)
+            check_replaceable(target, KIND, stem)
         judged = []
         for log in logs:
             tell(f"judging {folder} on {log}")
@@ -152,12 +154,8 @@ def command(
                 for verification, stem, files in zip(judged, stems, saved, strict=True)
             ]
 
-    def details() -> None:
-        for verification, files in zip(judged, written, strict=True):
-            _print(verification, files)
-
     files = [file for some in written for file in some]
-    show(_summary(judged, files), lambda: [verification_content(verification) for verification in judged], details)
+    show(_summary(judged, files), lambda: list(map(json_of, judged)), partial(_print, judged, files))
     sys.exit(0 if all(verification.holds for verification in judged) else NOT_HELD)
 
 
@@ -170,21 +168,16 @@ def _stems(logs: Sequence[Path]) -> list[str]:
     ]
 
 
-def _without_noise(verification: Verification) -> str:
-    whole = verification.corrected_total
-    if whole is None or whole.noise == 0 or not math.isfinite(whole.relative):
-        return ""
-    return f", within {100 * whole.relative:.3g} % without the noise of the measurement"
-
-
 def _summary(judged: Sequence[Verification], files: Sequence[Path]) -> Summary:
     """Of one log its verdict and the errors of each joint; of several, a line each."""
     from excite.cli.summary import Summary, compact_table
+    from excite.cli.view_text import brief_table
+    from excite.views.verification_view import verification_view
 
     holds = all(verification.holds for verification in judged)
     if len(judged) == 1:
-        (only,) = judged
-        verdict, facts = only.verdict.text, [_predicted(only), *_errors(only)]
+        view = verification_view(judged[0])
+        verdict, facts, notes = view.verdict, [*view.summary, *brief_table(view.tables[0])], judged[0].verdict.remarks
     else:
         against = sum(not verification.holds for verification in judged)
         verdict = (
@@ -194,102 +187,36 @@ def _summary(judged: Sequence[Verification], files: Sequence[Path]) -> Summary:
         )
         rows = [_row(verification) for verification in sorted(judged, key=lambda each: each.holds)]
         facts = compact_table("log", "verdict", "error of torques", "largest of a motion", rows=rows, left=2)
+        notes = tuple(f"{v.log.file}: {text}" for v in judged for text in (*v.verdict.against, *v.verdict.remarks))
     return Summary(
         verdict=verdict,
         holds=holds,
         facts=facts,
-        notes=_notes(judged),
+        notes=notes,
         files=files,
         next_steps=[] if holds else ["'excite verify ... --verbose' shows what limits each joint"],
         all_in="verification-*.json",
     )
 
 
-def _notes(judged: Sequence[Verification]) -> list[str]:
-    """Reasons against the result on each of several logs, and remarks."""
-    several = len(judged) > 1
-    return [
-        f"{verification.prepared.log.source}: {text}" if several else text
-        for verification in judged
-        for text in (*(verification.verdict.against if several else ()), *verification.verdict.remarks)
-    ]
-
-
 def _row(verification: Verification) -> tuple[str, ...]:
     motions = [m.relative for m in verification.motions or () if math.isfinite(m.relative)]
     return (
-        verification.prepared.log.source,
+        verification.log.file,
         "holds" if verification.holds else "DOES NOT HOLD",
         f"{100 * verification.relative_error:.3g} %",
         f"{100 * max(motions):.3g} %" if motions else "-",
     )
 
 
-def _errors(verification: Verification) -> list[Any]:
-    """Errors of the torques and of the motion of each joint."""
-    from excite.cli.summary import compact_table
-
-    motions = {m.name: m for m in verification.motions or ()}
-    rows = []
-    for torque in verification.torques:
-        motion = motions.get(torque.name)
-        moved = "-" if motion is None or not math.isfinite(motion.relative) else f"{100 * motion.relative:.1f} %"
-        rows.append((torque.name, f"{torque.error:.3g} {torque.unit}", f"{100 * torque.relative:.1f} %", moved))
-    return compact_table("equation", "torque error", "of measured", "simulated motion", rows=rows)
-
-
-def _predicted(verification: Verification) -> str:
-    trained = verification.training_error
-    identified = "" if trained is None else f" ({100 * trained:.3g} % where identified)"
-    log = verification.prepared.log
-    return (
-        f"{log.source}: {log.count} rows; torques are predicted within {100 * verification.relative_error:.3g} % of "
-        f"what was measured{identified}{_without_noise(verification)}; allowed are "
-        f"{100 * verification.tolerances.torque:g} %, and {100 * verification.tolerances.motion:g} % of a motion"
-    )
-
-
-def _print(verification: Verification, files: list[Path]) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
+def _print(judged: Sequence[Verification], files: Sequence[Path]) -> None:
     from excite.cli.literal_console import console
-    from excite.cli.messages import in_options
+    from excite.cli.view_text import print_verdict, print_view
+    from excite.views.verification_view import verification_view
 
-    out, log = console(), verification.prepared.log
-    trained = (
-        "" if verification.training_error is None else f" ({100 * verification.training_error:.3g} % where identified)"
-    )
-    out.print(
-        Text("\n").append(log.source, style="bold"),
-        f": {log.count} rows, predicted within {100 * verification.relative_error:.3g} % of what was measured{trained}"
-        f"{_without_noise(verification)}",
-        sep="",
-        soft_wrap=True,
-    )
-    out.print(
-        Text(in_options(verification.verdict.text), style="bold green" if verification.verdict.holds else "bold red"),
-        soft_wrap=True,
-    )
-    for remark in verification.verdict.remarks:
-        out.print(f"note: {in_options(remark)}", soft_wrap=True)
-    table = Table(title="predicted against measured", title_justify="left")
-    for heading in ("", "measured", "error", "unit", "relative", "less noise", "worst", "at [s]", "noise", "standstill",
-                    "model"):  # fmt: skip
-        table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
-    for t, part in zip(verification.torques, verification.corrected, strict=True):
-        parts = (f"{100 * part:.0f} %" for part in (t.noise, t.standstill, t.systematic))
-        sizes = (f"{t.measured:.3g}", f"{t.error:.3g}", t.unit, f"{100 * t.relative:.1f} %")
-        less = "-" if not math.isfinite(part.relative) else f"{100 * part.relative:.1f} %"
-        table.add_row(t.name, *sizes, less, f"{t.worst:.3g}", f"{t.worst_time:.2f}", *parts)
-    out.print(table)
-    if verification.motions is not None:
-        motion = Table(title="simulated against measured motion", title_justify="left")
-        for heading in ("", "travel", "error", "unit", "relative", "worst", "at [s]"):
-            motion.add_column(heading, justify="left" if heading in ("", "unit") else "right")
-        for m in verification.motions:
-            share = f"{100 * m.relative:.1f} %" if math.isfinite(m.relative) else "-"
-            motion.add_row(m.name, f"{m.travel:.3g}", f"{m.error:.2g}", m.unit, share, f"{m.worst:.2g}",
-                           f"{m.worst_time:.2f}")  # fmt: skip
-        out.print(motion)
-    out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
+    for view in map(verification_view, judged):
+        if len(judged) > 1:
+            print_verdict(view)
+        print_view(view)
+    names = ", ".join(path.name for path in files)
+    console().print(f"written to {files[-1].parent}: {names}", soft_wrap=True)

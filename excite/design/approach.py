@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse, limit_uses
-from constraints.bounds.enclosure import enclose
+from constraints.bounds.certificate import LimitUse
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
+from excite.design.motion_limits import uses_of
 from excite.tasks.task import Task
 from excite.trajectories.detours import detour
 from excite.trajectories.sequence import APPROACH, EXCITE, RETURN, Motion, MotionSequence, Piece, Rest, whole_pose
@@ -106,8 +106,8 @@ def approach_and_return(
     """Quickest approach from a task's home to a motion, and return, on straight lines in joint space through its poses.
 
     Where an obstacle blocks a line, poses around it are found. Transfers are slowed down as limits of torques and of
-    the tool require, if that helps; their certificate states whether all limits are kept. Each is stretched, never
-    shortened, to a whole number of sampling periods.
+    the tool require, if that helps; their certificate states whether all limits are kept. Every phase of constant jerk
+    is made longer, never shorter, until it is a whole number of sampling periods.
 
     Parameters
     ----------
@@ -143,13 +143,7 @@ def approach_and_return(
         for route in (routes[0], routes[1][::-1])
     )
     transfers = ApproachAndReturn(approach, back, _periods(task.output.settle, task.output.rate), task.output.rate, {})
-    limits = {
-        segment: (
-            *(use for limit in linear for use in limit_uses(limit, transfer.extrema(limit))),
-            *(use for limit in nonlinear for use in _enclosed(transfer, limit)),
-        )
-        for segment, transfer in transfers.transfers.items()
-    }
+    limits = {name: uses_of(transfer, linear, nonlinear) for name, transfer in transfers.transfers.items()}
     return replace(transfers, limits=limits)
 
 
@@ -231,11 +225,7 @@ def _slow_enough(transfer: Transfer | None, limits: Sequence[NonlinearConstraint
 
 
 def _keeps(transfer: Transfer, limits: Sequence[NonlinearConstraint]) -> bool:
-    return all(use.holds for limit in limits for use in _enclosed(transfer, limit))
-
-
-def _enclosed(transfer: Transfer, limit: NonlinearConstraint) -> list[LimitUse]:
-    return enclose(limit, transfer.samples, transfer.duration, transfer.jerk).uses(limit)
+    return all(use.holds for use in uses_of(transfer, (), limits))
 
 
 def _periods(seconds: float, rate: float) -> int:
@@ -244,5 +234,7 @@ def _periods(seconds: float, rate: float) -> int:
 
 
 def _on_samples(transfer: Transfer | None, rate: float) -> Transfer | None:
-    """The transfer, stretched to end on a sample."""
-    return None if transfer is None else transfer.stretched(_periods(transfer.duration, rate) / rate)
+    """The transfer with every change of its jerk on a sample: what interpolates the samples keeps its limits."""
+    if transfer is None:
+        return None
+    return replace(transfer, legs=tuple(replace(leg, law=leg.law.on_grid(1.0 / rate)) for leg in transfer.legs))

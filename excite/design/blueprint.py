@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
 
-from constraints.collision.geometry import World
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_limits import GridLimits
 from excite.design.imposed_limits import nonlinear_limits
+from excite.design.initial_guesses import random_motion
 from excite.design.problem import InitialGuess, Problem
 from excite.design.smooth_objective import SmoothObjective
-from excite.design.stated_limits import stated_limits
-from excite.design.unchecked import Unchecked
+from excite.design.stated_limits import StatedWorld, stated_limits
 from excite.information.goal import Goal
 from excite.information.matrix import Information
 from excite.information.target import model_of
-from excite.registry import instance
+from excite.registry import instance, part
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
 from regressors.robot.archive import robot_from_description
@@ -28,6 +27,7 @@ from regressors.symbolic.vectorised import VectorisedFunction
 
 _SIGN_WIDTH = 0.02  # of the velocity limit: width of Coulomb friction's smooth sign; results use the exact sign
 _FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC = 100, 20
+_MOTIONS = 8  # such as a search begins with: limits that one of them breaks are imposed at once
 _FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC = 512, 64
 
 
@@ -50,8 +50,8 @@ class Blueprint:
         Divisor of the rows of each equation.
     precision : ndarray, shape (b, b)
         Prior knowledge, see `excite.information.weighting`.
-    shape : World or Unchecked
-        Of the robot, for the check of self-collision, see `excite.design.stated_limits.shape_of`.
+    world : StatedWorld
+        Bodies that stay apart by default, see `excite.design.stated_limits.stated_world`.
     initial : ndarray, shape (N, k), optional
         Positions of the moving coordinates in the initial motion.
     goal : Goal
@@ -67,7 +67,7 @@ class Blueprint:
     centre: Array
     noise: Array
     precision: Array
-    shape: World | Unchecked
+    world: StatedWorld
     initial: Array | None = None
     goal: Goal = field(default_factory=Goal)
 
@@ -112,8 +112,8 @@ class Blueprint:
         if nonlinear is None or stated is None:
             whole = robot_from_description(self.whole)
             nonlinear = nonlinear_limits(whole, robot.joint_names, task)
-            stated = stated_limits(whole, robot.joint_names, task, self.shape).constraints
-        return Problem(
+            stated = stated_limits(whole, robot.joint_names, task, self.world).constraints
+        problem = Problem(
             family=family,
             objective=SmoothObjective(
                 information=information,
@@ -126,6 +126,11 @@ class Blueprint:
             limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion, stated),
             guess=InitialGuess(self.centre, task.search.start, self.initial),
         )
+        if not stated or not part("solver", task.search.solver).takes_nonlinear_limits:
+            return problem
+        rng = np.random.default_rng(0)
+        motions = [random_motion(problem, rng) for _ in range(_MOTIONS)]
+        return replace(problem, limits=problem.limits.with_expected(motions))
 
 
 def objective_instants(richness: int) -> int:

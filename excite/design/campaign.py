@@ -18,6 +18,7 @@ from excite.information.target import model_of, moving_robot
 from excite.registry import name_of
 from excite.tasks.robot_of_task import first_argument, robot_and_task
 from excite.tasks.task import Task
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.base import Base, base_parameters, enough_states, random_states
 from regressors.models.model import RegressorModel
@@ -77,6 +78,7 @@ class Campaign:
     subsets: tuple[tuple[tuple[str, ...], int], ...]
 
 
+@checked
 @numerical_work(
     "the campaign",
     "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
@@ -104,7 +106,7 @@ def plan_campaign(
     InputError
         No drives, or motions of so few drives never identify all parameters.
     """
-    subject = first_argument(robot_or_model, options, "plan_campaign", frames=4)
+    subject = first_argument(robot_or_model, options, "plan_campaign", frames=5)
     robot, task = robot_and_task(subject)
     if isinstance(subject, Robot | str):
         task = task.changed(model="energy")
@@ -120,7 +122,7 @@ def plan_campaign(
     selections = selections_of(drives, at_once)
     announce("the campaign", campaign_seconds(selections, columns, len(whole.row_labels)), _SHORTER)
     identifiability = Identifiability(whole)
-    base = base_parameters(whole)
+    base = base_parameters(whole, rounding=0.0)  # as `Identifiability` counts
     motions = partial_motions(whole, at_once)
     factors = [identifiability.rows(motion) for _, motion in motions]
     chosen = _fewest(identifiability, factors, [len(names) for names, _ in motions], base.rank)
@@ -174,4 +176,5 @@ def _steps(
 def _base_of(identifiability: Identifiability, motion: PartialMotion) -> Base:
     model = identifiability.model
     part = model.restricted(motion)
-    return base_parameters(part, states=motion.states(random_states(model.robot, enough_states(part))))
+    states = motion.states(random_states(model.robot, enough_states(part)))
+    return base_parameters(part, states=states, rounding=0.0)

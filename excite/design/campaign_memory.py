@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import comb
 
-from excite.estimates.cap import memory_cap, value_cap
 from excite.estimates.work_prediction import BASE, FLOAT, MemoryPart, WorkPrediction
+from regressors.memory_cap import memory_cap, value_cap
 
 
 def campaign_prediction(drives: int, at_once: int, columns: int) -> WorkPrediction:

@@ -6,25 +6,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse, limit_uses
-from constraints.bounds.enclosure import enclose
-from constraints.collision.geometry import World
+from constraints.bounds.certificate import LimitUse
 from excite.design.approach import approach_and_return
 from excite.design.best_starts import BestStarts
 from excite.design.design import Design
 from excite.design.formulation import Formulation
+from excite.design.motion_limits import uses_of
 from excite.design.start_results import StartResult
 from excite.design.stated_limits import remedy
+from excite.design.suspicion import unidentifiable
 from excite.errors import NoFeasibleMotionError
 from excite.information.earlier_precision import information_in_hand
-from excite.information.metrics import measures, noise_per_row, noise_text, predictions, singular_spectrum
-from excite.information.nearly_unidentifiable import nearly_unidentifiable, nearly_unidentifiable_note
+from excite.information.metrics import MotionMeasures, noise_per_row, noise_text
+from excite.information.nearly_unidentifiable import (
+    hardly_excited_note,
+    nearly_unidentifiable,
+    nearly_unidentifiable_note,
+)
 from excite.information.precision_forecast import RunInformation
 from excite.information.weighting import known_with
 from excite.tasks.precision_target import PrecisionTarget
 from excite.trajectories import Trajectory
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
+
+_INSTANTS = 257  # at which the middle of each joint's range is looked for
+_SAME = 1e-9  # of the largest number in the equations
 
 
 def certify(
@@ -61,12 +68,9 @@ def certify(
         broken.append(max(uses, key=lambda use: use.use))
     else:
         raise NoFeasibleMotionError(_closest(broken, formulation))
+    trajectory, uses = _unwound(robot, formulation, result.coefficients, uses)
     if not np.isfinite(result.value):
-        use = max(uses, key=lambda use: use.use)
-        raise NoFeasibleMotionError(
-            "no start found a motion within the limits from which every parameter is identifiable; widen the limits, "
-            f"first of all that of {use.label}: the best uses {100 * use.use:.0f} % of {use.bound:.4g} {use.unit}"
-        )
+        raise NoFeasibleMotionError(unidentifiable(uses))
     samples = trajectory.samples(
         formulation.target.model.times(formulation.task.trajectory.period, formulation.task.output.rate)
     )
@@ -77,6 +81,8 @@ def certify(
     )
     hardly = nearly_unidentifiable(formulation.target, samples, noise)
     notes = (*formulation.notes, *(transfers.notes if transfers is not None else ()))
+    if note := hardly_excited_note(formulation.target, samples, formulation.task.objective.noise):
+        notes = (note, *notes)
     if hardly:
         what_noise = noise_text(formulation.task.objective.noise, formulation.target.model)
         dropped = formulation.task.objective.nearly_unidentifiable == "drop"
@@ -88,12 +94,9 @@ def certify(
         task=formulation.task,
         target=formulation.target,
         trajectory=trajectory,
-        criteria=measures(formulation.target, samples, noise),
         limits=uses,
-        predicted=predictions(formulation.target, samples, noise),
+        **vars(MotionMeasures.of(formulation.target, samples, noise)),
         prior=known_with(formulation.target, formulation.task, samples),
-        spectrum=singular_spectrum(formulation.target, samples),
-        rows=formulation.target.model.assemble(samples).shape[0],
         starts=starts.best,
         further_starts=starts.further,
         best_start=result.index,
@@ -104,7 +107,7 @@ def certify(
         nonlinear=(*formulation.nonlinear, *formulation.stated),
         unchecked=formulation.unchecked,
         nearly_unidentifiable=hardly,
-        shape=shape if isinstance(shape := formulation.blueprint.shape, World) else None,
+        shape=formulation.blueprint.world.world,
     )
     return _with_precision(design, samples, noise)
 
@@ -117,6 +120,42 @@ def _with_precision(design: Design, samples: Samples, noise: Array) -> Design:
     in_hand = information_in_hand(design.target, design.task)
     of_run = RunInformation.of(objective.precision, design.target, samples, noise, design.sequence.duration, in_hand)
     return replace(design, run_information=of_run)
+
+
+def _unwound(
+    robot: Robot, formulation: Formulation, x: Array, uses: tuple[LimitUse, ...]
+) -> tuple[Trajectory, tuple[LimitUse, ...]]:
+    """The motion without whole turns for nothing, nearer to home or to zero, with its certificate.
+
+    A revolute joint that is a coordinate of its own turns by the whole turns that bring the middle of its range nearest
+    to there, within its limits. What is not the same after whole turns, such as a ball screw's ratio or a drive's
+    position, shows in the equations or in the certificate: then the motion stays as it was found.
+    """
+    target, problem = formulation.target, formulation.problem
+    trajectory, N = problem.information.trajectory(x), target.motion.matrix
+    joint = np.argmax(np.abs(N), axis=0)  # of each coordinate
+    alone = (np.count_nonzero(N, axis=0) == 1) & (np.count_nonzero(N[joint], axis=1) == 1) & (N.max(axis=0) == 1.0)
+    turning = alone & np.array([target.robot.joints[k].kind == "revolute" for k in joint])
+    q = trajectory.samples(np.linspace(0.0, trajectory.duration, _INSTANTS)).q[:, joint]
+    low, high = q.min(axis=0), q.max(axis=0)
+    stated = formulation.task.output.home
+    home = robot.home if isinstance(stated, str) else stated
+    known = dict.fromkeys(robot.joint_names, 0.0) if home is None else dict(zip(robot.joint_names, home, strict=True))
+    near = np.array([known[target.robot.joint_names[k]] for k in joint])
+    turns = 2 * np.pi * np.round(((low + high) / 2 - near) / (2 * np.pi))
+    limits = target.robot.limits
+    within = (low - turns >= limits.lower[joint]) & (high - turns <= limits.upper[joint])
+    turns = np.where(turning & within, turns, 0.0)
+    if not np.any(turns):
+        return trajectory, uses
+    moved = problem.information.trajectory(problem.family.moved(x, -turns))
+    time = target.model.times(formulation.task.trajectory.period, formulation.task.output.rate)
+    samples = trajectory.samples(time)  # of the same velocities, whose signs rounding might change
+    before, after = (target.model.assemble(each) for each in (samples, replace(samples, q=samples.q - N @ turns)))
+    if not np.allclose(before, after, rtol=0.0, atol=_SAME * float(np.abs(before).max())):
+        return trajectory, uses
+    certificate = limits_of(formulation, moved)
+    return (moved, certificate) if all(use.holds for use in certificate) else (trajectory, uses)
 
 
 def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
@@ -132,7 +171,4 @@ def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
 
 def limits_of(formulation: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]:
     """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others."""
-    linear = tuple(use for limit in formulation.limits for use in limit_uses(limit, trajectory.extrema(limit)))
-    imposed = (*formulation.nonlinear, *formulation.stated)
-    enclosures = [enclose(limit, trajectory.samples, trajectory.duration, trajectory.jerk) for limit in imposed]
-    return (*linear, *(use for limit, part in zip(imposed, enclosures, strict=True) for use in part.uses(limit)))
+    return uses_of(trajectory, formulation.limits, (*formulation.nonlinear, *formulation.stated))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse, limit_uses
-from constraints.linear import linear_limits
+from constraints.bounds.certificate import LimitUse
 from excite.design.designed_motion import DesignedMotion
+from excite.design.stored_design import StoredDesign
 from excite.information.goal import goal_of
 from excite.information.metrics import measures, noise_per_row
 from excite.information.target import IdentificationTarget, moving_robot, target_of
@@ -19,6 +19,7 @@ from excite.tasks.drive_choice import without_curve
 from excite.tasks.model_choice import FRICTION
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.numerical import numerical_work
 from regressors.robot.robot import Robot
@@ -56,11 +57,13 @@ class Judgement:
     tightest : LimitUse or None
         The limit with the least margin relative to its range.
     feasible : bool
-        Every limit of joints and drives holds over continuous time.
+        Every limit that was checked holds over continuous time, on approach and return too.
     unchecked : tuple of str
         Kinds of limits that were not checked when it was designed.
     cpu_seconds : float
         Processor time of the design [s].
+    believed : tuple of str
+        What could not be computed from a stored motion, so that it is as its file states it.
     """
 
     name: str
@@ -78,8 +81,10 @@ class Judgement:
     feasible: bool
     unchecked: tuple[str, ...]
     cpu_seconds: float
+    believed: tuple[str, ...] = ()
 
 
+@checked
 @numerical_work(
     "the comparison",
     "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
@@ -149,9 +154,6 @@ def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
     fits = given is None or len(given) in (1, len(target.model.row_labels))  # otherwise not comparable
     noise = noise_per_row(given if fits else task.objective.noise, target.model)
     samples = _as_seen_by(design, target.robot).samples(target.model.times(design.trajectory.duration, RATE))
-    uses = [
-        use for limit in linear_limits(design.moving) for use in limit_uses(limit, design.trajectory.extrema(limit))
-    ]
     return Judgement(
         name=design.name,
         robot=design.robot.name,
@@ -164,8 +166,9 @@ def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
         minimised=minimised_text(design.task),
         goal=_goal(target, terms, samples),
         criteria=measures(target, samples, noise),
-        tightest=max(uses, key=lambda use: use.use, default=None),
-        feasible=all(use.holds for use in uses),
+        tightest=max(design.limits, key=lambda use: use.use, default=None),
+        feasible=design.feasible,
         unchecked=tuple(each.limit for each in design.unchecked),
         cpu_seconds=float(design.provenance["cpu_seconds"]),
+        believed=design.believed if isinstance(design, StoredDesign) else (),
     )

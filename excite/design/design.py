@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from constraints.bounds.certificate import LimitUse
+from constraints.bounds.interpolation import InterpolatedLimits
 from constraints.collision.geometry import World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import ApproachAndReturn
+from excite.design.between_samples import between_samples
 from excite.design.designed_motion import DesignedMotion
 from excite.design.harmonics_trial import HarmonicsTrial
 from excite.design.search_rounds import SearchSummary
@@ -25,7 +28,7 @@ from excite.registry import built_in
 from excite.storage.content_hash import entry_sha256
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from excite.trajectories.sequence import EXCITE, MotionSequence, Piece, WholeRobotMotion
+from excite.trajectories.sequence import MotionSequence
 from regressors.models.base import Base
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -140,19 +143,9 @@ class Design(DesignedMotion):
         return self.target.base
 
     @property
-    def condition_number(self) -> float:
-        """cond(W) in the left-to-right base, SI, unscaled."""
-        return self.criteria["condition_number"]
-
-    @property
     def minimised_value(self) -> float:
         """Value of the criterion that was minimised, as `excite.information.weighting.minimised_text` names it."""
         return next(start.value for start in self.starts if start.index == self.best_start)
-
-    @property
-    def feasible(self) -> bool:
-        """True if every checked limit holds over continuous time, to 1e-9 of its bound, on approach and return too."""
-        return all(use.holds for uses in (self.limits, *self.transfer_limits.values()) for use in uses)
 
     @property
     def coefficients_sha256(self) -> str:
@@ -161,10 +154,9 @@ class Design(DesignedMotion):
         return entry_sha256({"joints": list(self.moving.joint_names), **entry})
 
     @property
-    def broken(self) -> tuple[str, ...]:
-        """Labels of the limits that do not hold, on approach and return too."""
-        uses = (use for some in (self.limits, *self.transfer_limits.values()) for use in some)
-        return tuple(use.label for use in uses if not use.holds)
+    def transfers(self) -> ApproachAndReturn | None:
+        """Approach and return, where the task has a home."""
+        return self.approach_and_return
 
     @property
     def transfer_limits(self) -> dict[str, tuple[LimitUse, ...]]:
@@ -176,15 +168,10 @@ class Design(DesignedMotion):
         """The motion at the task's rate."""
         return self.trajectory.sampled(self.task.output.rate)
 
-    @property
-    def sequence(self) -> MotionSequence:
-        """The whole motion of every joint: the approach, the exciting motion, the return."""
-        robot = self.task.limits.applied(self.robot)
-        motion = WholeRobotMotion(self.trajectory, robot, self.moving.joint_names)
-        steps = round(self.trajectory.duration * self.task.output.rate)
-        if self.approach_and_return is None:
-            return MotionSequence((Piece(EXCITE, motion, steps),))
-        return self.approach_and_return.sequence(motion, steps)
+    @cached_property
+    def between_samples(self) -> tuple[InterpolatedLimits, ...]:
+        """Limits of joints and drives for lines, cubics and quintics through the samples of ``trajectory.csv``."""
+        return between_samples(self)
 
     @property
     def ways(self) -> ApproachAndReturn | None:

@@ -7,7 +7,6 @@ from functools import cached_property
 
 from threadpoolctl import threadpool_limits
 
-from constraints.collision.geometry import World
 from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
@@ -19,10 +18,18 @@ from excite.design.imposed_limits import has_room, nonlinear_limits, roomy_pose
 from excite.design.information_in_hand import with_information_in_hand
 from excite.design.problem import Problem
 from excite.design.problem_identity import ProblemIdentity, problem_identity
-from excite.design.stated_limits import StatedLimits, shape_of, stated_limits
-from excite.design.task_checks import check_bounded, check_excitable, check_model, check_required, check_solver
+from excite.design.stated_limits import StatedLimits, StatedWorld, stated_limits, stated_world
+from excite.design.suspicion import suspecting
+from excite.design.task_checks import (
+    check_bounded,
+    check_excitable,
+    check_gradient,
+    check_model,
+    check_required,
+    check_solver,
+)
 from excite.design.task_notes import task_notes
-from excite.design.unchecked import Unchecked, unchecked_limits
+from excite.design.unchecked import Unchecked, gravest_first, unchecked_limits
 from excite.design.warm_start import initial_motion, with_initial_design
 from excite.information.goal import goal_of
 from excite.information.metrics import noise_per_row
@@ -117,22 +124,24 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     restricted = restricted_limits(limits, motion)
     check_bounded(motion, restricted)
     joints = target.robot.joint_names
-    shape, nonlinear = shape_of(task), nonlinear_limits(robot, joints, task)
+    world, nonlinear = stated_world(robot, task), nonlinear_limits(robot, joints, task)
     if nonlinear:
         check_solver(task, "limits of torques, of the tool and of collisions")
-    middle = interior_pose(restricted, len(motion.labels))
-    try:
-        stated = stated_limits(robot, joints, task, shape)
-        centre = _pose_to_start_from(nonlinear, stated, restricted, motion, middle)
-    except ContradictionError as error:
-        if isinstance(shape, Unchecked):
-            raise
-        shape = Unchecked("self-collision", f"capsules around its shapes touch in every pose that was tried, {error}")
-        stated = stated_limits(robot, joints, task, shape)
-        centre = _pose_to_start_from(nonlinear, stated, restricted, motion, middle)
+    with suspecting(robot):
+        middle = interior_pose(restricted, len(motion.labels))
+        try:
+            stated = stated_limits(robot, joints, task, world)
+            centre = _pose_to_start_from(nonlinear, stated, restricted, motion, middle)
+        except ContradictionError as error:
+            if world.world is None or not world.world.self_collision:
+                raise
+            touch = "capsules around its shapes touch in every pose that was tried"
+            world = world.without_self_collision(f"{touch}, {error}")
+            stated = stated_limits(robot, joints, task, world)
+            centre = _pose_to_start_from(nonlinear, stated, restricted, motion, middle)
     imposed = (*nonlinear, *stated.constraints)
     rest = motion.matrix @ centre + motion.offset
-    transfer_limits = _transfer_limits(robot, task, joints, imposed, shape)
+    transfer_limits = _transfer_limits(robot, task, joints, imposed, world)
     check_home(robot, task, joints, rest, transfer_limits)
     check_model(target, task)
     noise_per_row(task.objective.noise, target.model)
@@ -148,11 +157,11 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         centre=centre,
         noise=weighting.noise,
         precision=weighting.precision,
-        shape=shape,
+        world=world,
         initial=initial_motion(target, task),
         goal=goal_of(target, task),
     )
-    unchecked = (*unchecked_limits(motion, restricted), *stated.unchecked)
+    unchecked = gravest_first((*unchecked_limits(motion, restricted), *stated.unchecked))
     of_limits = (*stated.notes, *(note for limit in imposed for note in limit.notes))
     notes = (*task.installation.notes, *task_notes(target, task, restricted), *of_limits)
     formulation = Formulation(
@@ -160,6 +169,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     )
     with threadpool_limits(1):
         check_excitable(blueprint, formulation.problem, target.base)
+        check_gradient(task, formulation.problem)
     return formulation
 
 
@@ -178,7 +188,8 @@ def _pose_to_start_from(
         return roomy_pose((*nonlinear, *stated.constraints), restricted, motion, centre)
     except ContradictionError as error:
         raise ContradictionError(
-            f"{error}; `torque_margin='none'` leaves out the torque limits of the description"
+            f"{error}; `torque_margin='none'` leaves out the torque limits of the description, `floor='none'` the "
+            "surface that the robot is mounted on"
         ) from error
 
 
@@ -187,7 +198,7 @@ def _transfer_limits(
     task: Task,
     joints: tuple[str, ...],
     imposed: tuple[NonlinearConstraint, ...],
-    shape: World | Unchecked,
+    world: StatedWorld,
 ) -> tuple[NonlinearConstraint, ...]:
     """Nonlinear limits as functions of every joint; those of the motion itself if it moves all."""
     if task.output.home is None:
@@ -195,4 +206,4 @@ def _transfer_limits(
     if joints == robot.joint_names:
         return imposed
     joints = robot.joint_names
-    return (*nonlinear_limits(robot, joints, task), *stated_limits(robot, joints, task, shape).constraints)
+    return (*nonlinear_limits(robot, joints, task), *stated_limits(robot, joints, task, world).constraints)

@@ -10,6 +10,7 @@ import numpy as np
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint, StackedConstraint
 from excite.design.grid_constraint import GridConstraint
+from excite.design.grid_functions import JointFunction
 from excite.design.grid_joints import GridJoints
 from excite.trajectories.motion_at_instants import GridMotion
 from regressors.models.partial import PartialMotion
@@ -27,7 +28,7 @@ class GridLimits:
     nonlinear : tuple of GridConstraint
         On torques, the tool and distances.
     stated : tuple of GridConstraint
-        On torques by default, left out until a motion breaks them.
+        On torques and distances by default, left out until a motion breaks them.
     together : tuple of GridConstraint
         The nonlinear ones as a search evaluates them: those that were asked for as one.
     """
@@ -76,6 +77,23 @@ class GridLimits:
             return self
         kept = tuple(limit for limit in self.stated if limit not in broken)
         return GridLimits(self.linear, (*self.nonlinear, *broken), kept, (*self.together, *broken))
+
+    def with_expected(self, motions: Sequence[Array]) -> GridLimits:
+        """With those that hold by default, but not for all of some motions, among the others, evaluated as one.
+
+        Parameters
+        ----------
+        motions : sequence of ndarray
+            Each an x such as a search begins with.
+        """
+        expected = tuple(limit for limit in self.stated if not all(limit.holds(x) for x in motions))
+        if not expected:
+            return self
+        kept = tuple(limit for limit in self.stated if limit not in expected)
+        imposed = (*self.nonlinear, *expected)
+        functions = [limit.function for limit in imposed if isinstance(limit.function, JointFunction)]
+        stacked = StackedConstraint([function.constraint for function in functions])
+        return GridLimits(self.linear, imposed, kept, (GridConstraint.on_joints(stacked, functions[0].joints),))
 
     @property
     def linear_in_x(self) -> tuple[GridConstraint, ...]:

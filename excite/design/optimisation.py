@@ -22,13 +22,16 @@ from excite.design.best_starts import best_starts
 from excite.design.certification import certify
 from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
+from excite.design.design_memory import TYPICAL_STARTS, search_seconds
 from excite.design.formulation import Formulation, formulate
 from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.running_rounds import RunningRounds
 from excite.design.search_rounds import Rounds
 from excite.design.start_results import StartResult
+from excite.design.suspicion import suspecting
 from excite.errors import NoFeasibleMotionError
+from excite.estimates.long_work import announce
 from excite.registry import part
 from excite.storage.destination import Destination
 from excite.storage.lock import locked
@@ -38,10 +41,13 @@ from excite.tasks.output import Output
 from excite.tasks.robot_of_task import check_robot, first_argument, robot_and_task
 from excite.tasks.search import Search
 from excite.tasks.task import Task
+from excite.tasks.trajectory_choice import TrajectoryChoice
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work
 from regressors.robot.robot import Robot
+from regressors.symbolic.vectorised import evaluation, interpreted_note
 
 if TYPE_CHECKING:
     from excite.information.criteria import Criterion
@@ -49,13 +55,15 @@ if TYPE_CHECKING:
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
 Progress = Callable[[StartResult], None]
+_ENDED = "Ctrl-C ends it, and the best so far is saved"
 _NONE = "no start has a result: the process of each ended unexpectedly; try fewer `workers`"
 
 
+@checked
 def design_trajectory(
     robot_or_model: RegressorModel | Robot | Task | str | None = None,
     /,
-    trajectory: Family | str | None = None,
+    trajectory: Family | TrajectoryChoice | Task | str | None = None,
     *,
     criterion: Criterion | Objective | str | None = None,
     constraints: Sequence[Limit | str] = (),
@@ -74,7 +82,7 @@ def design_trajectory(
     robot_or_model : RegressorModel, Robot, Task or str
         Model to identify; the differential model where a robot, or its name or file, is given, unless ``model`` names
         another one. A task contains all options.
-    trajectory : Family or str, optional
+    trajectory : Family, TrajectoryChoice or str, optional
         Family of motions; Fourier series if not given.
     criterion : Criterion, Objective or str, optional
         Criterion to minimise; the condition number if not given.
@@ -141,12 +149,30 @@ def _design(robot: Robot, task: Task, folder: Path, progress: Progress | None, *
     if task.trajectory.grows:
         return design_with_harmonics(robot, task, prepared, lambda made, kept: solve(robot, made, kept, progress))
     formulation = formulate(robot, task)
-    return solve(robot, formulation, prepared(formulation), progress)
+    kept = prepared(formulation)
+    announce_search(formulation, kept)
+    return solve(robot, formulation, kept, progress)
+
+
+def announce_search(formulation: Formulation, kept: KeptStarts) -> None:
+    """Say how long the starts that are left will take, where that is long.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    kept : KeptStarts
+    """
+    announce("the search", search_seconds(formulation.target, formulation.task, starts_left(kept)), _ENDED)
+
+
+def starts_left(kept: KeptStarts) -> int:
+    """Number of starts that are left, as far as it is known."""
+    return max((TYPICAL_STARTS if kept.count is None else kept.count) - len(kept.done), 0)
 
 
 def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
     """Accept the deprecated call with a robot, and a task that names it."""
-    warnings.warn("design_trajectory(robot, task) is now design_trajectory(task)", DeprecationWarning, stacklevel=3)
+    warnings.warn("design_trajectory(robot, task) is now design_trajectory(task)", DeprecationWarning, stacklevel=4)
     if not isinstance(robot, Robot):
         raise InputError(f"expected a robot beside the task, given {type(robot).__name__}")
     check_robot(robot, task)
@@ -198,9 +224,9 @@ def solve(
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)
     provenance = _provenance(formulation, date, time.monotonic() - began, running.spent)
     formulation = replace(formulation, task=_with_rounds(formulation.task, rounds, interrupted=interrupted))
-    with threadpool_limits(1):
+    with threadpool_limits(1), suspecting(robot):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)
-    return replace(design, search=rounds.summary)
+    return replace(design, search=rounds.summary, notes=(*design.notes, *interpreted_note()))
 
 
 def _with_rounds(task: Task, rounds: Rounds, *, interrupted: bool) -> Task:
@@ -218,6 +244,7 @@ def _provenance(formulation: Formulation, date: datetime, wall: float, cpu: floa
         "run": formulation.identity.run,
         "wall_seconds": wall,
         "cpu_seconds": cpu,
+        "evaluation": evaluation(),
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
         "versions": {name: version(name) for name in _PACKAGES},

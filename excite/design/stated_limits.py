@@ -1,26 +1,38 @@
-"""Limits that hold by default: of torques and of self-collision, where the description allows it."""
+"""Limits that hold by default: of torques, of self-collision, and of the surface that the robot is mounted on."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from constraints.collision.collision_limits import Clearance, SelfCollisions
-from constraints.collision.geometry import World
+from constraints.collision.floor import mounting_surface, upwards, why_not_mounted
+from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, World
+from constraints.collision.skeleton import assumed_radius, skeleton
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.unchecked import Unchecked
 from excite.registry import built_in, name_of, part
 from excite.tasks.limit_choice import TORQUE_MARGIN
+from excite.tasks.mounts import MOUNTS
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
+from excite.tasks.values import NONE
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion, of_joints
+from regressors.readers.library import built_in_names, load_robot
+from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot
+from regressors.robot.shapes import Part
+from regressors.samples import Array
 
 _NAMED = 3
 _CONTACT = 0.001  # m: less is contact
+_TOOL = 0.001  # m: radius of the tool's point
+_MOVABLE = 0.05  # m: a base that is so high has wheels, legs or a torso below it
+_ROUNDING = 1e-6  # m: of the lowest point of a mesh
+_ALIKE = 0.9  # cosine between normals of planes of which one stands for the other
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +54,34 @@ class StatedLimits:
     notes: tuple[str, ...] = ()
 
 
-def stated_limits(
-    robot: Robot, joints: tuple[str, ...], task: Task, shape: World | Unchecked | None = None
-) -> StatedLimits:
-    """Limits of torques and of self-collision, where the task leaves them to the description.
+@dataclass(frozen=True)
+class StatedWorld:
+    """Bodies that stay apart by default: those of the robot, and the surface that it is mounted on.
+
+    Parameters
+    ----------
+    world : World, optional
+        None where nothing is checked.
+    unchecked : tuple of Unchecked
+        What is not checked, and why.
+    notes : tuple of str
+        What is assumed.
+    """
+
+    world: World | None = None
+    unchecked: tuple[Unchecked, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def without_self_collision(self, reason: str) -> StatedWorld:
+        """The same without the check of self-collision."""
+        world = None
+        if self.world is not None and self.world.obstacles:
+            world = replace(self.world, self_collision=False)
+        return replace(self, world=world, unchecked=(Unchecked("self-collision", reason), *self.unchecked))
+
+
+def stated_limits(robot: Robot, joints: tuple[str, ...], task: Task, world: StatedWorld | None = None) -> StatedLimits:
+    """Limits of torques and of distances, where the task leaves them to the description.
 
     Parameters
     ----------
@@ -54,12 +90,11 @@ def stated_limits(
     joints : tuple of str
         Names of the joints that move, which the constraints are functions of.
     task : Task
-    shape : World or Unchecked, optional
-        See `shape_of`; looked up if not given.
+    world : StatedWorld, optional
+        See `stated_world`; looked up if not given.
     """
     parts = [_torques(robot, joints, task)]
-    if task.limits.world is None:
-        parts.append(_self_collision(robot, joints, task, shape_of(task) if shape is None else shape))
+    parts.append(_distances(robot, joints, task, stated_world(robot, task) if world is None else world))
     return StatedLimits(
         tuple(limit for part in parts for limit in part.constraints),
         tuple(each for part in parts for each in part.unchecked),
@@ -81,7 +116,9 @@ def remedy(label: str, stated: tuple[NonlinearConstraint, ...], task: Task) -> s
     limit = next((limit for limit in stated if label in limit.labels), None)
     if limit is None or part("solver", task.search.solver).takes_nonlinear_limits:
         return ""
-    left_out = "`self_collision=False`" if isinstance(limit, Clearance) else "`torque_margin='none'`"
+    left_out = "`torque_margin='none'`"
+    if isinstance(limit, Clearance):
+        left_out = "`floor='none'`" if limit.pairs[0].mounting else "`self_collision=False`"
     return (
         f"; the solver {name_of(task.search.solver)} does not take this limit, which holds by default: "
         f"`solver='sqp'` keeps it, {left_out} leaves it out"
@@ -133,26 +170,23 @@ def why_no_torques(robot: Robot) -> str | None:
     return f"inertial parameters are not plausible: {'; '.join(shown)}{more}"
 
 
-def shape_of(task: Task) -> World | Unchecked:
-    """Shape of the robot that a task names, for the check of self-collision; why it is not checked if it is not.
-
-    Parameters
-    ----------
-    task : Task
-        Its robot is the name of a file, or there is no shape.
-    """
-    if not task.limits.self_collision:
-        return Unchecked("self-collision", "left out on request")
-    if isinstance(task.robot, StoredRobot) and task.robot.shape is not None:
-        return task.robot.shape
-    if not isinstance(task.robot, str) or not task.robot.lower().endswith((".urdf", ".xml")):
-        return Unchecked("self-collision", f"shapes are taken from URDF files only, and {_given(task.robot)}")
+def _parts(robot: Robot, task: Task) -> tuple[tuple[Part, ...] | Unchecked, tuple[str, ...]]:
+    """Capsules of the robot of a task, and what is assumed of links whose meshes cannot be read."""
+    if robot.shapes:
+        return robot.shapes, ()
+    if not isinstance(task.robot, str) or task.xacro or not task.robot.lower().endswith((".urdf", ".xml")):
+        return Unchecked("self-collision", f"the description has no shapes, and {_given(task.robot)}"), ()
     try:
         read = built_in("reader", "shape")
         parts, left_out = read(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles)
     except InputError as error:
-        return Unchecked("self-collision", str(error))
-    return Unchecked("self-collision", left_out[0]) if left_out else World(parts, clearance=_CONTACT)
+        return Unchecked("self-collision", str(error)), ()
+    if not left_out:
+        return tuple(parts), ()
+    links, radius = tuple(dict.fromkeys(link for link, _ in left_out)), assumed_radius(robot)
+    shown = ", ".join(links[:_NAMED]) + (f" and {len(links) - _NAMED} more" if len(links) > _NAMED else "")
+    note = f"shape of {shown} assumed: a capsule of radius {radius:.2g} m along each link, because {left_out[0][1]}"
+    return (*parts, *skeleton(robot, radius, links)), (note,)
 
 
 def _given(robot: Robot | StoredRobot | str) -> str:
@@ -160,16 +194,105 @@ def _given(robot: Robot | StoredRobot | str) -> str:
     if isinstance(robot, StoredRobot):
         return "the robot is that of a stored design, which holds none"
     if not isinstance(robot, str):
-        return "the robot is given as an object; name its URDF in a world file"
-    return f"{robot} is not one" if "." in robot else f"{robot} is built in"
+        return "the robot is given as an object; give it `shapes`, or name its URDF in a world file"
+    return f"{robot} is no URDF"
 
 
-def _self_collision(robot: Robot, joints: tuple[str, ...], task: Task, shape: World | Unchecked) -> StatedLimits:
-    obstacles = Unchecked("obstacles", "no world file is given")
-    if isinstance(shape, Unchecked):
-        return StatedLimits(unchecked=(shape, obstacles))
+def stated_world(robot: Robot, task: Task) -> StatedWorld:
+    """Bodies that stay apart by default.
+
+    Everything that a joint moves stays on the robot's side of the surface behind its base, by 2 cm: the floor where the
+    robot stands, the wall or the ceiling where it is mounted there. Its normal is against gravity as the robot's
+    description has it; the option `floor` is its height along the normal, and `"auto"` the lowest point of the base's
+    shape in a URDF, or the base's origin. Where a description does not stand on such a plane, there is none, and it is
+    said why, see `constraints.collision.floor.why_not_mounted`.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot, as mounted.
+    task : Task
+    """
+    if isinstance(task.robot, StoredRobot) and task.robot.shape is not None:
+        return StatedWorld(replace(task.robot.shape, ignored=()))  # older files leave out what their limits allowed
+    given = task.limits.known_world
+    known, notes = _parts(robot, task) if given is None else (given.parts, ())
+    parts = skeleton(robot, assumed_radius(robot)) if isinstance(known, Unchecked) else known
+    surface = _surface(robot, task, parts)
+    objects = (surface,) if isinstance(surface, Obstacle) else ()
+    unchecked = (surface,) if isinstance(surface, Unchecked) else ()
+    reason = Unchecked("self-collision", "left out on request") if not task.limits.self_collision else known
+    if given is None:
+        unchecked = (*unchecked, Unchecked("obstacles", "no world file is given"))
+        unchecked = (reason, *unchecked) if isinstance(reason, Unchecked) else unchecked
+    apart = given is None and not isinstance(reason, Unchecked)
+    if not objects and not apart:
+        return StatedWorld(None, unchecked)
+    if any(point := task.limits.tool_point):
+        parts = (*parts, Part(robot.links[-1].name, Capsule(point, point, _TOOL)))
+    world = World(parts, objects, _CONTACT, self_collision=apart)
     try:
-        constraints = SelfCollisions(shape).imposed(task.limits.applied(robot), _motion(robot, joints))
+        world.check(robot)
     except InputError as error:
-        return StatedLimits(unchecked=(Unchecked("self-collision", str(error)), obstacles))
-    return StatedLimits(tuple(constraints), (obstacles,))
+        return StatedWorld(None, (Unchecked("self-collision", str(error)), *unchecked))
+    assumed = isinstance(known, Unchecked)
+    return StatedWorld(world, unchecked, (*notes, *(_surface_note(each, robot, assumed=assumed) for each in objects)))
+
+
+def _surface(robot: Robot, task: Task, parts: tuple[Part, ...]) -> Obstacle | Unchecked | None:
+    """The surface that the robot is mounted on, or why it is not checked; None where a plane of the world is it."""
+    mount, floor, world = task.installation.mount, task.limits.floor, task.limits.known_world
+    name = mount if isinstance(mount, str) else "floor"
+    if floor == NONE:
+        return Unchecked(name, "left out on request")
+    normal = _normal(robot, task)
+    shapes = [each.shape for each in (() if world is None else world.obstacles)]
+    if any(isinstance(shape, HalfSpace) and np.dot(shape.normal, normal) > _ALIKE for shape in shapes):
+        return None
+    surface = mounting_surface(name, normal, floor if isinstance(floor, float) else _lowest(task, normal))
+    reason = None if isinstance(floor, float) else why_not_mounted(robot, parts, surface)
+    return (
+        surface if reason is None else Unchecked(name, f"{reason}; `floor` states its height above the base's origin")
+    )
+
+
+def _normal(robot: Robot, task: Task) -> Array:
+    """Upwards in the axes of the base as described: the mount turns the surface with the robot."""
+    installation = task.installation
+    if installation.gravity is not None and isinstance(task.robot, str):
+        robot = load_robot(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles, xacro=task.xacro)
+    if installation.mount is None:
+        return upwards(robot)
+    angles = MOUNTS[installation.mount] if isinstance(installation.mount, str) else installation.mount
+    return rotation_from_rpy(angles) @ upwards(robot)
+
+
+def _lowest(task: Task, normal: Array) -> float:
+    """Height of the lowest point of the base, at most that of its origin; of which nothing is known, its origin's."""
+    if not isinstance(task.robot, str) or task.robot in built_in_names():
+        return 0.0
+    read = built_in("reader", "lowest point")
+    known = read(task.robot, normal, task.base_link, task.tip, snap_angles=task.snap_angles) if not task.xacro else None
+    return 0.0 if known is None else min(known, 0.0)
+
+
+def _surface_note(surface: Obstacle, robot: Robot, *, assumed: bool) -> str:
+    assert isinstance(surface.shape, HalfSpace)
+    shape = f", as capsules of radius {assumed_radius(robot):.2g} m along the links," if assumed else ""
+    offset = surface.shape.offset
+    height = "through" if abs(offset) < _ROUNDING else f"{abs(offset):.3g} m {'above' if offset > 0 else 'below'}"
+    still = "; the base is assumed to stand still" if abs(offset) > _MOVABLE else ""
+    return (
+        f"all that moves{shape} keeps {surface.clearance:g} m from the {surface.name}, which is a plane {height} the "
+        f"origin of the base{still}; `floor` moves it"
+    )
+
+
+def _distances(robot: Robot, joints: tuple[str, ...], task: Task, stated: StatedWorld) -> StatedLimits:
+    if stated.world is None:
+        return StatedLimits((), stated.unchecked, stated.notes)
+    try:
+        constraints = SelfCollisions(stated.world).imposed(task.limits.applied(robot), _motion(robot, joints))
+    except InputError as error:
+        return StatedLimits(unchecked=(Unchecked("self-collision", str(error)), *stated.unchecked))
+    return StatedLimits(tuple(constraints), stated.unchecked, stated.notes)

@@ -9,15 +9,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from constraints.bounds.certificate import LimitUse
+from constraints.collision.geometry import World
+from constraints.nonlinear import NonlinearConstraint
+from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
-from excite.design.stored_sequence import stored_sequence
+from excite.design.motion_limits import RecomputedLimits, imposed_on, recomputed_limits
+from excite.design.stored_sequence import stored_transfers
 from excite.design.unchecked import Unchecked
-from excite.information.target import moving_robot
+from excite.information.metrics import MotionMeasures, noise_per_row
+from excite.information.target import IdentificationTarget, moving_robot, target_of
 from excite.storage.content_hash import entry_sha256
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
+from regressors.errors import InputError
 from regressors.robot.robot import Robot
+
+_ROUNDING = 1e-9  # of a metric, from process to process
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,6 +41,8 @@ class StoredDesign(DesignedMotion):
     trajectory : Trajectory
     content : dict
         The whole file.
+    shape : World or None
+        Of the robot, by which self-collision is checked, where the file holds it.
     """
 
     folder: Path
@@ -40,6 +50,7 @@ class StoredDesign(DesignedMotion):
     task: Task
     trajectory: Trajectory
     content: dict[str, Any]
+    shape: World | None = None
 
     @cached_property
     def moving(self) -> Robot:
@@ -47,28 +58,102 @@ class StoredDesign(DesignedMotion):
         return moving_robot(self.robot, self.task)
 
     @cached_property
-    def sequence(self) -> MotionSequence:
-        """The whole motion of every joint: the approach, the exciting motion, the return."""
-        robot = self.task.limits.applied(self.robot)
-        return stored_sequence(
-            self.content["played"], WholeRobotMotion(self.trajectory, robot, self.moving.joint_names)
-        )
+    def transfers(self) -> ApproachAndReturn | None:
+        """Approach and return, where the file has them."""
+        return stored_transfers(self.content["played"]) if "played" in self.content else None
+
+    @cached_property
+    def nonlinear(self) -> tuple[NonlinearConstraint, ...]:
+        """Limits of torques, the tool and distances, functions of the joints that move.
+
+        Raises
+        ------
+        InputError
+            A part or a file that the task only names.
+        """
+        return imposed_on(self, self.moving.joint_names)
+
+    @cached_property
+    def recomputed(self) -> RecomputedLimits:
+        """Limits of the motion, computed from its coefficients."""
+        return recomputed_limits(self)
+
+    @property
+    def limits(self) -> tuple[LimitUse, ...]:  # type: ignore[override]
+        """Limits over continuous time, computed from the coefficients."""
+        return self.recomputed.motion
+
+    @property
+    def transfer_limits(self) -> dict[str, tuple[LimitUse, ...]]:
+        """The same of approach and return, per segment."""
+        return self.recomputed.transfers
+
+    @cached_property
+    def target(self) -> IdentificationTarget:
+        """Model to identify, with its base columns."""
+        return target_of(self.robot, self.task)
+
+    @cached_property
+    def measured(self) -> MotionMeasures:
+        """Metrics of the motion, computed from its coefficients.
+
+        Raises
+        ------
+        InputError
+            A model that the file only names.
+        """
+        model, task = self.target.model, self.task
+        samples = self.trajectory.samples(model.times(self.trajectory.duration, task.output.rate))
+        return MotionMeasures.of(self.target, samples, noise_per_row(task.objective.noise, model))
+
+    @cached_property
+    def _criteria(self) -> tuple[Mapping[str, float], str]:
+        """Metrics, and why they are those of the file; empty where they are computed.
+
+        Where the file agrees but for rounding, which differs from process to process, a metric has its very bits.
+        """
+        stated = self.content["criteria"]
+        try:
+            known = self.measured.criteria
+            return {name: _confirmed(value, stated.get(name)) for name, value in known.items()}, ""
+        except InputError as error:
+            return {name: math.inf if value is None else float(value) for name, value in stated.items()}, str(error)
+
+    @property
+    def criteria(self) -> Mapping[str, float]:  # type: ignore[override]
+        """Metrics, computed from the coefficients; those of the file where its model is not given."""
+        return self._criteria[0]
+
+    @property
+    def believed(self) -> tuple[str, ...]:
+        """What is not computed from the coefficients, but as the file states it, and why."""
+        why = self._criteria[1]
+        criteria = f"criteria and predictions are those that its file states: {why}" if why else ""
+        return tuple(filter(None, [self.recomputed.believed, criteria]))
+
+    @property
+    def recomputed_content(self) -> dict[str, Any]:
+        """The whole file, with what is computed from the coefficients in place of what it states."""
+        ways = {name: [use.to_dict() for use in uses] for name, uses in self.transfer_limits.items()}
+        played = {**self.content["played"]}
+        played |= {name: {**played[name], "limits": limits} for name, limits in ways.items()}
+        content = {**self.content, "feasible": self.feasible, "played": played}
+        content |= {"limits": [use.to_dict() for use in self.limits]}
+        if self._criteria[1]:
+            return content
+        base, predicted, known = self.content["base"], self.content["predicted"], self.measured
+        return {
+            **content,
+            "criteria": {name: value if math.isfinite(value) else None for name, value in self.criteria.items()},
+            "base": {**base, "rank": self.target.base.rank, "singular_values": known.spectrum.tolist()},
+            "predicted": {**predicted, "parameters": [each.to_dict() for each in known.predicted]},
+        }
 
     @property
     def coefficients_sha256(self) -> str:
         """Hash of the motion's coefficients, as ``design.json`` has it."""
         stated = self.content.get("sha256", {}).get("trajectory")
         return str(stated or entry_sha256(self.content["trajectory"]))
-
-    @property
-    def broken(self) -> tuple[str, ...]:
-        """Labels of the limits that did not hold when it was designed, on approach and return too."""
-        played = self.content.get("played", {})
-        uses = [
-            *self.content["limits"],
-            *(use for way in ("approach", "return") if way in played for use in played[way]["limits"]),
-        ]
-        return tuple(str(use["label"]) for use in uses if not use["holds"])
 
     @property
     def unchecked(self) -> tuple[Unchecked, ...]:  # type: ignore[override]
@@ -80,13 +165,13 @@ class StoredDesign(DesignedMotion):
         return tuple(Unchecked(limit, "not asked for") for limit, done in checked.items() if not done)
 
     @property
-    def condition_number(self) -> float:
-        """cond(W) in the left-to-right base, SI, unscaled; infinite where it is not finite."""
-        value = self.content["criteria"]["condition_number"]
-        return math.inf if value is None else float(value)
-
-    @property
     def provenance(self) -> Mapping[str, Any]:  # type: ignore[override]
         """Date, versions, seed, times."""
         provenance: Mapping[str, Any] = self.content["provenance"]
         return provenance
+
+
+def _confirmed(value: float, stated: object) -> float:
+    """The stated value, where it is the computed one but for rounding."""
+    same = isinstance(stated, float) and math.isclose(value, stated, rel_tol=_ROUNDING)
+    return stated if isinstance(stated, float) and same else value

@@ -1,4 +1,4 @@
-"""The whole motion of a stored design: approach, exciting motion and return, from the numbers of its file."""
+"""Approach and return of a stored design, from the numbers of its file."""
 
 from __future__ import annotations
 
@@ -9,49 +9,56 @@ import numpy as np
 
 from excite.design.approach import ApproachAndReturn
 from excite.trajectories.scurve import SCurve
-from excite.trajectories.sequence import APPROACH, EXCITE, RETURN, Motion, MotionSequence, Piece
+from excite.trajectories.sequence import APPROACH, RETURN
 from excite.trajectories.transfer import Leg, Transfer
+from regressors.errors import InputError
 from regressors.samples import Array
 
+_SAME = 1e-6  # rad or m: poses that are written and read again
 
-def stored_sequence(played: Mapping[str, Any], motion: Motion) -> MotionSequence:
-    """The sequence that the entry ``played`` of a ``design.json`` describes.
+
+def stored_transfers(played: Mapping[str, Any]) -> ApproachAndReturn | None:
+    """Approach and return that the entry ``played`` of a ``design.json`` describes, without their limits.
 
     Parameters
     ----------
     played : mapping
         ``rate``, ``segments``, and ``approach`` and ``return`` where there are any.
-    motion : Motion
-        The exciting motion of every joint of the robot.
-
-    Returns
-    -------
-    MotionSequence
     """
-    rate, steps = float(played["rate"]), round(motion.duration * float(played["rate"]))
-    if APPROACH not in played and RETURN not in played:
-        return MotionSequence((Piece(EXCITE, motion, steps),))
+    rate = float(played["rate"])
     transfers = {name: _transfer(played[name]) for name in (APPROACH, RETURN) if name in played}
+    if not transfers:
+        return None
     spans = {each["name"]: float(each["end"]) - float(each["start"]) for each in played["segments"]}
     settle = max(round((spans[name] - transfer.duration) * rate) for name, transfer in transfers.items())
-    both = ApproachAndReturn(transfers.get(APPROACH), transfers.get(RETURN), settle, rate, {})
-    return both.sequence(motion, steps)
+    return ApproachAndReturn(transfers.get(APPROACH), transfers.get(RETURN), settle, rate, {})
+
+
+def check_joined(transfers: ApproachAndReturn, ends: Array) -> None:
+    """Raise `InputError` where approach and return do not meet the motion.
+
+    Parameters
+    ----------
+    transfers : ApproachAndReturn
+    ends : ndarray, shape (2, n)
+        First and last pose of the motion, of every joint of the robot [rad or m].
+    """
+    meets = {APPROACH: (-1, ends[0]), RETURN: (0, ends[1])}
+    for name, transfer in transfers.transfers.items():
+        place, pose = meets[name]
+        gap = float(np.abs(transfer.poses[place] - pose).max())
+        if not gap <= _SAME:
+            raise InputError(
+                f"the {name} does not meet the motion, by {gap:.3g} rad (m): the entry 'trajectory' or 'played' was "
+                "changed after the design was written; restore the file, or design the motion again"
+            )
 
 
 def _transfer(content: Mapping[str, Any]) -> Transfer:
-    return Transfer(tuple(_leg(leg) for leg in content["legs"]), float(content["shortest"]), {})
+    assumed: dict[str, tuple[str, ...]] = {"acceleration": (), "jerk": ()}
+    return Transfer(tuple(_leg(leg) for leg in content["legs"]), float(content["shortest"]), assumed)
 
 
 def _leg(content: Mapping[str, Any]) -> Leg:
     start, end = (np.array(content[name], dtype=float) for name in ("start", "end"))
-    return Leg(start, end, _law(*(np.array(content[name], dtype=float) for name in ("breaks", "jerk"))))
-
-
-def _law(breaks: Array, jerk: Array) -> SCurve:
-    """The law with given jerks on its pieces, from rest at zero; position, velocity and acceleration by integration."""
-    s, ds, dds = 0.0, 0.0, 0.0
-    pieces = []
-    for h, j in zip(np.diff(breaks), jerk, strict=True):
-        pieces.append((j / 6.0, dds / 2.0, ds, s))
-        s, ds, dds = s + h * (ds + h * (dds / 2.0 + h * j / 6.0)), ds + h * (dds + h * j / 2.0), dds + h * j
-    return SCurve(breaks, np.array(pieces).T)
+    return Leg(start, end, SCurve.of_jerks(content["breaks"], content["jerk"]))

@@ -10,15 +10,19 @@ from constraints.linear import LinearConstraint, spanned
 from excite.design.blueprint import Blueprint
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
+from excite.information.criteria import Criterion
 from excite.information.identifiability import Identifiability, identifying_motion
 from excite.information.named_parameter import named_parameter
 from excite.information.target import IdentificationTarget
-from excite.registry import name_of, part
+from excite.registry import CRITERIA, name_of, part
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion
+from regressors.samples import Array
+
+_DIRECTIONS, _STEP = 5, 1e-3  # along which gradients are compared with finite differences
 
 
 def check_solver(task: Task, what: str) -> None:
@@ -89,6 +93,45 @@ def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:
         f"{option}: {trajectory.name} motions of {given} {option} identify {rank} of {base.rank} parameters, "
         f"but not {', '.join(missing)}; {cure}"
     )
+
+
+def check_gradient(task: Task, problem: Problem) -> None:
+    """Raise `InputError` where the gradient of a user's own criterion is not that of its value.
+
+    Along ``D = L S L'`` with ``M = L L'`` and random symmetric S of norm 1, ``tr(G D)`` must equal the central
+    difference of the smooth approximation over ``M - h D`` and ``M + h D``, which are information matrices too.
+    """
+    if (name := name_of(task.objective.criterion)) in CRITERIA:
+        return
+    rng, criterion = np.random.default_rng(0), problem.criterion
+    M = problem.information.evaluate(random_motion(problem, rng)).M
+    L: Array = np.asarray(np.linalg.cholesky(M))
+    for sharpness in criterion.stages:
+        value, G = criterion.smooth(M, sharpness)
+        if np.shape(G) != M.shape or np.ndim(value) != 0:
+            raise InputError(
+                f"criterion {name}: `smooth` must return a number and a gradient of shape {M.shape}, "
+                f"given shapes {np.shape(value)} and {np.shape(G)}"
+            )
+        stated, measured = np.transpose([_slopes(criterion, M, L, G, sharpness, rng) for _ in range(_DIRECTIONS)])
+        wrong = np.abs(stated - measured) > 0.05 * np.maximum(np.abs(stated), np.abs(measured)) + _STEP * abs(value)
+        if 2 * np.count_nonzero(wrong) > _DIRECTIONS:
+            k = int(np.argmax(np.abs(stated - measured)))
+            raise InputError(
+                f"criterion {name}: the gradient that `smooth` returns is not that of its value: along one direction "
+                f"it is {stated[k]:.3g}, but finite differences give {measured[k]:.3g}; check its sign and its factors"
+            )
+
+
+def _slopes(
+    criterion: Criterion, M: Array, L: Array, G: Array, sharpness: float, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Slope of a criterion along a random direction, by its gradient and by finite differences."""
+    S = rng.normal(size=M.shape)
+    S = (S + S.T) / np.linalg.norm(S + S.T, 2)
+    D = L @ S @ L.T
+    low, high = (criterion.smooth(M + h * D, sharpness)[0] for h in (-_STEP, _STEP))
+    return float(np.sum(G * D)), float(high - low) / (2 * _STEP)
 
 
 def _rank_with(blueprint: Blueprint, by: int, base: Base) -> int:

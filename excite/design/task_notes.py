@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from constraints.linear import LinearConstraint, spanned
 from excite.information.friction_notes import left_out_notes, turning_drives
+from excite.information.rounded_angles import left_out_by_rounding
 from excite.information.target import IdentificationTarget
 from excite.information.task_torques import SEED, STATES
 from excite.information.torque_deviation import TorqueCriterion
@@ -27,6 +28,7 @@ def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearCon
         On the moving coordinates.
     """
     return (
+        *left_out_by_rounding(target.robot, target.base),
         *target.robot.reading_notes,
         *_limit_notes(target.motion, limits),
         *_prior_notes(task),

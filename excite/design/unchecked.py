@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from constraints.linear import QUANTITIES, LinearConstraint, spanned
 from regressors.models.partial import PartialMotion
 
+_SURFACES = ("floor", "wall", "ceiling")
+_COLLISIONS = (*_SURFACES, "self-collision")  # obstacles are the user's to state
 _ORDER = (*QUANTITIES, "torque", "power", "tool", "distance")
 
 
@@ -19,7 +21,8 @@ class Unchecked:
     Parameters
     ----------
     limit : str
-        ``position``, ``velocity``, ``acceleration``, ``jerk``, ``torque``, ``self-collision`` or ``obstacles``.
+        ``position``, ``velocity``, ``acceleration``, ``jerk``, ``torque``, ``self-collision``, ``floor`` (or ``wall``,
+        ``ceiling``) or ``obstacles``.
     reason : str
         Why, with the joints where it is not all of them.
     """
@@ -63,6 +66,36 @@ def checked_text(quantities: Iterable[str]) -> str:
     return ", ".join(f"{kind} ({counts[kind]})" for kind in order)
 
 
+def collisions_unchecked(limits: Iterable[str]) -> tuple[str, ...]:
+    """Those kinds of limits among them whose breach may break the robot: of the robot with itself and its mounting.
+
+    Parameters
+    ----------
+    limits : iterable of str
+        Kinds of limits that are not checked.
+    """
+    return tuple(limit for limit in limits if limit in _COLLISIONS)
+
+
+def gravest_first(unchecked: Iterable[Unchecked]) -> tuple[Unchecked, ...]:
+    """What the robot is mounted on first, then the robot itself, then the others in their order."""
+    return tuple(sorted(unchecked, key=lambda each: (each.limit not in _SURFACES, each.limit not in _COLLISIONS)))
+
+
+def kept_headline(limits: Iterable[str], plain: str) -> str:
+    """First words on a motion that exceeds no limit that was checked.
+
+    Parameters
+    ----------
+    limits : iterable of str
+        Kinds of limits that are not checked.
+    plain : str
+        What to say where collisions were checked.
+    """
+    missing = collisions_unchecked(limits)
+    return f"limits kept; collisions NOT checked ({', '.join(missing)})" if missing else plain
+
+
 def kept_text(unchecked: Sequence[Unchecked], quantities: Iterable[str] = ()) -> str:
     """Verdict on a motion that exceeds no limit, with what was not checked and what was.
 
@@ -75,4 +108,5 @@ def kept_text(unchecked: Sequence[Unchecked], quantities: Iterable[str] = ()) ->
     checked = f"; checked: {text}" if (text := checked_text(quantities)) else ""
     if not unchecked:
         return f"every limit is kept{checked}"
-    return f"every limit that was checked is kept; not checked: {', '.join(map(str, unchecked))}{checked}"
+    kept = kept_headline((each.limit for each in unchecked), "every limit that was checked is kept")
+    return f"{kept}; not checked: {', '.join(map(str, unchecked))}{checked}"

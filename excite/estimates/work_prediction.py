@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from excite.errors import TooLargeError
-from excite.estimates.cap import CAP_VARIABLE, memory_cap, value_cap
 from regressors.input_files import in_bytes
+from regressors.memory_cap import CAP_VARIABLE, memory_cap, value_cap
 
 FLOAT = 8  # bytes
 BASE = 1.4e8  # bytes of the programs themselves

@@ -22,12 +22,16 @@ class Exported:
         What the format cannot express, what was assumed, and what was not checked, one sentence each.
     facts : mapping
         Numbers and names of what was written, for JSON, such as ``rate`` and ``duration`` of a motion.
+    holds : bool
+        False for a motion whose controller is not documented, and may lay a curve through the samples that passes a
+        limit.
     """
 
     format: str
     files: tuple[Path, ...]
     notes: tuple[str, ...] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
+    holds: bool = True
 
     def __repr__(self) -> str:
         """One line."""

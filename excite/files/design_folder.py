@@ -14,7 +14,6 @@ from excite.design.kept_starts import remove_starts, remove_temporary
 from excite.design.start_results import write_start
 from excite.files.content_hashes import HASHES, motion_hashes
 from excite.files.earlier_content import earlier_content
-from excite.files.figure_names import figure_names
 from excite.files.precision_files import CONTENT, FIGURE, TABLE, seeks_precision, write_precision
 from excite.files.task_file import task_content
 from excite.files.trajectory_csv import write_trajectory
@@ -24,9 +23,11 @@ from excite.information.weighting import minimised_text
 from excite.registry import name_of
 from excite.storage.atomic import write_json, writing
 from excite.storage.destination import NEXT
+from excite.storage.figure_names import figure_names
 from excite.storage.result_folder import check_not_taken, replace_result, result_folder
 from excite.tasks.stored_files import InitialDesign
 from excite.tasks.task import Task
+from excite.tasks.values import NONE
 
 SCHEMA = "excite.design/1"
 KIND = "design"
@@ -58,7 +59,11 @@ def data_files(task: Task) -> list[str]:
 def figure_files(task: Task, formats: Collection[str] = ("png",)) -> list[str]:
     """Names of a design's figures."""
     own = (FIGURE,) if seeks_precision(task) else ()
-    return figure_names((*_FIGURES, *own, *(() if task.limits.world is None else _WORLD_FIGURES)), formats)
+    if task.limits.world is not None:
+        own = (*own, *_WORLD_FIGURES)
+    elif task.limits.floor != NONE:
+        own = (*own, "workspace")
+    return figure_names((*_FIGURES, *own), formats)
 
 
 def starts_folder(folder: Path) -> Path:
@@ -252,6 +257,7 @@ def _sequence(design: Design) -> dict[str, Any]:
         "rehearsals": [
             {"file": name, "speed": speed, "duration": sequence.duration / speed} for name, speed in speeds.items()
         ],
+        "between_samples": [each.to_dict() for each in design.between_samples],
         **(design.approach_and_return.to_dict() if design.approach_and_return is not None else {}),
     }
 

@@ -6,20 +6,29 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from excite.design.motion_limits import RecomputedLimits
 from excite.design.stored_design import StoredDesign
+from excite.design.stored_sequence import check_joined
 from excite.files.content_hashes import check_motion
 from excite.files.design_folder import DESIGN, KIND, SCHEMA, TRAJECTORY
-from excite.files.stored import complete, stored_content, stored_robot
+from excite.files.stored import stored_content, stored_robot
 from excite.files.stored_task import stored_task
+from excite.files.world_file import world_of
 from excite.information.target import moving_robot
 from excite.registry import OwnPart, is_own
 from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
 from excite.storage.manifest import check_files
+from excite.storage.records import complete
 from excite.trajectories import stored_trajectory
+from excite.trajectories.sequence import WholeRobotMotion
+from regressors.arguments import checked
 from regressors.errors import InputError
 
 
+@checked
 def load_design(folder: str | Path, part: str | Collection[str] = (), **own: Any) -> StoredDesign:
     """Load the design in a folder, or in a ``design.json``.
 
@@ -63,6 +72,17 @@ def _design(folder: Path, path: Path, allowed: Collection[str], own: dict[str, A
         float(content["provenance"]["cpu_seconds"])
         if "condition_number" not in content["criteria"]:
             raise KeyError("condition_number")
+        shape = None if content.get("shape") is None else world_of(content["shape"], "the shape of the design")
+        design = StoredDesign(path.parent, robot, task, trajectory, content, shape)
+        RecomputedLimits.of(content)  # entries that are missing are named here
+        _check_joined(design)
     if path.name == DESIGN:
         check_files(path.parent, KIND, (DESIGN, TRAJECTORY))
-    return StoredDesign(path.parent, robot, task, trajectory, content)
+    return design
+
+
+def _check_joined(design: StoredDesign) -> None:
+    """Refuse a motion that is not the one that the approach and the return of the file were made for."""
+    if design.transfers is not None:
+        whole = WholeRobotMotion(design.trajectory, design.task.limits.applied(design.robot), design.moving.joint_names)
+        check_joined(design.transfers, whole.samples(np.array([0.0, whole.duration])).q)

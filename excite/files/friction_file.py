@@ -15,6 +15,7 @@ from excite.files.friction_schema import CurveEntry, FrictionFile, LoadEntry, Te
 from excite.storage.atomic import replacing
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
+from regressors.arguments import checked
 from regressors.errors import InputError, NumericalError
 from regressors.friction.curves import (
     CoulombViscous,
@@ -31,6 +32,7 @@ from regressors.friction.curves import (
     curve_parameters,
 )
 from regressors.input_files import read_text
+from regressors.quantities import shown
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 
 SCHEMA = "excite.friction/1"
@@ -51,18 +53,20 @@ _FIELDS = {
 }
 
 
-def read_friction(path: Path) -> FrictionCurves:
+@checked
+def read_friction(path: str | Path) -> FrictionCurves:
     """Curves of a friction file.
 
     Parameters
     ----------
-    path : Path
+    path : path
 
     Raises
     ------
     InputError
         Cannot be read, is malformed (with the line), or has numbers that no friction can have.
     """
+    path = Path(path)
     settle(Destination(path.parent))
     try:
         text = read_text(path)
@@ -119,7 +123,11 @@ def kept_curves(curves: FrictionCurves | Mapping[str, Any]) -> FrictionCurves:
     InputError
         Curves that no file can hold.
     """
-    return friction_of_content(friction_content(curves) if isinstance(curves, FrictionCurves) else curves)
+    if isinstance(curves, FrictionCurves):
+        return friction_of_content(friction_content(curves))
+    if not isinstance(curves, Mapping):
+        raise InputError(f"friction_curves: expected curves, as of `read_friction`, given {shown(curves)}")
+    return friction_of_content(curves)
 
 
 def _curves(document: Document) -> FrictionCurves:

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.files.figure_names import figure_names
-from excite.files.stored import complete, stored_content, stored_robot
+from excite.files.stored import stored_content, stored_robot
 from excite.files.trajectory_csv import SEGMENT
 from excite.friction.plan.measurements import CoordinatePlan, Distance, FrictionPlan, Window
 from excite.friction.plan.schedule import Schedule
@@ -25,8 +24,10 @@ from excite.logs.csv_header import header_text
 from excite.storage.atomic import replacing, write_json
 from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
+from excite.storage.figure_names import figure_names
 from excite.storage.finite import check_table
 from excite.storage.manifest import check_files
+from excite.storage.records import complete
 from excite.storage.result_folder import check_not_taken, replace_result, result_folder
 from regressors.errors import InputError
 from regressors.robot.robot import Robot

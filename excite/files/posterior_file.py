@@ -14,8 +14,9 @@ import numpy as np
 from excite.posterior.posterior_samples import PosteriorSamples
 from excite.storage.atomic import replacing
 from excite.storage.result_file import result_file
+from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.input_files import read_text
+from regressors.input_files import LOG, opened, read_text
 
 SCHEMA = "excite.posterior/1"
 NPZ, CSV = ".npz", ".csv"
@@ -83,6 +84,7 @@ def _arrays(samples: PosteriorSamples, facts: str) -> bytes:
     return stream.getvalue()
 
 
+@checked
 def load_posterior(path: str | Path) -> PosteriorSamples:
     """Read samples that `PosteriorSamples.save` or `export_ensemble` has written.
 
@@ -118,7 +120,7 @@ def load_posterior(path: str | Path) -> PosteriorSamples:
 
 
 def _from_arrays(path: Path) -> tuple[dict[str, Any], np.ndarray]:
-    with np.load(path, allow_pickle=False) as file:
+    with opened(path, LOG) as stream, np.load(stream, allow_pickle=False) as file:
         facts = dict(json.loads(str(file["facts"])))
         facts |= {name: file[name].tolist() for name in _LISTS}
         return {**facts, "base_matrix": file["base_matrix"]}, np.asarray(file["values"], dtype=float)

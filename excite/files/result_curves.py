@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.files.curves_file import NUMBERS, Arrays, chosen, every, read_curves, short
 from excite.identification.identification import Identification
 from excite.identification.preparation import PreparedLog
+from excite.storage.curves_file import NUMBERS, Arrays, chosen, every, read_curves, short
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 

@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 
 from excite.files.between_logs_json import between_logs_content
-from excite.files.curves_file import write_curves
-from excite.files.figure_names import figure_names
 from excite.files.friction_file import friction_of, friction_text, read_friction
 from excite.files.result_curves import CURVES, result_curves
-from excite.files.stored import complete, stored_content, stored_robot
+from excite.files.stored import stored_content, stored_robot
 from excite.files.stored_task import stored_task
 from excite.files.task_file import stored_part, task_content
 from excite.identification.estimate import Estimate
@@ -30,9 +28,13 @@ from excite.identification.result import StoredResult
 from excite.logs.event import Event
 from excite.storage.atomic import write_json
 from excite.storage.commit import read_settled
+from excite.storage.curves_file import write_curves
 from excite.storage.destination import Destination
+from excite.storage.figure_names import figure_names
 from excite.storage.manifest import check_files
+from excite.storage.records import complete
 from excite.storage.result_folder import amend_result, check_not_taken, replace_result, result_folder
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.motor_side import MotorSide, motor_sides
 
@@ -246,6 +248,7 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+@checked
 def load_result(folder: str | Path, part: str | Collection[str] = (), **own: Any) -> StoredResult:
     """Load the result in a folder, or in a ``result.json``.
 

@@ -107,6 +107,7 @@ def _content(robot: Robot) -> dict[str, Any]:
             }
         ),
         "home": None if robot.home is None else robot.home.tolist(),
+        "shapes": [part.to_dict() for part in robot.shapes],
     }
     return _filled(content)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -45,23 +44,3 @@ def stored_robot(content: Mapping[str, Any]) -> Robot:
     if robot.sha256() != content["robot"]["sha256"]:
         raise InputError("the robot's description does not have the hash that the file states")
     return robot
-
-
-@contextmanager
-def complete(path: Path, what: str) -> Iterator[None]:
-    """Turn errors from using a file's entries into one error that names the file.
-
-    Parameters
-    ----------
-    path : Path
-    what : str
-        Kind of content, such as ``design``.
-    """
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    except KeyError as error:
-        raise InputError(f"{path}: not a complete {what}: {error} is missing") from error
-    except (ArithmeticError, AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not a complete {what}: {error}") from error

@@ -41,6 +41,8 @@ def stored_task(content: Mapping[str, Any], robot: Robot, allowed: Collection[st
         options["robot"] = StoredRobot(
             str(options["robot"]), robot, None if shape is None else world_of(shape, "shape of the robot")
         )
+    elif shape is None and not robot.shapes:  # built in, of a time when the built-in robots had none
+        options["self_collision"] = False
     if content.get("begins_with") is not None:
         options["begin"] = InitialDesign(str(options.get("begin")), content["begins_with"])
     if content.get("after") is not None:

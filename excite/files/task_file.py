@@ -120,7 +120,8 @@ def _type(name: str, kind: Kind) -> Any:
 
 def option_types() -> dict[str, Any]:
     """Types of the values of every option of a task file by name; limits of joints are below ``limits``."""
-    types: dict[str, Any] = {**dict.fromkeys(("robot", *_ENDS), str), "snap_angles": _TYPES["flag"]}
+    flags = dict.fromkeys(("snap_angles", "xacro"), _TYPES["flag"])
+    types: dict[str, Any] = {**dict.fromkeys(("robot", *_ENDS), str), **flags}
     limits: dict[str, Any] = {}
     for part in PARTS.values():
         for field, option in options_of(part):
@@ -194,7 +195,7 @@ def task_from_options(
     """
     given = {name: value for name, value in options.items() if value is not None}
     if stored:
-        given.setdefault("torque_margin", NONE)  # of files that are older than "auto"
+        given = {"torque_margin": NONE, "floor": NONE, **given}  # of files that are older than "auto"
     given |= {name: value for name, value in (given.pop("limits", None) or {}).items() if value is not None}
     if stored:
         given = {**_FORMERLY, **given}
@@ -304,5 +305,6 @@ def task_content(task: Task) -> dict[str, Any]:
             del entry["name"]
     if isinstance(task.objective.precision, PrecisionTarget):
         options["precision"] = task.objective.precision.to_dict()
-    described = {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip}
-    return {**described, "snap_angles": task.snap_angles, **options}
+    described: dict[str, Any] = {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip}
+    described |= {"snap_angles": task.snap_angles} | ({"xacro": True} if task.xacro else {})
+    return {**described, **options}

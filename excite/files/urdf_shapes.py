@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from constraints.collision.capsules import enclosing_capsule, enclosing_cylinder
-from constraints.collision.geometry import Capsule, Part, Vector
+from constraints.collision.geometry import Capsule, Part
+from excite.files.collada_mesh import collada_triangles
 from excite.files.mesh import MeshError, mesh_corners
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
@@ -41,13 +43,13 @@ def urdf_parts(path: Path, robot: Robot, base: str | None = None) -> tuple[Part,
     """
     parts, left_out = urdf_shape(path, robot, base)
     if left_out:
-        raise InputError(left_out[0])
+        raise InputError(left_out[0][1])
     return parts
 
 
 def urdf_shape(
     path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
-) -> tuple[tuple[Part, ...], tuple[str, ...]]:
+) -> tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]:
     """One capsule around every ``<collision>`` of the robot's links and of the links fixed to them.
 
     A sphere stays a sphere; a box and a mesh get a small capsule around all their corners; a cylinder one that contains
@@ -67,8 +69,8 @@ def urdf_shape(
     Returns
     -------
     parts : tuple of Part
-    left_out : tuple of str
-        Meshes that cannot be read, in words, with the name of the link.
+    left_out : tuple of (str, str)
+        Meshes that cannot be read: the link of the robot, or the base, that carries each, and why, in words.
 
     Raises
     ------
@@ -86,16 +88,48 @@ def urdf_shape(
             try:
                 parts.append(Part(carrier, _capsule(element, pose, path)))
             except MeshError as error:
-                left_out.append(f"{path.name}: link {name!r}, <collision>: {error}")
+                left_out.append((carrier, f"{path.name}: link {name!r}, <collision>: {error}"))
             except (InputError, KeyError, ValueError) as error:
                 reason = f"{error} is missing" if isinstance(error, KeyError) else error
                 raise InputError(f"{path.name}: link {name!r}, <collision>: {reason}") from error
-    if not parts and left_out:
-        more = f" ({len(left_out) - 1} more like it)" if len(left_out) > 1 else ""
-        raise InputError(f"{left_out[0]}{more}, and no other shape is left; put the meshes there")
-    if not parts:
+    if not parts and not left_out:
         raise InputError(f"{path.name}: no link has a <collision> element to take the robot's shape from")
     return tuple(parts), tuple(left_out)
+
+
+def lowest_point(
+    path: Path, robot: Robot, base: str | None, normal: Array, *, snap_angles: bool = True
+) -> float | None:
+    """Least height of the base's ``<collision>`` shapes themselves along a direction; None if it has none [m].
+
+    Parameters
+    ----------
+    path, robot, base, snap_angles
+        As of `urdf_shape`.
+    normal : ndarray, shape (3,)
+        Unit vector in the axes of the base.
+    """
+    heights = []
+    for carrier, link, pose in carried_links(read_bytes(path), path, robot, base, snap_angles=snap_angles):
+        for element in link.below("collision") if carrier == BASE else ():
+            shape, place = placed_shape(element)
+            with contextlib.suppress(InputError, KeyError, ValueError):
+                heights.append(_lowest(shape, path, pose @ place, normal))
+    return min(heights, default=None)
+
+
+def _lowest(shape: XmlElement, path: Path, pose: Array, normal: Array) -> float:
+    given, up = shape.attributes, pose[:3, :3].T @ normal
+    if shape.tag == "sphere":
+        least = -float(given["radius"])
+    elif shape.tag == "cylinder":
+        least = -float(given["radius"]) * np.hypot(up[0], up[1]) - 0.5 * float(given["length"]) * abs(up[2])
+    elif shape.tag == "box":
+        least = float((_CORNERS * numbers_of(shape, "size", "") @ up).min())
+    else:
+        corners = _corners(mesh_file(given["filename"], path))
+        least = float((corners * numbers_of(shape, "scale", "1 1 1") @ up).min())
+    return float(normal @ pose[:3, 3]) + float(least)
 
 
 def carried_links(
@@ -156,7 +190,7 @@ def numbers_of(element: XmlElement | None, attribute: str, default: str) -> Arra
 def _capsule(element: XmlElement, pose: Array, path: Path) -> Capsule:
     """Capsule around one ``<collision>``, in the frame of the carrier."""
     shape, place = placed_shape(element)
-    return _moved(_around(shape, path), pose @ place)
+    return _around(shape, path).moved(pose @ place)
 
 
 def placed_shape(element: XmlElement) -> tuple[XmlElement, Array]:
@@ -186,19 +220,13 @@ def _around(shape: XmlElement, path: Path) -> Capsule:
     if shape.tag == "box":
         return enclosing_capsule(_CORNERS * numbers_of(shape, "size", ""))
     if shape.tag == "mesh":
-        corners = mesh_corners(mesh_file(given["filename"], path))
-        return enclosing_capsule(corners * numbers_of(shape, "scale", "1 1 1"))
+        return enclosing_capsule(_corners(mesh_file(given["filename"], path)) * numbers_of(shape, "scale", "1 1 1"))
     raise InputError(f"no shape named {shape.tag!r}; available: sphere, cylinder, box, mesh")
 
 
-def _moved(capsule: Capsule, pose: Array) -> Capsule:
-    start, end = (_vector(pose[:3, :3] @ np.array(point) + pose[:3, 3]) for point in (capsule.start, capsule.end))
-    return Capsule(start, end, capsule.radius)
-
-
-def _vector(values: Array) -> Vector:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
+def _corners(file: Path) -> Array:
+    """Corners of a mesh of any format that there is a reader for, shape (N, 3)."""
+    return collada_triangles(file).reshape(-1, 3) if file.suffix.lower() == ".dae" else mesh_corners(file)
 
 
 def mesh_file(name: str, urdf: Path) -> Path:

@@ -12,13 +12,15 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, Shape, Vector, World
-from excite.files.urdf_shapes import urdf_shape
+from excite.files.urdf_shapes import lowest_point, urdf_shape
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.input_files import read_text
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.readers.sized_numbers import Angles, Length, Point
 from regressors.readers.urdf import read_urdf
 from regressors.readers.xml_kind import URDF, xml_kind
+from regressors.samples import Array
 
 SCHEMA = "excite.world/1"
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -61,6 +63,8 @@ class _Object(BaseModel):
     sphere: _Sphere | None = None
     plane: _Plane | None = None
     box: _Box | None = None
+    clearance: Length | None = None
+    mounting: StrictBool = False
 
 
 class _File(BaseModel):
@@ -74,14 +78,15 @@ class _File(BaseModel):
     objects: dict[str, _Object] = {}
 
 
+@checked
 def read_world(
-    path: Path, robot: str = "", base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
+    path: str | Path, robot: str = "", base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
 ) -> World:
     """Read a world file.
 
     Parameters
     ----------
-    path : Path
+    path : path
     robot : str
         URDF that supplies the robot's shape if the file has ``robot: urdf``.
     base, tip : str, optional
@@ -125,12 +130,12 @@ def _world(document: Document, chain: _Chain) -> World:
         try:
             parts, left_out = chain.shape()
             if left_out:
-                raise InputError(f"{left_out[0]}; put it there, or list capsules of your own instead of 'urdf'")
+                raise InputError(f"{left_out[0][1]}; put it there, or list capsules of your own instead of 'urdf'")
         except InputError as error:
             raise document.error([(("robot",), str(error))]) from error
     else:
         parts = tuple(_part(document, k, entry) for k, entry in enumerate(content.robot))
-    obstacles = tuple(Obstacle(name, _shape(document, name, entry)) for name, entry in content.objects.items())
+    obstacles = tuple(_obstacle(document, name, entry) for name, entry in content.objects.items())
     ignored = tuple((pair[0], pair[1]) for pair in content.ignore)
     try:
         return World(parts, obstacles, content.clearance, content.self_collision, ignored, content.tolerance)
@@ -140,7 +145,7 @@ def _world(document: Document, chain: _Chain) -> World:
 
 def urdf_capsules(
     robot: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
-) -> tuple[tuple[Part, ...], tuple[str, ...]]:
+) -> tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]:
     """Shape of a chain of a URDF, see `excite.files.urdf_shapes.urdf_shape`, and what was left out of it.
 
     Parameters
@@ -160,6 +165,24 @@ def urdf_capsules(
     return _Chain(robot, base, tip, snap_angles).shape()
 
 
+def urdf_lowest(
+    robot: str, normal: Array, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
+) -> float | None:
+    """Height of the lowest point of a chain's base, see `excite.files.urdf_shapes.lowest_point`; None if not known.
+
+    Parameters
+    ----------
+    robot, base, tip, snap_angles
+        As of `urdf_capsules`.
+    normal : ndarray, shape (3,)
+        Unit vector in the axes of the base.
+    """
+    if not robot.lower().endswith((".urdf", ".xml")) or xml_kind(robot) != URDF:
+        return None
+    read = read_urdf(robot, base=base, tip=tip, snap_angles=snap_angles)
+    return lowest_point(Path(robot), read, base, normal, snap_angles=snap_angles)
+
+
 @dataclass(frozen=True)
 class _Chain:
     """A chain of a URDF, if one is named."""
@@ -169,7 +192,7 @@ class _Chain:
     tip: str | None = None
     snap_angles: bool = True
 
-    def shape(self) -> tuple[tuple[Part, ...], tuple[str, ...]]:
+    def shape(self) -> tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]:
         named = self.file.lower().endswith((".urdf", ".xml"))
         if not named or (Path(self.file).is_file() and xml_kind(self.file) != URDF):
             what_is_given = f"{self.file!r} is not one" if self.file else "none is given"
@@ -199,6 +222,14 @@ def _part(document: Document, number: int, entry: _Part) -> Part:
         return Part(entry.link, _capsule(entry))
     except InputError as error:
         raise document.error([(("robot", number), str(error))]) from error
+
+
+def _obstacle(document: Document, name: str, entry: _Object) -> Obstacle:
+    shape = _shape(document, name, entry)
+    try:
+        return Obstacle(name, shape, entry.clearance, entry.mounting)
+    except InputError as error:
+        raise document.error([(("objects", name), str(error))]) from error
 
 
 def _shape(document: Document, name: str, entry: _Object) -> Shape:

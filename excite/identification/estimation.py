@@ -28,6 +28,7 @@ from excite.identification.residual_covariance import condition_number
 from excite.identification.standstill_bias import allowing_for_standstill
 from excite.identification.stated_uncertainty import with_uncertainty
 from excite.information.friction_notes import left_out_notes
+from excite.information.rounded_angles import left_out_by_rounding
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 
@@ -156,7 +157,8 @@ def _allowing_for_friction(
 def _notes(robot: Robot, asked: Task, measured: MeasuredLogs) -> tuple[str, ...]:
     """How the robot was read, how friction changes sign, and what known friction leaves out of what was asked for."""
     known = measured.friction is not None
-    notes = (*robot.reading_notes, *presliding_note(measured.recipe, measured.target, known=known))
+    notes = (*left_out_by_rounding(measured.target.robot, measured.target.base), *robot.reading_notes)
+    notes = (*notes, *presliding_note(measured.recipe, measured.target, known=known))
     if measured.friction is None:
         return notes
     return (*notes, *left_out_notes(asked.model, measured.target, measured.friction))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
@@ -15,7 +15,16 @@ from excite.storage.result_file import read_settled_files
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
-LogLike = Any  # a Log, the name of its file, or a simulation, which has one
+
+class Measured(Protocol):
+    """What has a log, such as a simulation."""
+
+    @property
+    def measured(self) -> Log:
+        """The log."""
+
+
+LogLike = Log | str | Path | Measured
 
 
 def read_logs(

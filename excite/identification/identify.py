@@ -33,12 +33,14 @@ from excite.registry import built_in
 from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.robot.robot import Robot
+from regressors.symbolic.vectorised import interpreted_note
 
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator
@@ -48,6 +50,7 @@ _NO_BODIES = "bodies are not held physically possible: the conic solver found no
 _RECIPE = frozenset(field.name for field in fields(Recipe))
 
 
+@checked
 @numerical_work(
     "the identification",
     "rows that hardly move, or numbers of very different sizes are the likely cause: "
@@ -111,8 +114,8 @@ def identify(
     progress : callable
         Called with a description of each step.
     **options
-        Options of the recipe, and of the model of a `Task`, by name; `base_link` and `tip`, the ends of the chain, and
-        `snap_angles`, where the file of a robot is named.
+        Options of the recipe, and of the model of a `Task`, by name; `base_link` and `tip`, the ends of the chain,
+        `snap_angles` and `xacro`, where the file of a robot is named.
 
     Returns
     -------
@@ -165,7 +168,7 @@ def identify(
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
-        estimate=replace(result.estimate, notes=(*result.estimate.notes, *chosen.notes)),
+        estimate=replace(result.estimate, notes=(*result.estimate.notes, *chosen.notes, *interpreted_note())),
         choices=chosen.choices,
         each=each,
         friction_file=file,
@@ -205,7 +208,7 @@ def _allowing_for_terms(result: Identification, chosen: Chosen) -> Identificatio
 
 def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> dict[str, Any]:
     """How a file is read, taken out of the options: the ends of the chain; as for the design where nothing is said."""
-    own = {"base_link": None, "tip": None, "snap_angles": True}
+    own: dict[str, Any] = {"base_link": None, "tip": None, "snap_angles": True, "xacro": False}
     given = {name: options.pop(name, None) for name in own}
     if design is not None and isinstance(model, str):
         own = {name: getattr(design.task, name) for name in own}
@@ -244,8 +247,8 @@ def _as_designed(model: object, task: Task, design: DesignedMotion) -> Task:
     if isinstance(model, RegressorModel):
         return task.changed(joints=chosen.joints, drives=chosen.drives)
     plain = replace(chosen, friction_curves=None)
-    if design.task.objective.nearly_unidentifiable == "drop":  # which, follows from all of its task
-        task = design.task
+    nearly = design.task.objective.nearly_unidentifiable
+    task = design.task if nearly == "drop" else task.changed(nearly_unidentifiable=nearly)  # "drop": by all of its task
     return task.changed(model=replace(plain, friction=chosen.friction, offset=chosen.offset))
 
 

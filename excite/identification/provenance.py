@@ -12,6 +12,7 @@ from typing import Any
 
 from excite.design.designed_motion import DesignedMotion
 from regressors.input_files import read_bytes
+from regressors.symbolic.vectorised import evaluation
 
 _PACKAGES = ("excite-trajectories", "casadi", "clarabel", "numpy", "scipy")
 
@@ -38,6 +39,7 @@ def provenance_of(spent: tuple[float, float], mapping: object, drop: tuple[str, 
         "drop": list(drop),
         "wall_seconds": wall,
         "cpu_seconds": cpu,
+        "evaluation": evaluation(),
         "python": platform.python_version(),
         "versions": {package: version(package) for package in _PACKAGES},
     }

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 from excite.identification.friction_directions import Sizes, sizes
 from excite.identification.repetition_count import repetition_prediction
 from excite.identification.torque_factors import Factors, factors_of
-from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, built_in, check_name, instance, name_of
+from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, OwnPart, built_in, check_part, instance, name_of
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check, check_options, shown, whole_number_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from excite.identification.estimator import Estimator
 
 AUTO, ALL = "auto", "all"
@@ -23,6 +26,7 @@ _CHECKED = (
 _SINGLE = ("cutoff", "period", "harmonics", "low_pass", "every", "standstill", "pull", "described_within", "delay")
 
 
+@checked
 @dataclass(frozen=True)
 class Recipe:
     """Settings of one identification; the defaults are those of the command line.
@@ -91,9 +95,9 @@ class Recipe:
     sign_width: Sizes | None = None
     breakaway: Sizes | None = None
     standstill: float | None = 0.0
-    torque_factors: Factors | None = None
+    torque_factors: Factors | Mapping[str, float] | None = None
     friction_scale: bool = False
-    estimator: str | Estimator = "weighted"
+    estimator: str | Estimator | OwnPart = "weighted"
     covariance: str = "auto"
     temperature: tuple[float, ...] | None = None
     pull: float = 0.0
@@ -102,8 +106,7 @@ class Recipe:
     signals_chosen: bool = False
 
     def __post_init__(self) -> None:
-        if isinstance(self.estimator, str):
-            check_name("estimator", self.estimator)
+        check_part("estimator", self.estimator)
         for what, known in (("signals", SIGNALS), ("covariance", COVARIANCES)):
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
@@ -121,8 +124,6 @@ class Recipe:
             object.__setattr__(self, what, sizes(what, getattr(self, what)))
         if self.torque_factors is not None:
             object.__setattr__(self, "torque_factors", factors_of(self.torque_factors))
-        if self.temperature is not None:
-            object.__setattr__(self, "temperature", tuple(self.temperature))
         if self.sign_width and self.breakaway:
             raise InputError(
                 "friction changes sign over a velocity or over a distance; give `sign_width` or `breakaway`, not both"

@@ -60,7 +60,7 @@ def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Arr
     return robot.joint_names, np.eye(robot.n)
 
 
-def corrected(log: Log, robot: Robot, factors: Factors | None) -> Log:
+def corrected(log: Log, robot: Robot, factors: Factors | Mapping[str, float] | None) -> Log:
     """A log of the moving joints whose torques are in corrected gains.
 
     Parameters

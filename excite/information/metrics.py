@@ -173,3 +173,31 @@ def predictions(target: IdentificationTarget, samples: Samples, noise: Array) ->
 def singular_spectrum(target: IdentificationTarget, samples: Samples) -> Array:
     """Singular values of W in the left-to-right base, largest first."""
     return _singular_values(target.model.assemble(samples)[:, target.base.index])
+
+
+@dataclass(frozen=True, eq=False)
+class MotionMeasures:
+    """What one motion says of the parameters of a target.
+
+    Parameters
+    ----------
+    criteria : dict of str to float
+        See `CONVENTIONS`.
+    predicted : tuple of PredictedAccuracy
+    spectrum : ndarray, shape (b,)
+        Singular values of W, largest first.
+    rows : int
+        Number of rows of W.
+    """
+
+    criteria: dict[str, float]
+    predicted: tuple[PredictedAccuracy, ...]
+    spectrum: Array
+    rows: int
+
+    @classmethod
+    def of(cls, target: IdentificationTarget, samples: Samples, noise: Array) -> MotionMeasures:
+        """Those of samples, see `measures`."""
+        rows = int(target.model.assemble(samples).shape[0])
+        known = measures(target, samples, noise), predictions(target, samples, noise)
+        return cls(*known, singular_spectrum(target, samples), rows)

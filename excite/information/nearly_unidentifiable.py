@@ -5,6 +5,10 @@ parameter make the singular values behind a second gap, after the one at the ran
 deviation over its size, ``sqrt(C_jj)`` with ``C = (W' W)^-1``. The worst case for it are changes of the other
 parameters by ``C_kj / C_jj``, which take back what a change of its own does to the torques: where they take back
 most of it, the parameters move together; where they do not, its own torque is small.
+
+A joint is hardly excited where the known masses and rotors cause less than 2 % of what hides their torque there: of its
+friction or of the stated noise, whichever is larger, all as root mean squares over the motion; where neither is known,
+of a tenth of its torque limit, which is about what friction takes of it.
 """
 
 from __future__ import annotations
@@ -13,17 +17,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.information.metrics import noise_per_row
 from excite.information.parameter_sizes import base_sizes
 from excite.information.rounded_angles import rounded_angles
 from excite.information.target import IdentificationTarget
 from excite.information.visible_base import FACTOR, inverse_half
-from regressors.models.columns import Column
-from regressors.robot.robot import Robot
+from regressors.models.columns import ROTOR, Column
+from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
+from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples
 
 _ALONE = 3.0  # a column of which projection leaves this part, or more, is small by itself
 _PARTNER = 0.3  # part of a column's length that another one takes back
 _NAMED = 4
+_HARDLY = 0.02  # of a joint's friction or noise: torque of masses that does not excite it
+_LIKELY_FRICTION = 0.1  # of a joint's torque limit
 
 
 @dataclass(frozen=True)
@@ -156,3 +165,57 @@ def nearly_unidentifiable_note(
         f"deviation is more than {FACTOR:g} times their size, and they alone can make the condition number large: "
         f"{listed}{more}.{angles} Remedy: {', or '.join(remedies)}."
     )
+
+
+def hardly_excited_note(target: IdentificationTarget, samples: Samples, noise: tuple[float, ...] | None) -> str | None:
+    """Name the joints at which the known masses hardly cause a torque, with what helps; None if there are none.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    samples : Samples
+        The motion of the moving robot.
+    noise : tuple of float, optional
+        Stated noise of each equation of the target's model.
+    """
+    if not target.model.rows_are_joint_torques:
+        return None
+    model = DifferentialModel(target.robot.replace(structure=Structure())).restricted(target.motion)
+    definition, names = model.definition()
+    known = standard_values(target.robot)
+    rigid = np.array([column.group == "inertial" or column.kind == ROTOR for column in model.standard_columns])
+    value = np.array([known.get(name, 0.0) for name in names])
+    stated = np.array([name in known for name in names])
+    W = (model.instants(samples) @ definition).reshape(samples.time.size, len(model.row_labels), -1)
+    masses, friction = (np.sqrt(np.mean((W[..., part] @ value[part]) ** 2, axis=0)) for part in (rigid, ~rigid))
+    unknown = np.any(W[..., rigid & ~stated] != 0.0, axis=(0, 2))
+    friction = np.where(np.any(W[..., ~rigid & stated] != 0.0, axis=(0, 2)), friction, np.nan)
+    limits = dict(zip(target.robot.joint_names, target.robot.limits.torque, strict=True))
+    of_noise = np.full(friction.size, np.nan) if noise is None else noise_per_row(noise, target.model)
+    listed = []
+    for k, (joint, unit) in enumerate(model.row_labels):
+        hides = {
+            "its friction": friction[k],
+            "the stated noise": of_noise[k],
+            "a tenth of its torque limit": _LIKELY_FRICTION * limits.get(joint, np.inf),
+        }
+        of_what, size = _largest(hides)
+        if not unknown[k] and masses[k] < _HARDLY * size:
+            listed.append(f"{joint} (the known masses cause {masses[k]:.2g} {unit}, {of_what} is {size:.2g} {unit})")
+    if not listed:
+        return None
+    return (
+        f"the motion hardly excites {'; '.join(listed)}: what identification says of the masses behind "
+        f"{'it' if len(listed) == 1 else 'them'} drowns in friction and noise. Remedy: carry a known load off the "
+        "joint's axis (`payload`), tilt the robot (`mount`) where gravity does not act on the joint, or move faster or "
+        "longer."
+    )
+
+
+def _largest(hides: dict[str, float]) -> tuple[str, float]:
+    """What hides a joint's torque most: of friction and noise where either is known, else of its torque limit."""
+    *measured, limit = hides.items()
+    finite = [(name, size) for name, size in measured if np.isfinite(size)]
+    if finite:
+        return max(finite, key=lambda each: each[1])
+    return limit if np.isfinite(limit[1]) else (limit[0], 0.0)

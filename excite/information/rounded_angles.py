@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from regressors.models.base import Base
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
-_EXACT, _MEANT = 1e-9, 1e-3  # rad: rounding of a computer, and the largest error of an angle that was written by hand
+_EXACT, _MEANT = 1e-9, 2e-3  # rad: rounding of a computer, and the largest error of an angle written by hand, 3.14
 
 
 def rounded_angles(robot: Robot) -> tuple[str, ...]:
@@ -28,6 +29,24 @@ def rounded_angles(robot: Robot) -> tuple[str, ...]:
             found.append(f"the axis of joint {joint.name} is {text} to {name}")
         before, name = joint.axis, f"that of joint {joint.name}"
     return tuple(found)
+
+
+def left_out_by_rounding(robot: Robot, base: Base) -> tuple[str, ...]:
+    """Note on the parameters that a base leaves out because only rounding shows them; none where there are none.
+
+    Parameters
+    ----------
+    robot : Robot
+    base : Base
+        Of the robot.
+    """
+    if not base.by_rounding:
+        return ()
+    cause = "; ".join(rounded_angles(robot)) or "their torques are as small as those of rounded angles and lengths"
+    return (
+        f"left out of the base parameters: {', '.join(base.by_rounding)}, which exist by rounding only ({cause}); "
+        "`nearly_unidentifiable='keep'` keeps them",
+    )
 
 
 def _nearly(a: Array, b: Array) -> str:

@@ -13,6 +13,7 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import Base, base_parameters, bases, enough_states, few_states, random_states
+from regressors.models.independence import ROUNDING
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.numerical import numerical_work
@@ -158,7 +159,12 @@ def left_to_right_base(robot: Robot, task: Task) -> tuple[PartialMotion, Base]:
     model = _restricted(whole, motion, task)
     states = motion.states(random_states(moving, few_states(model)))
     with threadpool_limits(1):
-        return motion, base_parameters(model, states=states)
+        return motion, base_parameters(model, states=states, rounding=_rounding(task))
+
+
+def _rounding(task: Task) -> float:
+    """Part of a column that counts as born of rounding; what deviations decide upon is not decided here."""
+    return ROUNDING if task.objective.nearly_unidentifiable == "drop-rounding" else 0.0
 
 
 def _moving(robot: Robot, task: Task, sign_width: float) -> tuple[Robot, PartialMotion, RegressorModel]:
@@ -199,7 +205,7 @@ def target_of(
     model = _restricted(whole.instantaneous() if instantaneous else whole, motion, task)
     states = motion.states(random_states(moving, enough_states(model)))
     with threadpool_limits(1):  # matrices of this size do not gain from more threads
-        chosen = bases(model, states)
+        chosen = bases(model, states, _rounding(task))
         if task.objective.nearly_unidentifiable == "drop" and chosen[0].rank > 0:
             torques = whole.instantaneous().restricted(motion, task.model.equations)
             chosen = visible_bases(model, torques, chosen, states, task)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array, Index
 
@@ -35,9 +36,28 @@ class Removed:
     numbers: Index
 
 
+@dataclass(frozen=True)
+class LogReference:
+    """A log that a result is from.
+
+    Parameters
+    ----------
+    file, sha256 : str
+    left_out : tuple of str
+        What of it was left out, and why.
+    """
+
+    file: str
+    sha256: str
+    left_out: tuple[str, ...] = ()
+
+
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """What was recorded at N instants of n joints; a channel that was not recorded is None.
+
+    Every number is finite: a row with a gap is no row of a log. Readers leave such rows out with ``drop=("nan",)``.
 
     Parameters
     ----------
@@ -67,6 +87,11 @@ class Log:
         Increasing numbers of the rows in what was recorded, 1 for the first; 1 ... N if not given.
     removed : tuple of Removed
         Rows of what was recorded that are no longer here, and why.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not match, numbers that are not finite, or times that do not increase.
     """
 
     source: str
@@ -85,11 +110,31 @@ class Log:
     removed: tuple[Removed, ...] = ()
 
     def __post_init__(self) -> None:
-        shapes = {"q": len(self.joints), "dq": len(self.joints), "effort": len(self.joints), "wrench": len(WRENCH)}
-        for name, columns in {**shapes, "temperature": len(self.joints)}.items():
-            channel = getattr(self, name)
-            if channel is not None and channel.shape != (self.time.size, columns):
-                raise InputError(f"{self.source}: {name} has shape {channel.shape}, not {(self.time.size, columns)}")
+        if self.time.ndim != 1:
+            raise InputError(f"{self.source}: time has shape {self.time.shape}, expected one number per instant")
+        for name in ("time", *_CHANNELS):
+            if (channel := getattr(self, name)) is not None:
+                self._check(name, channel)
+        if np.any(late := np.diff(self.time) <= 0):
+            k = int(np.argmax(late))
+            before, after = self.time[k : k + 2]
+            raise InputError(
+                f"{self.source}: time must increase from row to row, but row {k + 1} has {before:.9g} s "
+                f"and row {k + 2} {after:.9g} s"
+            )
+
+    def _check(self, name: str, channel: Array) -> None:
+        columns = {"time": (), "wrench": (len(WRENCH),)}.get(name, (len(self.joints),))
+        if channel.shape != (expected := (self.time.size, *columns)):
+            raise InputError(f"{self.source}: {name} has shape {channel.shape}, not {expected}")
+        if not np.isfinite(channel).all():
+            row = int(np.argmin(np.isfinite(channel).reshape(self.time.size, -1).all(axis=1))) + 1
+            raise InputError(f"{self.source}: {name} is not finite in row {row}; leave out the rows with gaps")
+
+    @property
+    def reference(self) -> LogReference:
+        """What a result states of it."""
+        return LogReference(self.source, self.sha256, self.left_out)
 
     @property
     def identity(self) -> str:

@@ -20,7 +20,8 @@ from excite.logs.table import Table, sparse_table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
 from excite.storage.result_file import settle_files
-from regressors.errors import UnknownName
+from regressors.arguments import checked
+from regressors.errors import InputError, UnknownName
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -28,6 +29,7 @@ _LOOKED_AT = 200  # rows
 _SPARSE = 0.2
 
 
+@checked
 def read_log(
     path: str | Path,
     joints: Sequence[str] | None = None,
@@ -70,6 +72,8 @@ def read_log(
     allowed = frozenset(drop)
     for name in sorted(allowed - set(DROPPABLE)):
         raise UnknownName("kind of row to drop", name, DROPPABLE)
+    if joints is not None and not joints:
+        raise InputError("joints: expected one or more names, given none; leave it out for all joints of the file")
     settle_files(path := Path(path))
     form = binary_format(path)
     if mapping is not None:

@@ -55,6 +55,7 @@ from excite.logs.mapping_sections import (
     WrenchSection,
 )
 from excite.storage.result_file import settle_files
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.input_files import read_text
 from regressors.readers.documents import parse_document, validate
@@ -214,6 +215,7 @@ def _place(source: str, column: int | str, index: Mapping[str, int], count: int)
     return column - 1
 
 
+@checked
 def read_mapping(path: str | Path) -> LogMapping:
     """Read a mapping from a YAML file.
 

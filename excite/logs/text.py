@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from excite.estimates.long_work import announce
 from excite.logs.lines import Lines, blocks_of, places_of_lines
 from regressors.errors import InputError
 from regressors.input_files import LOG, in_bytes, opened
@@ -78,6 +79,7 @@ class _Scan:
     marked: bool
 
 
+_SECONDS = 3e-8  # of each byte of a table that is read, to its numbers
 _SETTLED = 2.0  # seconds since the last change, after which another one has another time
 _last: dict[tuple[int, ...], _Scan] = {}  # of the file that was read last: what recognises it reads it several times
 
@@ -110,12 +112,21 @@ def _scanned(source: str, stream: BinaryIO) -> _Scan:
         raise InputError(f"{source} is written in UTF-16; save it as UTF-8")
     marked = start == codecs.BOM_UTF8
     stream.seek(0)
+    announce(f"reading {source}", _SECONDS * _size(stream))
     digest = hashlib.sha256()
     places = places_of_lines(_checked(source, stream, digest), first=len(codecs.BOM_UTF8) * marked)
     if places is None:
         raise InputError(f"{source} is empty")
     starts, ends, complete = places
     return _Scan(digest.hexdigest(), starts, ends, complete, marked)
+
+
+def _size(stream: BinaryIO) -> int:
+    """Bytes of a file; 0 where they are not known, as of a pipe."""
+    try:
+        return os.fstat(stream.fileno()).st_size
+    except OSError:  # io.UnsupportedOperation too
+        return 0
 
 
 def _checked(source: str, stream: BinaryIO, digest: hashlib._Hash) -> Iterator[bytes]:

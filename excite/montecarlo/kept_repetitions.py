@@ -18,8 +18,10 @@ from excite.design.problem_identity import PACKAGES
 from excite.montecarlo.repetition_units import SeededExperiment
 from excite.montecarlo.repetitions import Repetition
 from excite.storage.atomic import replacing
+from regressors.input_files import LOG, opened
 
 _EVERY = 5.0  # seconds between two writes
+
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 _log = logging.getLogger(__name__)
 
@@ -44,7 +46,7 @@ class KeptRepetitions:
         if not self._identity or not self.path.exists():
             return {}
         try:
-            with self.path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+            with opened(self.path, LOG) as stream, np.load(stream, allow_pickle=False) as content:
                 identity, numbers = str(content["identity"]), content["number"].tolist()
                 rows = zip(content["error"], content["deviation"], content["noise"], strict=True)
                 found = {number: Repetition(*row) for number, row in zip(numbers, rows, strict=True)}

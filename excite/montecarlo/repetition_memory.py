@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.estimates.cap import memory_cap
 from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.montecarlo.equation_columns import BLOCK, entries_of_equations
 from excite.montecarlo.experiment import Experiment
+from regressors.memory_cap import memory_cap
 
 _OF_CHANNEL = 12  # numbers of each instant for each joint, and for each torque or component of the wrench
 _COPIES = 4  # of the columns of windows

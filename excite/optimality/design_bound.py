@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.blueprint import restricted_limits
 from excite.design.designed_motion import DesignedMotion
 from excite.design.formulation import Formulation, formulate
+from excite.errors import BrokenLimitError
 from excite.information.target import target_of
 from excite.information.torque_deviation import TorqueCriterion
 from excite.information.weighting import minimised_text, weighting_of
@@ -25,13 +27,21 @@ from excite.optimality.moment_conditions import MomentConditions
 from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
 from excite.optimality.state_rows import StateRows, state_rows
-from excite.registry import built_in, instance
+from excite.registry import instance, name_of
+from excite.storage.atomic import read_json
+from excite.storage.commit import read_settled
+from excite.storage.destination import Destination
+from excite.storage.migrations import is_of_kind
+from excite.storage.records import check_replaceable, read_record, write_record
+from excite.storage.result_folder import result_folder
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.numerical import numerical_work
 from regressors.samples import Array
 
 _INSTANTS = 40  # of the design's motion, for each harmonic
 _ROUNDS = 8
+KIND, NAME = "bound", "bound.json"
 
 
 @dataclass(frozen=True)
@@ -54,6 +64,11 @@ class CriterionBound:
         Criterion of the design.
     cpu_seconds : float
     """
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
+        "efficiency": lambda bound: bound.efficiency,
+        "basis": lambda bound: bound.basis,
+    }
 
     name: str
     described: str
@@ -125,10 +140,48 @@ class DesignBound:
         InputError
             The folder cannot be written to, or holds a file of this name that is something else.
         """
-        files: list[Path] = built_in("writer", "bound")(self, folder)
-        return files
+        with result_folder(Path(folder)):
+            check_replaceable(Path(folder), KIND, KIND)
+            return write_record(self, KIND, Path(folder), KIND)
 
 
+def stored_bound(design: DesignedMotion) -> DesignBound | None:
+    """The bound in a design's folder; None where there is none, or that of another problem.
+
+    Parameters
+    ----------
+    design : DesignedMotion
+
+    Raises
+    ------
+    InputError
+        The file is damaged.
+    """
+    path = None if design.folder is None else design.folder / NAME
+    if path is None or not path.exists():
+        return None
+    problem = bounded_problem_sha256(design)
+    content = read_settled(Destination(path.parent), lambda: read_json(path))
+    if not is_of_kind(KIND, content.get("schema")) or problem is None or content.get("problem") != problem:
+        return None
+    try:
+        known = read_record(path, DesignBound, KIND)
+    except InputError as error:
+        raise InputError(f"{error}; remove it, and run `excite bound` again") from error
+    coefficients, changes = design.coefficients_sha256, known.sensitivity
+    criterion = str(name_of(design.task.objective.criterion))
+    if known.coefficients != coefficients or (changes is not None and changes.criterion != criterion):
+        changes = None  # of another motion of the same problem
+    return replace(
+        known,
+        name=design.name,
+        criteria=tuple(replace(each, reached=reached_by(design, each.name)) for each in known.criteria),
+        coefficients=coefficients,
+        sensitivity=changes,
+    )
+
+
+@checked
 @numerical_work(
     "the bound",
     "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot",
@@ -169,11 +222,18 @@ def bound(
     InputError
         The model integrates over time windows, a coordinate has no limit of its acceleration, an unknown criterion, or
         a design for some of the parameters, for predicted torques or for several robots.
+    BrokenLimitError
+        The design is not within its limits.
     ConicSolverError
         The relaxation could not be solved.
     """
     chosen = [_criterion(name) for name in criteria]
     _check_bounded(design)
+    if design.broken:
+        raise BrokenLimitError(
+            f"{design.name} breaks {len(design.broken)} limits ({design.broken[0]}), and a bound holds for motions "
+            "within the limits only; design it again within the limits"
+        )
     with threadpool_limits(1):
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -68,6 +68,8 @@ class Sensitivity:
     rows : tuple of SensitivityRow
     cpu_seconds : float
     """
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"meaning": lambda changes: changes.meaning}
 
     criterion: str
     reference: float

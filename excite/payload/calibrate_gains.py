@@ -23,6 +23,7 @@ from excite.payload.prepared_pair import (
     without_load,
 )
 from excite.tasks.installation import Installation
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.numerical import numerical_work
 from regressors.quantities import check
@@ -81,6 +82,7 @@ class CalibratedGains:
         return f"<CalibratedGains of {self.robot}: {factors}>"
 
 
+@checked
 @numerical_work(
     "the calibration of gains",
     "rows that hardly move, or numbers of very different sizes are the likely cause: check the units of the logs",
@@ -97,6 +99,7 @@ def calibrate_gains(
     base_link: str | None = None,
     tip: str | None = None,
     snap_angles: bool = True,
+    xacro: bool = False,
     installation: Installation | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CalibratedGains:
@@ -115,7 +118,7 @@ def calibrate_gains(
     kind : {"each", "common"}
         A factor of each drive, or one of all.
     logs : LogChoice, optional
-    base_link, tip, snap_angles, installation
+    base_link, tip, snap_angles, xacro, installation
         See `excite.identify`.
     progress : callable
 
@@ -132,7 +135,7 @@ def calibrate_gains(
         raise UnknownName("kind of gains", kind, KINDS)
     check("known_mass", mass, "`mass`")
     choice = logs if logs is not None else LogChoice()
-    whole, task = described(robot, base_link, tip, installation, snap_angles)
+    whole, task = described(robot, base_link, tip, installation, snap_angles, xacro)
     with threadpool_limits(1):
         with_load = choice.read(loaded, whole, choice.rows, progress)
         bare = choice.read(without, whole, choice.without_rows, progress)

@@ -39,6 +39,7 @@ from excite.payload.prepared_pair import (
 from excite.payload.rated_payload import rated_payload
 from excite.registry import built_in
 from excite.tasks.installation import Installation
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.numerical import numerical_work
 from regressors.quantities import check
@@ -58,6 +59,7 @@ _POSSIBLE = (
 _LINK = "frame of the last link"
 
 
+@checked
 @numerical_work(
     "the identification of the payload",
     "rows that hardly move, or numbers of very different sizes are the likely cause: check the units of the logs",
@@ -79,6 +81,7 @@ def identify_payload(
     base_link: str | None = None,
     tip: str | None = None,
     snap_angles: bool = True,
+    xacro: bool = False,
     installation: Installation | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> PayloadResult:
@@ -113,7 +116,7 @@ def identify_payload(
         What that frame is.
     rated : float, optional
         Largest load of the robot [kg].
-    base_link, tip, snap_angles, installation
+    base_link, tip, snap_angles, xacro, installation
         See `excite.identify`.
     progress : callable
         Called with a description of each step.
@@ -133,7 +136,7 @@ def identify_payload(
     _check_given(given, result, wrench, gains, gain_deviation)
     check("known_mass", rated, "`rated`")
     place = _frame(frame, frame_name)
-    whole, task = described(robot, base_link, tip, installation, snap_angles)
+    whole, task = described(robot, base_link, tip, installation, snap_angles, xacro)
     with threadpool_limits(1):
         with_load = choice.read(loaded, whole, choice.rows, progress)
         bare = choice.read(without, whole, choice.without_rows, progress) if given else []
@@ -153,9 +156,9 @@ def identify_payload(
     if wrench:  # phi is about the sensor's frame
         T = place.to_link
         estimate = replace(estimate, phi=T @ estimate.phi, covariance=T @ estimate.covariance @ T.T)
-    named = (*(("without", log) for log in bare), *(("with", log) for log in with_load))
+    named = tuple(log.reference for log in bare), tuple(log.reference for log in with_load)
     largest = rated if rated is not None else rated_payload(whole.name)
-    held = PayloadResult(whole, place, estimate, "wrench" if wrench else "joint torques", known, named, largest)
+    held = PayloadResult(whole, place, estimate, "wrench" if wrench else "joint torques", known, *named, rated=largest)
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         held,

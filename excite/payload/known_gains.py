@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
 
@@ -20,6 +21,7 @@ DRIFT = 0.007
 """And of each from one day to another: there, those of the joints that carry the arm drift by that over four days."""
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class KnownGains:
     """Factors g by which torques from stated gains are to be multiplied.

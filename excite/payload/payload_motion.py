@@ -19,6 +19,7 @@ from excite.tasks.output import Output
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.search import Search
 from excite.tasks.trajectory_choice import TrajectoryChoice
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check
 from regressors.robot.robot import Robot
@@ -61,6 +62,7 @@ class PayloadMotion:
     notes: tuple[str, ...]
 
 
+@checked
 def design_payload_motion(
     robot: Robot | str,
     box: Box | None = 0.2,
@@ -79,6 +81,7 @@ def design_payload_motion(
     base_link: str | None = None,
     tip: str | None = None,
     snap_angles: bool = True,
+    xacro: bool = False,
     frame: Sequence[float] | None = None,
 ) -> PayloadMotion:
     """Find a short motion about a pose that shows the ten parameters of a load, within all limits.
@@ -107,7 +110,7 @@ def design_payload_motion(
     limits : LimitChoice, optional
         Limits of joints, tool, torques and distances beside those of the description.
     installation : Installation, optional
-    base_link, tip, snap_angles
+    base_link, tip, snap_angles, xacro
         See `excite.design_trajectory`.
     frame : six floats, optional
         Origin and roll, pitch, yaw of the sensor's frame in the last link's frame [m, rad].
@@ -126,7 +129,7 @@ def design_payload_motion(
     if sensor not in SENSORS:
         raise UnknownName("sensor", sensor, SENSORS)
     check("period", period)
-    described, task = robot_and_task(robot, base_link, tip, installation, snap_angles)
+    described, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
     limits = limits if limits is not None else LimitChoice()
     within = limits.applied(described)
     about, notes = _pose(within, pose)

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from excite.logs.log import LogReference
+from excite.payload.controllers import CONTROLLERS, FILES, controller_text, frame_of
 from excite.payload.held_body import UPPER, Frame, HeldBody, spread_of
 from excite.payload.known_gains import KnownGains
 from excite.payload.load_estimate import LoadEstimate
 from excite.payload.possible_body import is_possible, nearest_possible
-from excite.registry import built_in
+from excite.storage.atomic import replacing
+from excite.storage.curves_file import NUMBERS, every
+from excite.storage.records import read_record, write_record
+from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
-if TYPE_CHECKING:
-    from excite.logs.log import Log
-
+KIND, PAYLOAD = "payload", "payload.json"
 NAMES = ("mass", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz")
 _NOT_NEGATIVE = (0, 4, 7, 9)
 _FAR = 2.0  # half intervals
@@ -28,7 +31,7 @@ _FAR = 2.0  # half intervals
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PayloadResult:
-    """An identified payload.
+    """An identified payload; the same when it is loaded.
 
     Parameters
     ----------
@@ -40,8 +43,8 @@ class PayloadResult:
     source : str
         What was measured: ``joint torques`` or ``wrench``.
     gains : KnownGains, optional
-    logs : tuple of (str, Log)
-        Each ``with`` or ``without`` the load.
+    without, loaded : tuple of LogReference
+        Logs without and with the load.
     rated : float, optional
         Largest load of the robot [kg].
     notes, doubts : tuple of str
@@ -49,12 +52,15 @@ class PayloadResult:
     provenance : mapping
     """
 
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"payload": lambda result: result.stated}
+
     robot: Robot
     frame: Frame
     estimate: LoadEstimate
     source: str
     gains: KnownGains | None
-    logs: tuple[tuple[str, Log], ...]
+    without: tuple[LogReference, ...] = ()
+    loaded: tuple[LogReference, ...] = ()
     rated: float | None = None
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
@@ -102,8 +108,9 @@ class PayloadResult:
         """[kg]."""
         return self.body.mass
 
-    def content(self) -> dict[str, Any]:
-        """Plain values for ``payload.json``."""
+    @property
+    def stated(self) -> dict[str, Any]:
+        """Mass, centre and inertia with their intervals, as plain values."""
         body, intervals = self.body, self.intervals
         inertia = np.zeros((3, 3, 2))
         inertia[UPPER] = intervals[4:]
@@ -115,6 +122,7 @@ class PayloadResult:
                 "rotation": self.frame.rotation.tolist(),
                 "of": self.robot.links[-1].name,
             },
+            "gains": self._gain_factors,
             "mass": {"value": body.mass, "interval": intervals[0].tolist(), "unit": "kg"},
             "centre": {"value": body.centre.tolist(), "interval": intervals[1:4].tolist(), "unit": "m"},
             "inertia": {
@@ -133,15 +141,90 @@ class PayloadResult:
     def _by_gains(self) -> float:
         return float(self.estimate.by_gains[0, 0])
 
-    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write ``payload.json``, and what controllers want, into a folder; see the writer ``payload``."""
-        files: list[Path] = built_in("writer", "payload")(self, folder, replace=replace)
-        return files
+    @property
+    def _gain_factors(self) -> dict[str, dict[str, float]]:
+        """Factor of each drive's torques, as it was known and as it is estimated with the payload."""
+        if self.gains is None:
+            return {}
+        known = zip(
+            self.gains.factor.tolist(), self.gains.deviation.tolist(), self.estimate.gains.tolist(), strict=True
+        )
+        return {
+            drive: {"factor": factor, "deviation": deviation, "found": factor / (1.0 + error)}
+            for drive, (factor, deviation, error) in zip(self.gains.drives, known, strict=True)
+        }
+
+    def stored(self) -> PayloadResult:
+        """What a file keeps: of many residuals every k-th."""
+        residuals = self.estimate.residuals
+        return replace(self, estimate=replace(self.estimate, residuals=residuals[:: every(residuals.size, NUMBERS)]))
+
+    def text_for(self, controller: str) -> str:
+        """The payload in a controller's own words, see `excite.payload.controllers`."""
+        return controller_text(controller, self.body, self.frame.name)
+
+    def texts(self, controllers: Collection[str]) -> dict[str, dict[str, str]]:
+        """What each controller wants to know, and in which frame it expects it; nothing without a mass."""
+        chosen = controllers if self.mass > 0 else ()
+        return {name: {"text": self.text_for(name), "expected_frame": frame_of(name)} for name in chosen}
+
+    def save(
+        self, folder: str | Path, *, controllers: Collection[str] = CONTROLLERS, replace: bool = False
+    ) -> list[Path]:
+        """Write ``payload.json``, and what controllers want, into a folder, made if it does not exist.
+
+        Parameters
+        ----------
+        folder : path
+        controllers : collection of str
+            That get a file.
+        replace : bool
+            Replace a payload that is already there.
+
+        Returns
+        -------
+        list of Path
+            Files that were written.
+
+        Raises
+        ------
+        InputError
+            The folder holds a payload, is being written by another process, or cannot be written to.
+        """
+        place, chosen = Path(folder), controllers if self.mass > 0 else ()
+        with result_folder(place):
+            check_no_payload(place, chosen, replace=replace)
+            further = {FILES[name]: partial(self._write_text, name) for name in chosen}
+            return write_record(self, KIND, place, KIND, further=further)
+
+    def _write_text(self, controller: str, path: Path) -> None:
+        with replacing(path) as stream:
+            stream.write(self.text_for(controller))
 
     def __repr__(self) -> str:
         """One line."""
         low, high = self.intervals[0]
         return f"<PayloadResult of {self.robot.name}: {self.mass:.4g} kg, 99 % from {low:.4g} to {high:.4g} kg>"
+
+
+def check_no_payload(folder: Path, controllers: Collection[str] = (), *, replace: bool) -> None:
+    """Raise `TakenError` where a folder holds a payload, or files for controllers, that may not be replaced."""
+    check_not_taken(folder, PAYLOAD, "a payload", [FILES[name] for name in controllers], replace=replace)
+
+
+def load_payload(path: str | Path) -> PayloadResult:
+    """Load a ``payload.json``.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        Another schema, entries that are missing, or a file that is not the one that was written.
+    """
+    return read_record(Path(path), PayloadResult, KIND)
 
 
 _PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import clarabel
 import numpy as np
-import scipy.sparse
 
-from excite.errors import ConicSolverError
-from regressors.robot.inertia import pseudo_inertia
+from excite.identification.estimators.possible_set import PossibleSet, body_in_coordinates, nearest, own_scale
+from regressors.robot.inertia import from_pseudo_inertia, pseudo_inertia
 from regressors.samples import Array
 
-_ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T  # upper triangle, column by column
-_UNITS = np.column_stack([pseudo_inertia(e)[_ROWS, _COLUMNS] for e in np.eye(10)])
-_OFF_DIAGONAL = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
 _LEAST = 1e-7  # of the size of the body: smallest eigenvalue of its pseudo-inertia in units of mass and length
 _LEAST_LENGTH = 1e-3
+_LEAST_VARIANCE = 1e-12  # of the largest one
 
 
 def is_possible(phi: Array) -> bool:
@@ -45,25 +41,11 @@ def nearest_possible(phi: Array, covariance: Array) -> Array:
         _LEAST_LENGTH, float(np.linalg.norm(phi[1:4]) / phi[0]), float(np.sqrt(np.abs(phi[4:]).max() / phi[0]))
     )
     scale = phi[0] * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    k = np.array([1 / length] * 3 + [1.0]) / np.sqrt(phi[0])  # brings the entries of the pseudo-inertia near one
-    block = (_OFF_DIAGONAL * k[_ROWS] * k[_COLUMNS])[:, None] * _UNITS * scale
-    least = _OFF_DIAGONAL * _LEAST * np.eye(4)[_ROWS, _COLUMNS]
-    C = covariance / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh((C + C.T) / 2)
-    P = (vectors / np.maximum(values, 1e-12 * values[-1])) @ vectors.T
-    P = P * values[-1]  # its least eigenvalue is one
-    settings = clarabel.DefaultSettings()
-    settings.verbose, settings.max_threads = False, 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    solver = clarabel.DefaultSolver(
-        scipy.sparse.triu(scipy.sparse.csc_matrix(P), format="csc"),
-        -P @ (phi / scale),
-        scipy.sparse.csc_matrix(-block),
-        -least,
-        [clarabel.PSDTriangleConeT(4)],
-        settings,
-    )
-    solution = solver.solve()
-    if str(solution.status) not in ("Solved", "AlmostSolved"):
-        raise ConicSolverError(f"a possible body near the estimate: the conic solver ended with {solution.status}")
-    return np.asarray(scale * np.array(solution.x))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    slope = scale[:, None] * vectors * np.sqrt(np.maximum(values, _LEAST_VARIANCE * values[-1]) / values[-1])
+    ball = phi[0] * np.diag([length**2] * 3 + [1.0])
+    M, B = body_in_coordinates(phi, slope, _LEAST * ball, own_scale(ball))
+    inside = np.linalg.solve(slope, from_pseudo_inertia(ball) - phi)
+    possible = PossibleSet(M[None], B[None], np.zeros(0), np.zeros((0, 10)))
+    z, _ = nearest(possible, inside)
+    return np.asarray(phi + slope @ possible.towards(z, inside))

@@ -19,6 +19,7 @@ from excite.logs.mapping import LogMapping
 from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
@@ -30,6 +31,7 @@ _LOW_PASS = 15.0  # Hz
 _FAST = 8.0  # times as many rows per second
 
 
+@checked
 @dataclass(frozen=True)
 class LogChoice:
     """How the logs of a payload are read.
@@ -80,12 +82,13 @@ def described(
     tip: str | None,
     installation: Installation | None,
     snap_angles: bool,
+    xacro: bool,
 ) -> tuple[Robot, Task]:
     """The robot, and the task of its model: bodies, rotors of the joints, friction and its offsets.
 
     Friction also grows with the carried torque, where the bodies' parameters are described.
     """
-    robot, task = robot_and_task(robot, base_link, tip, installation, snap_angles)
+    robot, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
     known = all(link.theta is not None for link in robot.bodies)
     return robot, task.changed(joint_rotors=True, offset=True, load_share=known)
 

@@ -5,7 +5,7 @@ Importing this package imports matplotlib, so callers import it only when they d
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from excite.plots.figure_files import write_figure_files
 from excite.plots.motion_plot import motion_figure
 from excite.plots.phase_plot import phase_figure
 from excite.plots.spectrum_plot import spectrum_figure
+from regressors.arguments import checked
 
 if TYPE_CHECKING:
     from excite.plots.clearance_plot import clearance_figure
@@ -114,7 +115,15 @@ FIGURES = {
     "spectrum": spectrum_figure,
     "convergence": convergence_figure,
 }
-WORLD_FIGURES = {"clearance": _clearance, "workspace": _workspace}  # where the task has a world
+WORLD_FIGURES = {"clearance": _clearance, "workspace": _workspace}  # where there are obstacles
+
+
+def figures_of(design: Design) -> dict[str, Callable[[Design], Figure]]:
+    """Functions that draw a design, by the names of their files."""
+    if design.task.limits.world is not None:
+        return {**FIGURES, **WORLD_FIGURES}
+    mounted = design.shape is not None and design.shape.obstacles
+    return {**FIGURES, "workspace": _workspace} if mounted else {**FIGURES}
 
 
 def design_figures(design: Design) -> dict[str, Figure]:
@@ -127,14 +136,16 @@ def design_figures(design: Design) -> dict[str, Figure]:
     Returns
     -------
     dict of str to Figure
-        ``motion``, ``phase``, ``spectrum`` and, where its starts are known, ``convergence``; ``clearance`` and
-        ``workspace`` too, where the task has a world, and ``precision``, where one was sought.
+        ``motion``, ``phase``, ``spectrum`` and, where its starts are known, ``convergence``; ``workspace`` too, where
+        the surface that the robot is mounted on is checked, ``clearance`` and ``workspace``, where the task has a
+        world, and ``precision``, where one was sought.
     """
-    figures = FIGURES if design.task.limits.world is None else {**FIGURES, **WORLD_FIGURES}
+    figures = figures_of(design)
     figures = figures if design.precision_search is None else {**figures, "precision": _precision}
     return {name: figure(design) for name, figure in figures.items() if name != "convergence" or design.starts}
 
 
+@checked
 def write_figures(
     design: Any, folder: str | Path, *, formats: str | Sequence[str] = ("png",), width: str = "screen"
 ) -> list[Path]:
@@ -153,8 +164,8 @@ def write_figures(
     Returns
     -------
     list of Path
-        ``motion.png``, ``phase.png``, ``spectrum.png`` and ``convergence.png`` in the folder; ``clearance.png`` and
-        ``workspace.png`` too, where the task has a world. Or those of other formats, or of another object.
+        ``motion.png``, ``phase.png``, ``spectrum.png`` and ``convergence.png`` in the folder, and those of
+        `design_figures` that the design has besides. Or those of other formats, or of another object.
 
     Raises
     ------

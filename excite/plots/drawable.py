@@ -14,9 +14,8 @@ from excite.campaigns.campaign_table import KIND as CAMPAIGN
 from excite.campaigns.campaign_table import CampaignTable
 from excite.design.design import Design
 from excite.design.stored_design import StoredDesign
-from excite.files.friction_fit_file import KIND as FIT
 from excite.files.friction_plan_folder import KIND as PLAN
-from excite.files.time_study_json import KIND as STUDY
+from excite.friction.fit.friction_fit import KIND as FIT
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.friction.plan.measurements import FrictionPlan
 from excite.identification.identification import Identification
@@ -32,8 +31,10 @@ from excite.plots.parameters_plot import parameters_figure
 from excite.plots.time_course_plot import estimates_over_time_figure
 from excite.plots.verification_plots import verification_figures
 from excite.registry import built_in
+from excite.timecourse.time_study import KIND as STUDY
 from excite.timecourse.time_study import TimeStudy
 from excite.verification.verification import Verification
+from regressors.arguments import checked
 from regressors.errors import InputError
 
 
@@ -46,6 +47,7 @@ class _Drawing:
     prefix: str = ""
 
 
+@checked
 def draw(result: Any, *, width: str = "screen") -> dict[str, Figure]:
     """Draw every figure of a design, a result or another object, without writing a file.
 
@@ -122,7 +124,7 @@ def _(result: StoredResult) -> _Drawing:
 
 @_drawing.register
 def _(result: Verification) -> _Drawing:
-    stem = f"verification-{Path(result.prepared.log.source).stem}"
+    stem = f"verification-{Path(result.log.file).stem}"
     return _Drawing(partial(verification_figures, result), stem, f"{stem}_")
 
 
@@ -143,4 +145,4 @@ def _(result: FrictionPlan) -> _Drawing:
 
 @_drawing.register
 def _(result: FrictionFit) -> _Drawing:
-    return _Drawing(lambda: {"friction": friction_figure(result.robot.name, result.characteristics)}, FIT)
+    return _Drawing(lambda: {"friction": friction_figure(result.robot, result.characteristics)}, FIT)

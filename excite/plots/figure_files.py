@@ -11,11 +11,11 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from excite.files.figure_names import check_formats, figure_names
 from excite.plots.column_layout import lay_out
 from excite.plots.drawing_style import column_width, drawing_style, size_of
 from excite.plots.style import literal
 from excite.storage.atomic import replacing
+from excite.storage.figure_names import check_formats, figure_names
 from excite.storage.manifest import read_manifest
 from excite.storage.result_folder import amend_result, result_folder
 from regressors.errors import InputError

@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from constraints.bounds.certificate import LimitUse
 from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design.design import Design
-from excite.design.unchecked import checked_text
+from excite.design.unchecked import checked_text, kept_headline
 from excite.plots.limit_panel import CURVE, DOT, draw_limited, write_use
 from excite.plots.style import (
     BAND,
@@ -263,7 +263,8 @@ def _panels(functions: int, torque_rows: int, columns: int, heading: _Heading) -
 def _title(design: Design) -> str:
     uses = [use for part in (design.limits, *design.transfer_limits.values()) for use in part]
     broken = sum(not use.holds for use in uses)
-    kept = "every limit that was checked is kept" if design.unchecked else "every limit is kept"
+    plain = "every limit that was checked is kept" if design.unchecked else "every limit is kept"
+    kept = kept_headline((each.limit for each in design.unchecked), plain)
     verdict = kept if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
     whole = "" if design.approach_and_return is None else f", {design.sequence.duration:g} s with approach and return"
     return f"{design.robot.name}: motion of {design.trajectory.duration:g} s{whole}, {verdict}"

@@ -8,7 +8,7 @@ from constraints.bounds.certificate import LimitUse
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.design import Design
 from excite.design.imposed_limits import nonlinear_limits
-from excite.design.stated_limits import stated_limits
+from excite.design.stated_limits import StatedWorld, stated_limits
 from regressors.samples import Array, Samples
 
 _TORQUE = " torque"
@@ -68,5 +68,5 @@ def _constraints(design: Design, joints: tuple[str, ...]) -> tuple[NonlinearCons
     """Nonlinear limits as functions of some joints: of all, where approach and return move them."""
     if design.approach_and_return is None:
         return design.nonlinear
-    stated = stated_limits(design.robot, joints, design.task, design.shape)
+    stated = stated_limits(design.robot, joints, design.task, StatedWorld(design.shape))
     return (*nonlinear_limits(design.robot, joints, design.task), *stated.constraints)

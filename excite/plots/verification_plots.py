@@ -94,10 +94,10 @@ def simulated_motion_figure(verification: Verification) -> Figure:
     InputError
         No motion was simulated.
     """
-    replay, samples = verification.replay, verification.prepared.samples
+    replay, samples = verification.replay, verification.motion
     if replay is None:
         raise InputError("no motion was simulated: the model has no torque equation for every moving joint")
-    joints, errors = verification.prepared.log.joints, verification.motions
+    joints, errors = samples.joints, verification.motions
     title = f"{_name(verification)}: motion simulated from the measured torques"
     figure, rows = panels(len(joints), Panel((6.8, 3.8), 1.4 if len(joints) > 1 else 3.0, left=0.95), title)
     difference, whole = replay.q - samples.q, ((0, samples.time.size),)
@@ -151,7 +151,7 @@ def _motion_legend(replay: Replay) -> list[Line2D]:
 
 
 def _name(verification: Verification) -> str:
-    return ends(PurePath(verification.prepared.log.source).name, _NAME_LENGTH)
+    return ends(PurePath(verification.log.file).name, _NAME_LENGTH)
 
 
 def error_parts_figure(verification: Verification) -> Figure:

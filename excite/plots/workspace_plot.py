@@ -15,12 +15,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from constraints.collision.collision_limits import Clearance
+from constraints.collision.frames import link_poses
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Shape
 from excite.design.design import Design
 from excite.plots.panels import Panel, legend_below, panels, value_axis
 from excite.plots.style import BLUE, DARK, FORBIDDEN, LABEL, NOTE, VERMILLION, plain, significant
 from excite.trajectories.sequence import whole_pose
-from regressors.robot.robot import BASE, Robot
 from regressors.samples import Array
 
 _VIEWS = ((0, 1), (0, 2), (1, 2))
@@ -43,7 +43,7 @@ def workspace_figure(design: Design) -> Figure:
     Parameters
     ----------
     design : Design
-        Design of a task with a world.
+        Design of a task with a world, or with a surface that the robot is mounted on.
 
     Returns
     -------
@@ -52,8 +52,8 @@ def workspace_figure(design: Design) -> Figure:
         times larger is cut, and named below. The pose where two bodies come nearest to each other is dark. Planes are
         drawn only in views that show them edge-on.
     """
-    world = design.task.limits.known_world
-    assert world is not None
+    worlds = [world for world in (design.task.limits.known_world, design.shape) if world is not None]
+    parts, obstacles = worlds[0].parts, [each for world in worlds for each in world.obstacles]
     robot = design.task.limits.applied(design.robot)
     samples = design.samples
     poses = link_poses(robot, whole_pose(robot, design.moving.joint_names, samples.q))
@@ -62,13 +62,13 @@ def workspace_figure(design: Design) -> Figure:
     nearest = _nearest_time(design)
     shown = [*np.linspace(0, len(path) - 1, _POSES + 1).round().astype(int)[:-1].tolist()]
     shown += [] if nearest is None else [int(np.argmin(np.abs(samples.time - nearest)))]
-    links = [[_moved(part.capsule, poses[part.link][k]) for part in world.parts if part.link in poses] for k in shown]
-    view = _View.of(path, [capsule for pose in links for capsule in pose], world.obstacles)
+    links = [[_moved(part.capsule, poses[part.link][k]) for part in parts if part.link in poses] for k in shown]
+    view = _View.of(path, [capsule for pose in links for capsule in pose], obstacles)
     notes = textwrap.wrap("; ".join(view.notes), _LETTERS)
     panel = Panel(widths=(3.6,) * 3, height=3.6, below=0.95 + 0.16 * len(notes))
     figure, axes = panels(1, panel, f"{design.robot.name}: tool and obstacles")
     for ax, plane in zip(axes[0], _VIEWS, strict=True):
-        for obstacle in world.obstacles:
+        for obstacle in obstacles:
             _draw_obstacle(ax, obstacle.shape, plane, 10 * view.half)
         for k, pose in enumerate(links):
             style = _SOME if k < _POSES else _NEAREST
@@ -170,26 +170,6 @@ def _points_in_view(shape: Shape, near: Array) -> Iterator[Array]:
 
 def _is_edge_on(normal: Array, view: tuple[int, int]) -> bool:
     return abs(float(np.linalg.norm(normal[list(view)])) - 1.0) <= 1e-9
-
-
-def link_poses(robot: Robot, q: Array) -> dict[str, Array]:
-    """Pose of the base, of every link and of every branch in the base frame, shape (N, 4, 4) each.
-
-    Parameters
-    ----------
-    robot : Robot
-    q : ndarray, shape (N, n)
-        [rad or m]
-    """
-    poses = {BASE: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
-    before = BASE
-    for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
-        poses[link.name] = poses[before] @ np.array([joint.motion(float(angle)) for angle in q[:, k]])
-        before = link.name
-    for branch in robot.branches:
-        s = q @ branch.coupling + branch.offset
-        poses[branch.name] = poses[branch.parent] @ np.array([branch.joint.motion(float(angle)) for angle in s])
-    return poses
 
 
 def _moved(capsule: Capsule, pose: Array) -> Capsule:

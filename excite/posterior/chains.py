@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from excite.errors import ConicSolverError
-from excite.posterior.possible_set import PossibleSet
+from excite.identification.estimators.possible_set import PossibleSet
 from excite.posterior.posterior_coordinates import PosteriorCoordinates
 from excite.posterior.reflected_paths import STEP, next_points
 from regressors.samples import Array

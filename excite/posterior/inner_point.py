@@ -9,12 +9,12 @@ import numpy as np
 import scipy.sparse
 
 from excite.errors import ConicSolverError
-from excite.posterior.possible_set import PossibleSet
+from excite.identification.estimators.possible_set import PossibleSet, conic_solution, nearest, possible_set
+from excite.identification.estimators.standard import StandardProblem
+from excite.posterior.posterior_coordinates import PosteriorCoordinates
 from regressors.samples import Array
 
-_ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T  # upper triangle, column by column
-_WEIGHT = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
-_SOLVED = ("Solved", "AlmostSolved")
+SHARE = 1e-3  # of its described pseudo-inertia that every body keeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,45 +49,36 @@ def inner_point(possible: PossibleSet) -> InnerPoint:
         The conic solver found no point.
     """
     d = possible.size
-    square = np.diag(np.append(np.ones(d), 1.0))
-    nearest = _solution(possible, square, np.zeros(d + 1), 0.0, [])
-    radius = np.sqrt(float(nearest[:d] @ nearest[:d]) + d)
+    closest, _ = nearest(possible)
+    radius = np.sqrt(float(closest @ closest) + d)
     ball = np.vstack([np.zeros(d + 1), np.hstack([-np.eye(d), np.zeros((d, 1))])])
     most = np.append(np.zeros(d), 1.0)[None]
     further = [
         (ball, np.append(radius, np.zeros(d)), clarabel.SecondOrderConeT(d + 1)),
         (most, np.ones(1), clarabel.NonnegativeConeT(1)),
     ]
-    inside = _solution(possible, np.zeros((d + 1, d + 1)), np.append(np.zeros(d), -1.0), 1.0, further)
+    linear = scipy.sparse.csc_matrix((d + 1, d + 1))
+    inside, _ = conic_solution(possible, linear, np.append(np.zeros(d), -1.0), [*possible.blocks(slack=True), *further])
     z = inside[:d]
     if not possible.contains(z[None])[0]:
         raise ConicSolverError("samples of the posterior: no possible robot is near the identified one")
-    return InnerPoint(z, nearest[:d])
+    return InnerPoint(z, closest)
 
 
-def _solution(
-    possible: PossibleSet, P: Array, q: Array, slack: float, further: list[tuple[Array, Array, object]]
-) -> Array:
-    """Coordinates and slack, shape (d + 1,)."""
-    rows, rights, cones = [], [], []
-    for M, B in zip(possible.M, possible.B, strict=True):
-        unit = slack * _WEIGHT * np.eye(4)[_ROWS, _COLUMNS]
-        rows.append(np.column_stack([-_WEIGHT[:, None] * B[_ROWS, _COLUMNS], unit]))
-        rights.append(_WEIGHT * M[_ROWS, _COLUMNS])
-        cones.append(clarabel.PSDTriangleConeT(4))
-    if possible.c.size:
-        rows.append(np.column_stack([-possible.b, np.full(possible.c.size, slack)]))
-        rights.append(possible.c)
-        cones.append(clarabel.NonnegativeConeT(possible.c.size))
-    for A, right, cone in further:
-        rows.append(A)
-        rights.append(right)
-        cones.append(cone)
-    settings = clarabel.DefaultSettings()
-    settings.verbose, settings.max_threads = False, 1
-    matrix = scipy.sparse.csc_matrix(np.concatenate(rows))
-    upper = scipy.sparse.triu(scipy.sparse.csc_matrix(P), format="csc")
-    solution = clarabel.DefaultSolver(upper, q, matrix, np.concatenate(rights), cones, settings).solve()
-    if str(solution.status) not in _SOLVED:
-        raise ConicSolverError(f"samples of the posterior: the conic solver ended with {solution.status}")
-    return np.array(solution.x)
+def coordinates_inside(
+    standard: StandardProblem, coordinates: PosteriorCoordinates, share: float = SHARE
+) -> PossibleSet:
+    """Possible robots in the coordinates of a posterior.
+
+    Every body keeps a share of its described pseudo-inertia, ``J_i(z) - share J0_i > 0``, so that no sample is flat to
+    rounding; in the body's own scale, ``T^-1 (J_i - share J0_i) T'^-1 > 0`` with ``J0 = T T'``.
+
+    Parameters
+    ----------
+    standard : StandardProblem
+    coordinates : PosteriorCoordinates
+    share : float
+    """
+    lowest = [share * body.reference for body in standard.bodies]
+    scaling = [np.linalg.inv(np.linalg.cholesky(body.reference)) for body in standard.bodies]
+    return possible_set(standard, coordinates.origin, coordinates.slope, lowest, scaling)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.posterior.possible_set import PossibleSet
+from excite.identification.estimators.possible_set import PossibleSet
 from excite.posterior.posterior_coordinates import PosteriorCoordinates
 from regressors.samples import Array, Index
 

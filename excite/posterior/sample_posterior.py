@@ -21,13 +21,13 @@ from excite.identification.torque_target import (
 from excite.information.target import IdentificationTarget
 from excite.posterior.chains import CHAINS, draws, path_count
 from excite.posterior.described_prior import described_prior
-from excite.posterior.inner_point import InnerPoint, inner_point
+from excite.posterior.inner_point import InnerPoint, coordinates_inside, inner_point
 from excite.posterior.mixing import effective_draws, split_deviation
-from excite.posterior.possible_set import possible_set
 from excite.posterior.posterior_coordinates import PosteriorCoordinates, posterior_coordinates
 from excite.posterior.posterior_samples import LEVEL, PosteriorSamples
 from excite.registry import built_in
 from excite.storage.content_hash import sha256_of
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.columns import BODY_KINDS
 from regressors.models.nominal import standard_values
@@ -41,6 +41,7 @@ _MIXED = 1.05
 _SECONDS = 5e-6  # of a path, per body and per coordinate
 
 
+@checked
 @numerical_work("sampling the posterior", "identify again, from a motion that shows more of the parameters")
 def sample_posterior(
     result: IdentificationResult | str | Path,
@@ -92,7 +93,7 @@ def sample_posterior(
     known = _result(result)
     target = torque_target(known)
     standard, coordinates = posterior_of(known, target, prior)
-    possible = possible_set(standard, coordinates)
+    possible = coordinates_inside(standard, coordinates)
     start = inner_point(possible)
     announce("sampling", _SECONDS * CHAINS * path_count(samples) * (3 + len(standard.bodies)) * coordinates.size)
     theta = coordinates.theta(draws(coordinates, possible, start.z, max(samples, _FEWEST), seed, progress))

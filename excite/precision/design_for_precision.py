@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from excite.storage.lock import locked
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import first_argument, robot_and_task
 from excite.tasks.task import Task
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.robot.robot import Robot
@@ -31,10 +32,11 @@ Prepare = Callable[[Formulation, str], KeptStarts]
 Solve = Callable[[Formulation, KeptStarts], Design]
 
 
+@checked
 def design_for_precision(
     robot_or_model: RegressorModel | Robot | Task | str,
     /,
-    precision: float | str | PrecisionTarget | None = None,
+    precision: float | str | PrecisionTarget | Mapping[str, Any] | None = None,
     *,
     folder: str | Path | None = None,
     fresh: bool = False,

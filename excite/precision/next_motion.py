@@ -24,6 +24,7 @@ from excite.tasks.earlier_information import DESIGN
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import first_argument, robot_and_task
 from excite.tasks.task import Task
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.robot.robot import Robot
@@ -114,6 +115,7 @@ class NextMotion:
         return f"<NextMotion of {self.robot}: {len(self.missing)} parameters missing, {self.runs} run(s)>"
 
 
+@checked
 def next_motion(
     robot_or_model: RegressorModel | Robot | Task | str | None = None,
     /,

@@ -9,9 +9,9 @@ from typing import Any
 
 from excite.design.campaign import Campaign, Step
 from excite.design.designed_motion import DesignedMotion
-from excite.files.stored import complete
 from excite.registry import name_of
 from excite.report.sections import ReportCell, ReportSection, ReportTable, kept, number
+from excite.storage.records import complete
 from regressors.models.partial import drive_names
 
 

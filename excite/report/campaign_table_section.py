@@ -33,6 +33,8 @@ def campaign_table_section(table: CampaignTable, prefix: str) -> ReportSection:
         assumed=(
             "numbers are comparable within a group: the same robot, model, moving joints and base parameters",
             "criteria are in the reference base of each cell's own task, at its own rate",
+            "limits of positions, velocities, accelerations and jerks were computed from the coefficients of each "
+            "design when the table was made; criteria and other limits are those that the file of each design states",
         ),
         notes=(*reasons[:_REASONS], *([f"{more} more reasons are in the table"] if more > 0 else []), *left_out),
         tables=(_best(table), _cells(table)),

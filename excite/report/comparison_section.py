@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.design.comparison import Judgement, compare
 from excite.design.designed_motion import DesignedMotion
+from excite.design.unchecked import kept_headline
 from excite.identification.identification import Identification
 from excite.identification.result import IdentificationResult, StoredResult
 from excite.information.metrics import CONVENTIONS
@@ -34,7 +35,7 @@ def comparison_section(designs: Sequence[DesignedMotion]) -> ReportSection:
         verdict=_verdict(judged, alike=alike),
         assumed=(
             "every design is judged under the parameters (friction, rotors) and the noise of the first one, at 100 Hz",
-            "limits here are those of joints and drives; each design's own section has all of them",
+            *(f"{each.name}: {said}" for each in judged for said in each.believed),
         ),
         tables=(_measures(judged, alike=alike), _facts(judged)),
         commands=(shlex.join(["excite", "compare", *names]),),
@@ -68,7 +69,7 @@ def _facts(judged: Sequence[Judgement]) -> ReportTable:
             ReportCell(j.name), ReportCell(j.robot), number(j.duration), number(j.parameters),
             ReportCell("-" if j.tightest is None else j.tightest.label),
             percent(None if j.tightest is None else j.tightest.use),
-            ReportCell("hold" if j.feasible else "BROKEN", state="" if j.feasible else "bad"),
+            ReportCell(kept_headline(j.unchecked, "hold")) if j.feasible else ReportCell("BROKEN", state="bad"),
             ReportCell(", ".join(j.unchecked) or "-"),
         )
         for j in judged

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 from excite.design.design import Design
 from excite.design.designed_motion import DesignedMotion
 from excite.design.stored_design import StoredDesign
-from excite.design.unchecked import Unchecked, kept_text
-from excite.files.bound_file import stored_bound
+from excite.design.unchecked import Unchecked, collisions_unchecked, kept_text
 from excite.files.design_folder import design_content
 from excite.information.metrics import CONVENTIONS
+from excite.optimality.design_bound import NAME as BOUND
+from excite.optimality.design_bound import stored_bound
 from excite.optimality.sensitivity import Sensitivity
 from excite.report.drawings import drawn
 from excite.report.player_motion import player_motion
@@ -60,7 +61,7 @@ def design_section(design: DesignedMotion, prefix: str, robot_file: str | None =
     robot_file : str, optional
         URDF of the robot, whose meshes the player shows where it is that of the design.
     """
-    content = design.content if isinstance(design, StoredDesign) else _content(design)
+    content = _content(design)
     whole, missing = _whole(design)
     figures: tuple[ReportFigure, ...] = ()
     motion = None
@@ -75,8 +76,9 @@ def design_section(design: DesignedMotion, prefix: str, robot_file: str | None =
         title=design.name,
         verdict=_verdict(content, design.unchecked),
         holds=bool(content["feasible"]),
+        caution=bool(collisions_unchecked(each.limit for each in design.unchecked)),
         asked=asked(content["task"], _ASKED),
-        assumed=(*unchecked, *content["notes"]),
+        assumed=(*(design.believed if isinstance(design, StoredDesign) else ()), *unchecked, *content["notes"]),
         notes=missing,
         tables=(_conditions(content), *_bounds(design), *_limits(content), _predictions(content)),
         figures=figures,
@@ -88,6 +90,8 @@ def design_section(design: DesignedMotion, prefix: str, robot_file: str | None =
 
 
 def _content(design: DesignedMotion) -> Mapping[str, Any]:
+    if isinstance(design, StoredDesign):
+        return design.recomputed_content
     assert isinstance(design, Design)
     return design_content(design)
 
@@ -104,9 +108,9 @@ def _whole(design: DesignedMotion) -> tuple[Design | None, tuple[str, ...]]:
 
 
 def _figures(design: Design) -> dict[str, Callable[[], Figure]]:
-    from excite.plots import FIGURES, WORLD_FIGURES
+    from excite.plots import figures_of
 
-    known = FIGURES if design.task.limits.world is None else {**FIGURES, **WORLD_FIGURES}
+    known = figures_of(design)
     names = [name for name in known if name != "convergence" or design.starts]
     return {_TITLES[name]: partial(known[name], design) for name in names}
 
@@ -160,7 +164,7 @@ def _bounds(design: DesignedMotion) -> list[ReportTable]:
         for each in bound.criteria
     )
     head = ("criterion", "bound", "design", "efficiency", "the bound is")
-    said = _sentence("; ".join(bound.assumptions))
+    said = _sentence("; ".join((*bound.assumptions, f"the bounds are those that {BOUND} states")))
     table = ReportTable("Distance from the best possible", head, rows, said, "bound")
     return [table, *_changes(bound.sensitivity)]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from constraints.collision.collision_limits import Collisions
 from constraints.linear import linear_limits
+from excite.files.motion_source import read_source
 from excite.files.world_file import world_of
 from excite.report.drawings import drawn
 from excite.report.player_data import LimitCourse, PlayedMotion, player_data, tightest
@@ -30,6 +31,7 @@ from excite.report.sections import (
     text_of,
     unit,
 )
+from excite.simulation.played_limits import played_uses
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
@@ -70,7 +72,7 @@ def friction_plan_section(plan: StoredFrictionPlan, prefix: str, looks: Appearan
     looks : Appearance
         Of the robot, in the player.
     """
-    content, robot = plan.content, plan.robot
+    content, robot = {**plan.content, "trajectories": _looked_at(plan)}, plan.robot
     trajectories, broken = content["trajectories"], _broken(content)
     figures, missing = _figures(plan, prefix)
     return ReportSection(
@@ -87,6 +89,19 @@ def friction_plan_section(plan: StoredFrictionPlan, prefix: str, looks: Appearan
         facts=facts({}, robot=robot.name, robot_sha256=robot.sha256(), order=content["order"], units=content["units"]),
         commands=_commands(plan),
     )  # fmt: skip
+
+
+def _looked_at(plan: StoredFrictionPlan) -> list[dict[str, Any]]:
+    """Trajectories of a plan, with limits of joints and drives as the samples of their files keep them."""
+    sampled = {label for limit in linear_limits(plan.robot) if limit.derivative < 3 for label in limit.labels}
+    known = []
+    for each in plan.content["trajectories"]:
+        uses, broken = played_uses(read_source(plan.folder / each["file"]))
+        labels = {use.label for use in broken}
+        computed = [{**use.to_dict(), "holds": use.label not in labels} for use in uses if use.label in sampled]
+        stated = [use for use in each["limits"] if use["label"] not in sampled]
+        known.append({**each, "limits": [*computed, *stated]})
+    return known
 
 
 def _asked(schedule: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
@@ -116,7 +131,11 @@ def _verdict(content: Mapping[str, Any], broken: Sequence[str]) -> str:
 
 
 def _assumed(content: Mapping[str, Any]) -> tuple[str, ...]:
-    said = list(content["not_looked_at"])
+    said = [
+        "limits of joints and drives are looked at in the samples of the files; jerks, torques, distances and passages "
+        "between poses are as plan.json states them",
+        *content["not_looked_at"],
+    ]
     if content["world"] is None:
         said.append(
             "collisions with obstacles, the floor and the robot's own links are not checked: no world file is given"
@@ -161,7 +180,7 @@ def _limits(trajectories: Sequence[Mapping[str, Any]]) -> ReportTable:
         if abs(use["use"]) > _MOVES
     )
     note = "Limits of what does not move are left out."
-    return ReportTable("Margins of the limits over continuous time", columns, rows, note, "limits")
+    return ReportTable("Margins of the limits", columns, rows, note, "limits")
 
 
 def _use(use: Mapping[str, Any]) -> tuple[ReportCell, ...]:

@@ -12,10 +12,10 @@ import numpy as np
 from constraints.collision.collision_limits import Collisions
 from constraints.collision.geometry import World
 from constraints.linear import linear_limits
-from excite.files.curves_file import Arrays
 from excite.report.player_data import LimitCourse, PlayedMotion, player_data, tightest
 from excite.report.player_motion import bodies_of, linear_courses, nearest_pairs, nonlinear_courses
 from excite.report.player_shapes import matches
+from excite.storage.curves_file import Arrays
 from excite.tasks.task import Task
 from excite.trajectories.sequence import whole_pose
 from regressors.errors import ExciteError
@@ -188,26 +188,5 @@ def logged_rows(arrays: Arrays, logs: Sequence[str], equations: Sequence[tuple[s
     """
     of_equation = (arrays["equation"] == j for j in range(len(equations)))
     rows = tuple(tuple(arrays[n][own] for n in ("log", "time", "measured", "predicted")) for own in of_equation)
-    return _logged(arrays, logs, equations, rows)
-
-
-def logged_instants(arrays: Arrays, log: str, equations: Sequence[tuple[str, str]]) -> LoggedMotion:
-    """Motion and rows of a verification.
-
-    Parameters
-    ----------
-    arrays : dict
-        See `excite.files.verification_curves`.
-    log : str
-        File.
-    equations : sequence of (str, str)
-        Names and units.
-    """
-    first = np.zeros(arrays["time"].size, dtype=int)
-    columns = (tuple(arrays[name][:, j] for name in ("measured", "predicted")) for j in range(len(equations)))
-    return _logged(arrays, [log], equations, tuple((first, arrays["time"], *sides) for sides in columns))
-
-
-def _logged(arrays: Arrays, logs: Sequence[str], equations: Sequence[tuple[str, str]], rows: Any) -> LoggedMotion:
     time, log, q = (arrays[name] for name in ("motion_time", "motion_log", "motion_q"))
     return LoggedMotion(tuple(map(str, arrays["joints"])), tuple(logs), time, log, q, tuple(equations), rows)

@@ -12,7 +12,7 @@ from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.design import Design
 from excite.design.imposed_limits import nonlinear_limits
-from excite.design.stated_limits import stated_limits
+from excite.design.stated_limits import StatedWorld, stated_limits
 from excite.report.player_data import LimitCourse, PlayedMotion, player_data, tightest
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
@@ -91,7 +91,7 @@ def nearest_pairs(distances: Sequence[LimitCourse]) -> list[LimitCourse]:
 
 
 def _nonlinear(design: Design, joints: tuple[str, ...]) -> tuple[NonlinearConstraint, ...]:
-    stated = stated_limits(design.robot, joints, design.task, design.shape)
+    stated = stated_limits(design.robot, joints, design.task, StatedWorld(design.shape))
     return (*nonlinear_limits(design.robot, joints, design.task), *stated.constraints)
 
 

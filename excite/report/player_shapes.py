@@ -28,7 +28,7 @@ def player_shapes(
     task : Task
         Names objects.
     shape : World, optional
-        Shape of the robot, where the task has no world.
+        Shape of the robot, where the task has no world, and the surface that it is mounted on.
     number : mapping of str to int
         Number of each body in the player.
     robot_file : str, optional
@@ -47,7 +47,7 @@ def player_shapes(
     return {
         "meshes": meshes,
         "capsules": [_part(part, number) for part in parts if part.link in number],
-        "objects": [_object(each) for each in (() if world is None else world.obstacles)],
+        "objects": [_object(each) for own in (world, shape) if own is not None for each in own.obstacles],
         "drawn_as": drawn,
         "left_out": _left_out(reasons),
     }

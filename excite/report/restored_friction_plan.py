@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from excite.files.friction_plan_folder import KIND, PLAN, read_plan
-from excite.files.stored import complete
 from excite.friction.plan.measurements import Window
 from excite.logs.csv_header import header_names
 from excite.storage.destination import plain_name
 from excite.storage.manifest import check_files
+from excite.storage.records import complete
 from regressors.errors import InputError
 from regressors.input_files import LOG, read_text
 from regressors.robot.robot import Robot

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from excite.files.curves_file import Arrays
 from excite.identification.estimate import Estimate
 from excite.identification.observations import Observations
 from excite.identification.prediction import instantaneous_target
 from excite.identification.reference_values import ReferenceValues
 from excite.identification.result import StoredResult
 from excite.information.target import IdentificationTarget
+from excite.storage.curves_file import Arrays
 from regressors.robot.robot import Robot
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
-from excite.files.curves_file import Arrays
 from excite.files.result_curves import CURVES, read_result_curves, result_curves
 from excite.files.result_json import KIND, result_content
 from excite.identification.identification import Identification
@@ -30,6 +29,7 @@ from excite.report.sections import (
 )
 from excite.report.stored_curves import stored_curves
 from excite.report.task_text import asked
+from excite.storage.curves_file import Arrays
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -93,6 +93,8 @@ class ReportSection:
         One sentence, or a few.
     holds : bool or None
         Whether what was asked holds; None where nothing was judged.
+    caution : bool
+        Whether something that may break the robot was not checked.
     asked : tuple of (str, str)
         What was asked, as names and values.
     assumed : tuple of str
@@ -114,6 +116,7 @@ class ReportSection:
     title: str
     verdict: str
     holds: bool | None = None
+    caution: bool = False
     asked: tuple[tuple[str, str], ...] = ()
     assumed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from excite.files.curves_file import Arrays
+from excite.storage.curves_file import Arrays
 from excite.storage.manifest import check_files, read_manifest
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -13,43 +14,49 @@ from excite.design.campaign import Campaign
 from excite.design.designed_motion import DesignedMotion
 from excite.files import (
     design_folder,
-    friction_fit_file,
     friction_plan_folder,
     result_json,
-    time_study_json,
-    verification_json,
 )
 from excite.files.design_json import load_design
 from excite.files.result_json import load_result
-from excite.friction.fit.friction_fit import FrictionFit
+from excite.friction.fit.friction_fit import FIT, FrictionFit, load_friction_fit
+from excite.friction.fit.friction_fit import KIND as FRICTION_FIT
 from excite.identification.result import IdentificationResult
 from excite.report.campaign_section import campaign_of
-from excite.report.friction_fit_section import StoredFrictionFit, load_friction_fit
 from excite.report.restored_friction_plan import StoredFrictionPlan, load_friction_plan
-from excite.report.time_study_section import StoredTimeStudy, load_time_study
-from excite.report.verification_section import StoredVerification, load_verification
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
-from excite.timecourse.time_study import TimeStudy
-from excite.verification.verification import Verification
+from excite.storage.migrations import is_of_kind
+from excite.timecourse.time_study import KIND as STUDY
+from excite.timecourse.time_study import TimeStudy, load_time_study
+from excite.verification.verification import KIND as VERIFICATION
+from excite.verification.verification import Verification, load_verification
+from regressors.arguments import check_of, fit
 from regressors.errors import InputError
+
+
+@dataclass(frozen=True)
+class Filed:
+    """A record, and the file that it was read from."""
+
+    record: Verification | TimeStudy | FrictionFit
+    path: Path
+
 
 Subject = (
     DesignedMotion
     | IdentificationResult
-    | StoredVerification
+    | Filed
     | Verification
     | Campaign
     | CampaignTable
     | StoredFrictionPlan
-    | StoredFrictionFit
     | FrictionFit
-    | StoredTimeStudy
     | TimeStudy
 )
 _KINDS = get_args(Subject)
-_VERIFICATIONS = "verification*.json"
+_RECORDS = (FIT, "study.json", "verification*.json")
 
 
 def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Subject]:
@@ -74,7 +81,7 @@ def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Sub
         if isinstance(each, _KINDS):
             subjects.append(each)
         elif isinstance(each, str | Path):
-            path = Path(each)
+            path = Path(fit("paths_or_objects", each, (check_of(Path), "the name of a folder or a file")))
             subjects += [_of_file(path, part)] if path.suffix == ".json" else _of_folder(path, part)
         else:
             raise InputError(
@@ -94,12 +101,10 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
         design_folder.DESIGN: partial(load_design, part=part),
         result_json.RESULT: partial(load_result, part=part),
         friction_plan_folder.PLAN: load_friction_plan,
-        friction_fit_file.FIT: load_friction_fit,
         campaign_table.JSON: load_campaign,
-        time_study_json.NAME: lambda place: load_time_study(place / time_study_json.NAME),
     }
     found = [read(folder) for name, read in readers.items() if _is_own(folder / name)]
-    found += [load_verification(path) for path in sorted(folder.glob(_VERIFICATIONS)) if _is_verification(path)]
+    found += [read for path in _files(folder) if (read := _record(path, read_json(path).get("schema"))) is not None]
     if not found:
         raise InputError(
             f"{folder} holds neither a design ({design_folder.DESIGN}), nor an identification ({result_json.RESULT}), "
@@ -109,19 +114,28 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
     return found
 
 
+def _files(folder: Path) -> list[Path]:
+    """Files of a folder that may hold a record."""
+    return [path for pattern in _RECORDS for path in sorted(folder.glob(pattern))]
+
+
+def _record(path: Path, schema: object) -> Filed | None:
+    """The record that a file holds; None where it is of another kind."""
+    readers: dict[str, Callable[[Path], Verification | TimeStudy | FrictionFit]] = {
+        VERIFICATION: load_verification,
+        STUDY: load_time_study,
+        FRICTION_FIT: load_friction_fit,
+    }
+    return next((Filed(read(path), path) for kind, read in readers.items() if is_of_kind(kind, schema)), None)
+
+
 def _is_own(path: Path) -> bool:
     """Whether a file is there; of a name that others have too, whether it is ours."""
     schemas = {
         friction_plan_folder.PLAN: friction_plan_folder.SCHEMA,
-        friction_fit_file.FIT: friction_fit_file.SCHEMA,
-        time_study_json.NAME: time_study_json.SCHEMA,
         campaign_table.JSON: campaign_table.SCHEMA,
     }
     return path.exists() and (path.name not in schemas or read_json(path).get("schema") == schemas[path.name])
-
-
-def _is_verification(path: Path) -> bool:
-    return read_json(path).get("schema") == verification_json.SCHEMA
 
 
 def _of_file(path: Path, part: Collection[str]) -> Subject:
@@ -132,14 +146,10 @@ def _of_file(path: Path, part: Collection[str]) -> Subject:
         return load_design(path, part)
     if schema == result_json.SCHEMA:
         return load_result(path, part)
-    if schema == verification_json.SCHEMA:
-        return load_verification(path)
+    if (record := _record(path, schema)) is not None:
+        return record
     if schema == friction_plan_folder.SCHEMA:
         return load_friction_plan(path.parent)
-    if schema == friction_fit_file.SCHEMA:
-        return load_friction_fit(path.parent)
-    if schema == time_study_json.SCHEMA:
-        return load_time_study(path)
     if schema == campaign_table.SCHEMA:
         return load_campaign(path)
     if schema is None and {"steps", "subsets"} <= set(content):

@@ -12,7 +12,6 @@ from excite.design.design import Design
 from excite.design.designed_motion import DesignedMotion
 from excite.design.stored_design import StoredDesign
 from excite.errors import TakenError
-from excite.files.stored import complete
 from excite.files.world_file import world_of
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.identification.result import IdentificationResult, StoredResult
@@ -20,7 +19,7 @@ from excite.report.campaign_section import campaign_section, designs_of
 from excite.report.campaign_table_section import campaign_table_section
 from excite.report.comparison_section import comparison_section, parameters_section
 from excite.report.design_section import design_section
-from excite.report.friction_fit_section import StoredFrictionFit, friction_fit_section
+from excite.report.friction_fit_section import friction_fit_section
 from excite.report.friction_plan_section import friction_plan_section
 from excite.report.page_text import page_text
 from excite.report.player_log import Appearance
@@ -28,17 +27,20 @@ from excite.report.player_shapes import matches
 from excite.report.restored_friction_plan import StoredFrictionPlan
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
-from excite.report.subjects import Subject, subjects_of
-from excite.report.time_study_section import StoredTimeStudy, time_study_section
-from excite.report.verification_section import StoredVerification, verification_section
+from excite.report.subjects import Filed, Subject, subjects_of
+from excite.report.time_study_section import time_study_section
+from excite.report.verification_section import verification_section
 from excite.storage.atomic import replacing
+from excite.storage.records import complete
 from excite.storage.result_file import replace_files, result_file
 from excite.timecourse.time_study import TimeStudy
-from regressors.errors import InputError
+from regressors.arguments import checked
+from regressors.errors import ExciteError, InputError
 
 _ENDINGS = (".html", ".htm")
 
 
+@checked
 def write_report(
     paths_or_objects: object,
     out: str | Path,
@@ -155,7 +157,9 @@ def _section(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence
     path, kind = source
     try:
         return _built(subject, prefix, looks, of_page)
-    except (AttributeError, KeyError, TypeError) as error:
+    except ExciteError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         with complete(path, kind):
             raise error
 
@@ -165,9 +169,9 @@ def _source(subject: Subject) -> tuple[Path, str] | None:
         return subject.folder, "design"
     if isinstance(subject, StoredResult):
         return subject.folder, "result"
-    if isinstance(subject, StoredFrictionPlan | StoredFrictionFit):
-        return subject.folder, "friction plan" if isinstance(subject, StoredFrictionPlan) else "fit of friction curves"
-    return (subject.path, "verification") if isinstance(subject, StoredVerification) else None
+    if isinstance(subject, StoredFrictionPlan):
+        return subject.folder, "friction plan"
+    return (subject.path, type(subject.record).__name__.lower()) if isinstance(subject, Filed) else None
 
 
 def _built(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> ReportSection:
@@ -181,8 +185,9 @@ def _built(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[S
         return campaign_table_section(subject, prefix)
     if isinstance(subject, StoredFrictionPlan):
         return friction_plan_section(subject, prefix, looks)
-    if isinstance(subject, StoredFrictionFit | FrictionFit):
-        return friction_fit_section(subject, prefix)
-    if isinstance(subject, StoredTimeStudy | TimeStudy):
-        return time_study_section(subject, prefix)
-    return verification_section(subject, prefix, looks)
+    record, path = (subject.record, subject.path) if isinstance(subject, Filed) else (subject, None)
+    if isinstance(record, FrictionFit):
+        return friction_fit_section(record, prefix, path)
+    if isinstance(record, TimeStudy):
+        return time_study_section(record, prefix, path)
+    return verification_section(record, prefix, looks, path)

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from regressors.arguments import checked
 from regressors.errors import UnknownName
 from regressors.quantities import check
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 
+@checked
 @dataclass(frozen=True)
 class ImpactPulse:
     """Half a sine of torque on one joint, ``torque sin(pi (t - time) / duration)``, from outside the robot.

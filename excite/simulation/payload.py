@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from excite.tasks.task import Task
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.load import EQUATIONS, LOAD_PARAMETERS, LoadModel, Sensor
 from regressors.quantities import check
@@ -21,6 +22,7 @@ def sensor_of(task: Task) -> Sensor:
     return replace(task.model.force_sensor, equations=EQUATIONS)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Payload:
     """A rigid body held behind the force/torque sensor.
@@ -36,7 +38,7 @@ class Payload:
         Not ten finite numbers, or not those of a real body: the pseudo-inertia has a negative eigenvalue.
     """
 
-    phi: ArrayLike
+    phi: Sequence[float] | Array
 
     def __post_init__(self) -> None:
         phi = np.array(self.phi, dtype=float)

@@ -46,6 +46,16 @@ def broken_limits(source: MotionSource) -> tuple[LimitUse, ...]:
     -------
     tuple of LimitUse
     """
+    return played_uses(source)[1]
+
+
+def played_uses(source: MotionSource) -> tuple[tuple[LimitUse, ...], tuple[LimitUse, ...]]:
+    """Use of each limit of a motion, and those of them that it breaks, the worst first, see `broken_limits`.
+
+    Parameters
+    ----------
+    source : MotionSource
+    """
     linear, motion = linear_limits(moving_robot(source.robot, source.task)), source.motion
     if isinstance(motion, Trajectory):
         exact = [use for limit in linear for use in limit_uses(limit, motion.extrema(limit))]
@@ -54,8 +64,9 @@ def broken_limits(source: MotionSource) -> tuple[LimitUse, ...]:
         slow, fast = ([limit for limit in linear if limit.derivative in orders] for orders in ((0, 1), (2,)))
         between = _uses_at(source, slow, _BETWEEN)
         uses, allowed = [*between, *_uses_at(source, [*fast, *_torque_limits(source)])], _INTERPOLATED
-    broken = [use for use in worst_of_each(uses) if use.margin < -allowed * abs(use.bound)]
-    return tuple(sorted(broken, key=lambda use: -use.use))
+    worst = tuple(worst_of_each(uses))
+    broken = [use for use in worst if use.margin < -allowed * abs(use.bound)]
+    return worst, tuple(sorted(broken, key=lambda use: -use.use))
 
 
 def check_played(source: MotionSource) -> None:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from scipy.interpolate import PPoly
 
+from constraints.bounds.interpolation import Curve, curve_pieces
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
 
@@ -118,25 +121,13 @@ class SampledMotion:
 
     def samples(self, time: Array) -> Samples:
         """Motion at given instants [s], counted from the first sample."""
-        at = self.given.time - self.given.time[0]
-        k = np.clip(np.searchsorted(at, time, side="right") - 1, 0, at.size - 2)
-        h = (at[k + 1] - at[k])[:, None]
-        s = (np.asarray(time) - at[k])[:, None] / h
-        q, dq, ddq = (x[k] for x in (self.given.q, self.given.dq, self.given.ddq))
-        rise = self.given.q[k + 1] - q - h * dq - h**2 / 2 * ddq
-        slope = h * (self.given.dq[k + 1] - dq) - h**2 * ddq
-        bend = h**2 * (self.given.ddq[k + 1] - ddq)
-        # of the quintic q + h dq s + h^2 ddq s^2 / 2 + a s^3 + b s^4 + c s^5
-        a = 10 * rise - 4 * slope + bend / 2
-        b = -15 * rise + 7 * slope - bend
-        c = 6 * rise - 3 * slope + bend / 2
-        return Samples(
-            np.asarray(time, dtype=float),
-            q + s * (h * dq + s * (h**2 * ddq / 2 + s * (a + s * (b + s * c)))),
-            (h * dq + s * (h**2 * ddq + s * (3 * a + s * (4 * b + s * 5 * c)))) / h,
-            (h**2 * ddq + s * (6 * a + s * (12 * b + s * 20 * c))) / h**2,
-            (6 * a + s * (24 * b + s * 60 * c)) / h**3,
-        )
+        instants = np.asarray(time, dtype=float)
+        return Samples(instants, *(self._curve(instants, nu=order) for order in range(4)))
+
+    @cached_property
+    def _curve(self) -> PPoly:
+        """Positions over time from the first sample."""
+        return PPoly(curve_pieces(self.given, Curve.QUINTICS), self.given.time - self.given.time[0])
 
 
 def check_joints(reference: Samples, joints: tuple[str, ...]) -> None:

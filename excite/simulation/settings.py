@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from numbers import Real
 from typing import Literal
 
 from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.impact_pulse import ImpactPulse
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check_options
 
@@ -17,9 +17,9 @@ _CHECKED = (
     "rate", "wrench_rate", "periods", "bandwidth", "model_error", "sign_width", "breakaway", "catch", "encoder",
     "position_noise", "velocity_noise", "torque_noise", "wrench_noise", "temperature", "seed",
 )  # fmt: skip
-_OF_EACH = ("encoder", "position_noise", "velocity_noise", "torque_noise", "temperature")
 
 
+@checked
 @dataclass(frozen=True)
 class SimulationSettings:
     """Settings of control, integration and measurement; the defaults are those of the command line.
@@ -93,9 +93,6 @@ class SimulationSettings:
         if self.controller not in CONTROLLERS:
             raise UnknownName("controller", self.controller, CONTROLLERS)
         check_options(self, _CHECKED)
-        for name in _OF_EACH:
-            if (value := getattr(self, name)) is not None:
-                object.__setattr__(self, name, (value,) if isinstance(value, Real) else tuple(value))
         if self.sign_width == 0:
             raise InputError("`sign_width` must be a velocity greater than zero, given 0")
         if self.breakaway is not None and self.sign_width is not None:

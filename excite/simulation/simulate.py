@@ -17,12 +17,14 @@ from excite.simulation.run import simulate_motion
 from excite.simulation.settings import AUTO, SimulationSettings
 from excite.simulation.simulation import Simulation
 from excite.simulation.source import MotionSource
+from regressors.arguments import checked
 from regressors.friction.curves import FrictionCurves
 from regressors.numerical import numerical_work
 
 _OF_DEGRADATION = frozenset(field.name for field in fields(Degradation))
 
 
+@checked
 @numerical_work(
     "the simulation",
     "masses, torques or gains of very different sizes are the likely cause: "

@@ -9,7 +9,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import built_in, instance
+from excite.registry import built_in, check_part, instance
 from excite.tasks.option import option
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.values import AUTO, NONE, strict
@@ -44,11 +44,17 @@ class LimitChoice:
         Share by which every parameter of the description may be off, with which the torque limits must still hold,
         without a reserve; see `constraints.limits.plausible_torque.PlausibleTorqueLimit`.
     tool_point : tuple of float
-        Point of the robot's last link whose place and speed are limited, in that link's frame [m].
+        Point of the robot's last link whose place and speed are limited, and which keeps off the floor, in that link's
+        frame [m].
     tool_box : tuple of (float, float), optional
         Lower and upper bound of its x, y, z in the base frame, None where there is none [m].
     tool_speed : float, optional
         Largest speed of that point [m/s].
+    floor : float, "auto" or "none"
+        Height of the surface that the robot is mounted on above the origin of its base, along its normal [m], which all
+        that moves keeps 2 cm away from; see `excite.design.stated_limits.stated_world`. ``"auto"`` puts it through the
+        lowest point of the base's shape, or its origin, where the robot's description stands on it; ``"none"`` or None
+        leaves it out.
     world : World, optional
         Shape of the robot and of what is around it, to stay apart. If not given, obstacles are not checked, and contact
         of the robot with itself only if its file has shapes.
@@ -100,6 +106,13 @@ class LimitChoice:
     tool_point: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0), "triple", "Position of the tool in the last link's frame [m].", metavar="X,Y,Z"
     )
+    floor: float | str | None = option(
+        AUTO,
+        "margin",
+        "Height above the base's origin of the surface that the robot is mounted on, from which it keeps 2 cm [m]; "
+        "auto: that of the base's lowest point; none: not checked.",
+        metavar="HEIGHT|auto|none",
+    )
     world: World | UnopenedFile | None = option(
         None, "file", "Shape of the robot and obstacles, to avoid collisions; see below.", metavar="FILE"
     )
@@ -115,16 +128,20 @@ class LimitChoice:
 
     def __post_init__(self) -> None:
         strict(self)
+        for given in self.constraints:
+            check_part("constraint", given)
         if self.torque_margin == NONE:
             object.__setattr__(self, "torque_margin", None)
+        if self.floor is None:
+            object.__setattr__(self, "floor", NONE)
         box, point = self.tool_box, self.tool_point
         if box is not None and (len(box) != 3 or any(len(side) != 2 for side in box)):
             raise InputError("tool_box needs a lower and an upper bound for each of x, y, z")
         if len(point) != 3:
             raise InputError(f"tool_point needs three finite numbers, given {', '.join(map(str, point))}")
-        if any(point) and box is None and self.tool_speed is None:
+        if any(point) and box is None and self.tool_speed is None and self.floor == NONE:
             raise InputError(
-                "`tool_point` needs a limit of the tool, but none is given; give `tool_box` or `tool_speed`"
+                "`tool_point` needs a limit of the tool, but none is given; give `tool_box`, `tool_speed` or `floor`"
             )
 
     def applied(self, robot: Robot) -> Robot:

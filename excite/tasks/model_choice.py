@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import WINDOWS, OwnPart, built_in, check_name, part
+from excite.registry import WINDOWS, OwnPart, built_in, check_part, part
 from excite.tasks.drive_choice import DriveChoice, check_choice, numbers_of
 from excite.tasks.option import option
 from excite.tasks.options_of_model import options_of_model
@@ -177,9 +177,8 @@ class ModelChoice:
 
     def __post_init__(self) -> None:
         strict(self)
-        if isinstance(self.model, str):
-            check_name("model", self.model)
-        elif not isinstance(self.model, OwnPart | type):
+        check_part("model", self.model)
+        if not isinstance(self.model, str | OwnPart | type):
             for name, value in (options_of_model(self.model) or {}).items():
                 object.__setattr__(self, name, value)
         if self.window not in WINDOWS:

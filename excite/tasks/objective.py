@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import CONVENTIONS, NEARLY, SCALES, check_name
+from excite.registry import CONVENTIONS, NEARLY, SCALES, check_part
 from excite.tasks.option import option
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.values import strict
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from excite.information.criteria import Criterion
 
 
+@checked
 @dataclass(frozen=True)
 class Belief:
     """Prior knowledge of one parameter.
@@ -73,9 +75,10 @@ class Objective:
     plausible_robots : int, optional
         Number of robots, drawn from the prior, of which the worst counts beside the described one; for ``scale`` value,
         see `excite.information.plausible_robots`.
-    nearly_unidentifiable : {"keep", "drop"}
-        What becomes of base parameters that motions show in theory only, such as those that exist by the rounding of an
-        angle: they are kept, and the design says so, or left out of the base, in design and identification.
+    nearly_unidentifiable : {"drop-rounding", "keep", "drop"}
+        What becomes of base parameters that motions show in theory only, in design and identification: those that exist
+        by the rounding of an angle are left out of the base, see `regressors.models.base.base_parameters`; all are
+        kept; or all are left out whose predicted deviation is beyond 100 times their size. The design says so.
     precision : float or PrecisionTarget, optional
         How precisely the parameters are to be known: a share of their described values, such as 0.05, or a target. The
         design states how many runs that takes, and `excite.design_for_precision` searches for the shortest experiment.
@@ -132,9 +135,9 @@ class Objective:
         late=True,
     )
     nearly_unidentifiable: str = option(
-        "keep",
+        "drop-rounding",
         "name",
-        "Parameters whose predicted deviation is beyond 100 times their size.",
+        "Parameters that only rounding shows (drop-rounding), or whose predicted deviation is 100 times their size.",
         choices=NEARLY,
     )
     precision: float | PrecisionTarget | None = option(
@@ -150,8 +153,7 @@ class Objective:
 
     def __post_init__(self) -> None:
         strict(self)
-        if isinstance(self.criterion, str):
-            check_name("criterion", self.criterion)
+        check_part("criterion", self.criterion)
         for what, known in (("base", CONVENTIONS), ("scale", SCALES), ("nearly_unidentifiable", NEARLY)):
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from excite.tasks.task_motion import TaskMotion
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 
 GROUPS = ("gravity", "inertia", "friction")
 
 
+@checked
 @dataclass(frozen=True)
 class TaskTorques:
     """Torques of a motion that are to be predicted well.
@@ -33,14 +35,24 @@ class TaskTorques:
     motion: TaskMotion
 
     def __post_init__(self) -> None:
-        if isinstance(self.motion, Mapping):
-            object.__setattr__(self, "motion", TaskMotion.from_dict(self.motion))
-        if not isinstance(self.motion, TaskMotion):
-            raise InputError(f"precision: torques need a `TaskMotion`, given {type(self.motion).__name__}")
-        if not 0.0 < _number("share of torques", self.share) < float("inf"):
+        if not 0.0 < self.share < float("inf"):
             raise InputError(f"precision: share of torques must be a number above zero, given {self.share!r}")
 
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> TaskTorques:
+        """From the entries ``share`` and ``motion``, of which the latter may be what `TaskMotion.to_dict` returned.
 
+        Raises
+        ------
+        InputError
+            Other entries.
+        """
+        if set(content) != {"share", "motion"}:
+            raise InputError(f"precision: torques need `share` and `motion`, given {', '.join(map(str, content))}")
+        return cls(**content)
+
+
+@checked
 @dataclass(frozen=True)
 class PrecisionTarget:
     """Largest half-width of each parameter's confidence interval, as a share of the parameter's described value.
@@ -82,17 +94,15 @@ class PrecisionTarget:
     probability: float = 0.95
 
     def __post_init__(self) -> None:
-        if isinstance(self.torques, Mapping):
-            object.__setattr__(self, "torques", TaskTorques(**self.torques))
         for name in self.groups:
             if name not in (known := _groups()):
                 raise UnknownName("group of parameters", name, known)
         shares = {"share": self.share, **self.parameters, **self.groups, **self.scales}
         for name, value in shares.items():
-            if value is not None and not 0.0 < _number(name, value) < float("inf"):
+            if value is not None and not 0.0 < value < float("inf"):
                 raise InputError(f"precision: {name} must be a number above zero, given {value!r}")
         for name in ("level", "probability"):
-            if not 0.0 < _number(name, getattr(self, name)) < 1.0:
+            if not 0.0 < getattr(self, name) < 1.0:
                 raise InputError(f"precision: {name} must be between 0 and 1, given {getattr(self, name)!r}")
         if self.share is None and not self.parameters and not self.groups and self.torques is None:
             raise InputError("precision: nothing is asked for; give a `share`, or shares of `parameters` or `groups`")
@@ -116,9 +126,3 @@ def _groups() -> tuple[str, ...]:
     from regressors.models.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 
     return tuple(dict.fromkeys((*GROUPS, *BODY_KINDS, ROTOR, *FRICTION_KINDS)))
-
-
-def _number(name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"precision: {name} must be a number, given {value!r}")
-    return float(value)

@@ -25,6 +25,7 @@ def robot_and_task(
     tip: str | None = None,
     installation: Installation | None = None,
     snap_angles: bool = True,
+    xacro: bool = False,
 ) -> tuple[Robot, Task]:
     """Robot and task of an experiment.
 
@@ -38,6 +39,8 @@ def robot_and_task(
         How a robot that is named is mounted, and what it carries.
     snap_angles : bool
         Take rounded right angles in that file for right angles.
+    xacro : bool
+        Expand that file as xacro although its name does not end in ``.xacro``.
 
     Raises
     ------
@@ -46,14 +49,16 @@ def robot_and_task(
     """
     if isinstance(model, str):
         installation = installation if installation is not None else Installation()
-        task = Task(model, base_link=base_link, tip=tip, snap_angles=snap_angles, installation=installation)
+        read = {"snap_angles": snap_angles, "xacro": xacro}
+        task = Task(model, base_link=base_link, tip=tip, installation=installation, **read)
         return installed_robot(task), task
     if installation is not None and not installation.described:
         raise InputError(_OF_NAMED)
     if base_link is not None or tip is not None:
         raise InputError("`base_link` and `tip` are the ends of the chain where the file of a robot is named")
-    if not snap_angles:
-        raise InputError("`snap_angles=False` says how to read the file of a robot, but no file is named")
+    for asked, option in ((not snap_angles, "`snap_angles=False`"), (xacro, "`xacro=True`")):
+        if asked:
+            raise InputError(f"{option} says how to read the file of a robot, but no file is named")
     if isinstance(model, Task):
         return installed_robot(model), model
     if isinstance(model, RegressorModel):
@@ -64,7 +69,7 @@ def robot_and_task(
 
 
 def first_argument(
-    robot_or_model: RegressorModel | Robot | Task | str | None, options: dict[str, Any], call: str, frames: int = 3
+    robot_or_model: RegressorModel | Robot | Task | str | None, options: dict[str, Any], call: str, frames: int = 4
 ) -> RegressorModel | Robot | Task | str:
     """What a call is about, where it may also have been named ``model``, as it was in the last release.
 
@@ -108,7 +113,8 @@ def installed_robot(task: Task) -> Robot:
     if isinstance(task.robot, StoredRobot):
         return task.robot.robot
     if isinstance(task.robot, str):
-        return task.installation.applied(load_robot(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles))
+        read = {"snap_angles": task.snap_angles, "xacro": task.xacro}
+        return task.installation.applied(load_robot(task.robot, task.base_link, task.tip, **read))
     if not task.installation.described:
         raise InputError(_OF_NAMED)
     return task.robot

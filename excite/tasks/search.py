@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import STARTS, check_name
+from excite.registry import STARTS, check_part
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import UnknownName
@@ -84,10 +84,8 @@ class Search:
 
     def __post_init__(self) -> None:
         strict(self)
-        if isinstance(self.solver, str):
-            check_name("solver", self.solver)
-        if isinstance(self.executor, str):
-            check_name("executor", self.executor)
+        check_part("solver", self.solver)
+        check_part("executor", self.executor)
         for name in self.start:
             if name not in STARTS:
                 raise UnknownName("start", name, STARTS)

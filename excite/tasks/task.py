@@ -16,6 +16,7 @@ from excite.tasks.output import Output
 from excite.tasks.search import Search
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.trajectory_choice import TrajectoryChoice
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ PARTS: Mapping[str, type] = {
 PLACE = {field.name: part for part, kind in PARTS.items() for field in dataclasses.fields(kind)}
 
 
+@checked
 @dataclass(frozen=True, init=False)
 class Task:
     """A design task; the defaults are those of the command line.
@@ -49,7 +51,9 @@ class Task:
     base_link, tip : str, optional
         Ends of the chain, for a URDF.
     snap_angles : bool
-        Take rounded right angles of a URDF for right angles.
+        Take rounded right angles of a URDF or an MJCF for right angles.
+    xacro : bool
+        Expand the file as xacro although its name does not end in ``.xacro``.
     installation : Installation
         How the robot is mounted, and what it carries.
     model : ModelChoice or str
@@ -75,6 +79,7 @@ class Task:
     base_link: str | None
     tip: str | None
     snap_angles: bool
+    xacro: bool
     installation: Installation
     model: ModelChoice
     trajectory: TrajectoryChoice
@@ -90,10 +95,11 @@ class Task:
         base_link: str | None = None,
         tip: str | None = None,
         snap_angles: bool = True,
+        xacro: bool = False,
         **options: Any,
     ) -> None:
-        whole: dict[str, Any] = {"robot": robot, "base_link": base_link, "tip": tip, "snap_angles": snap_angles}
-        whole |= _parts(options)
+        whole: dict[str, Any] = {"robot": robot, "base_link": base_link, "tip": tip}
+        whole |= {"snap_angles": snap_angles, "xacro": xacro, **_parts(options)}
         for name, value in whole.items():
             object.__setattr__(self, name, value)
         samples = self.output.rate * self.trajectory.period
@@ -113,7 +119,7 @@ class Task:
         **options
             See `Task`.
         """
-        own = ("robot", "base_link", "tip", "snap_angles")
+        own = ("robot", "base_link", "tip", "snap_angles", "xacro")
         described = {name: options.pop(name, getattr(self, name)) for name in own}
         parts = _parts(options, {name: getattr(self, name) for name in PARTS})
         return Task(**described, **parts)

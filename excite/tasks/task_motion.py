@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from regressors.arguments import checked
 from regressors.errors import InputError
 
 if TYPE_CHECKING:  # what describes options must be imported in no time
@@ -14,6 +15,7 @@ if TYPE_CHECKING:  # what describes options must be imported in no time
 STATES = ("q", "dq", "ddq")
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class TaskMotion:
     """Instants of a motion.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import OwnPart, check_name, part
+from excite.registry import OwnPart, check_part, part
 from excite.tasks.option import option
 from excite.tasks.values import AUTO, strict
 from regressors.errors import InputError
@@ -63,9 +63,8 @@ class TrajectoryChoice:
 
     def __post_init__(self) -> None:
         strict(self)
-        if isinstance(self.trajectory, str):
-            check_name("trajectory", self.trajectory)
-        elif not isinstance(self.trajectory, OwnPart | type):
+        check_part("trajectory", self.trajectory)
+        if not isinstance(self.trajectory, str | OwnPart | type):
             for name in ("period", *self.trajectory.options):
                 own = self.trajectory.duration if name == "period" else getattr(self.trajectory, name)
                 object.__setattr__(self, name, own)

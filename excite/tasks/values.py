@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,8 @@ def strict(part: Any) -> None:
             continue
         try:
             plain = _CONVERSIONS[option.kind](value)
+            if option.kind == "name" and option.part is None and not isinstance(plain, str):
+                raise _Unfit
         except _Unfit as error:
             raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
         if (option.kind in _NUMBERS and not isinstance(plain, UnopenedFile)) or (
@@ -75,7 +77,7 @@ def _flag(value: object) -> bool:
 
 
 def _sequence(value: Any) -> Sequence[Any]:
-    if isinstance(value, str | bytes | Mapping) or not hasattr(value, "__iter__"):
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
         raise _Unfit
     return list(value)
 
@@ -125,7 +127,7 @@ def _drives(value: object) -> object:
     """All, none, or names and numbers of drives as text."""
     if isinstance(value, bool):
         return value
-    if value in (ALL, NONE):
+    if isinstance(value, str) and value in (ALL, NONE):
         return value == ALL
     names = (_name(value),) if isinstance(value, str | Integral) else tuple(_name(x) for x in _sequence(value))
     if not all(isinstance(name, str) and name for name in names):
@@ -153,6 +155,8 @@ def _any(value: object) -> object:
 def _folders(value: object) -> tuple[object, ...]:
     """Folders, or objects that were read from them; one alone too."""
     several = hasattr(value, "__iter__") and not isinstance(value, str | bytes | Mapping)
+    if hasattr(value, "dtype"):
+        raise _Unfit
     folders = tuple(value) if several else (value,)  # type: ignore[arg-type]
     if any(each is None or isinstance(each, bool | Real | bytes | Mapping) or each == "" for each in folders):
         raise _Unfit

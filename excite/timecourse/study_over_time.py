@@ -14,6 +14,7 @@ from excite.estimates.long_work import announce
 from excite.executors.in_processes import SHORT
 from excite.executors.unit_executor import InThisProcess, UnitExecutor
 from excite.executors.unit_executors import unit_executor
+from excite.identification.given_logs import LogLike
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.registry import built_in
@@ -26,6 +27,7 @@ from excite.timecourse.study_memory import study_prediction
 from excite.timecourse.study_time import study_seconds
 from excite.timecourse.time_course import TimeCourse
 from excite.timecourse.time_study import TimeStudy
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.numerical import numerical_work
 from regressors.quantities import check
@@ -36,6 +38,7 @@ _CHOSEN = ("cutoff", "delay")
 _NOISE = 0.01  # of the torques, where no noise is given
 
 
+@checked
 @numerical_work(
     "the study",
     "rows that hardly move, or numbers of very different sizes are the likely cause: "
@@ -43,7 +46,7 @@ _NOISE = 0.01  # of the torques, where no noise is given
 )
 def study_over_time(
     model: Any,
-    logs: Sequence[Any] = (),
+    logs: Sequence[LogLike] = (),
     *,
     designs: Sequence[DesignedMotion | str | Path] = (),
     trajectories: Sequence[str | Path] = (),
@@ -173,7 +176,7 @@ def _of_motion(
             progress(f"{name}: repetition {done} of {repeats}")
 
     values = values_again(executor, run, how, result, design.trajectory, instants(result, points), repeats, told)
-    return replace(course, repeated=values, notes=notes), result
+    return course.with_repetitions(values, notes), result
 
 
 def _with_usual_noise(run: Simulation) -> tuple[SimulationSettings, tuple[str, ...]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.storage.curves_file import NUMBERS, short
+from regressors.errors import InputError
 from regressors.samples import Array
 
 
@@ -33,7 +35,11 @@ class TimeCourse:
         True values, or those of the robot's description; NaN where unknown.
     reference_kind : {"truth", "description"}
     repeated : ndarray, shape (R, K, p), optional
-        Values from repetitions with other noise.
+        Values from repetitions with other noise; a file has the first of them only.
+    scatter : ndarray, shape (K, p), optional
+        Standard deviation of the values of all repetitions.
+    repetitions : int
+        Their number.
     notes : tuple of str
         Assumptions.
     """
@@ -49,7 +55,15 @@ class TimeCourse:
     reference: Array
     reference_kind: str
     repeated: Array | None = None
+    scatter: Array | None = None
+    repetitions: int = 0
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that the curves are of as many instants and parameters."""
+        shape = (self.time.size, len(self.names))
+        if not self.time.size or self.values.shape != shape or self.deviation.shape != shape:
+            raise InputError(f"expected values and deviations of {shape[1]} parameters at {shape[0]} instants")
 
     @property
     def half_width(self) -> Array:
@@ -69,10 +83,17 @@ class TimeCourse:
             ratio = self.deviation / self.size
         return np.asarray(np.where(np.isfinite(ratio), ratio, np.inf))
 
-    @property
-    def scatter(self) -> Array | None:
-        """Standard deviation of the repetitions' values, shape (K, p)."""
-        return None if self.repeated is None else np.asarray(np.std(self.repeated, axis=0, ddof=1))
+    def with_repetitions(self, values: Array, notes: tuple[str, ...]) -> TimeCourse:
+        """The same with the values of repetitions, shape (R, K, p), and notes on them."""
+        return replace(
+            self, repeated=values, scatter=np.std(values, axis=0, ddof=1), repetitions=len(values), notes=notes
+        )
+
+    def stored(self) -> TimeCourse:
+        """What a file keeps: the first repetitions, with seven digits."""
+        if self.repeated is None:
+            return self
+        return replace(self, repeated=short(self.repeated[: max(1, NUMBERS // self.repeated[0].size)]))
 
     def time_below(self, share: float) -> Array:
         """Instant from which on each relative deviation stays below a share, shape (p,) [s]; NaN where it never does.

@@ -11,8 +11,9 @@ import scipy.interpolate
 
 from constraints.bounds.extrema import Extrema
 from constraints.bounds.piecewise import chebyshev_nodes, node_factor, piecewise_extrema
-from excite.trajectories.family import check_period
+from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -20,6 +21,7 @@ ORDERS = (4, 5, 6)
 _FEWEST = 96  # nodes per interval
 
 
+@checked
 class BSpline(LinearFamily):
     """B-splines of some order on equal intervals.
 
@@ -45,13 +47,13 @@ class BSpline(LinearFamily):
     parts = ("control",)
 
     def __init__(self, period: float, intervals: int, order: int = 6) -> None:
-        check_period(period)
         if order not in ORDERS:
             raise InputError(f"order of the spline must be one of {', '.join(map(str, ORDERS))}, given {order}")
         if intervals < 3:
             raise InputError(
                 f"intervals: {intervals} are too few for a motion at rest at both ends; expected 3 or more"
             )
+        check_size(period, intervals=intervals)
         self.duration, self.intervals, self.order = float(period), int(intervals), int(order)
         self.knots = np.concatenate(
             [np.zeros(order - 1), np.linspace(0.0, self.duration, intervals + 1), np.full(order - 1, self.duration)]

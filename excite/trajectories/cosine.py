@@ -9,9 +9,11 @@ import numpy as np
 import scipy.linalg
 
 from excite.trajectories.fourier import Fourier
+from regressors.arguments import checked
 from regressors.samples import Array
 
 
+@checked
 class Cosine(Fourier):
     """Fourier series that are even about the middle of the motion: the second half is the first one reversed.
 

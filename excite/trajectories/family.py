@@ -15,13 +15,16 @@ from constraints.linear import LinearConstraint
 from excite.trajectories.motion_at_instants import GridMotion, JointMotion
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
+from regressors.quantities import check
 from regressors.samples import Array, Samples
 
 
-def check_period(duration: float) -> None:
-    """Raise `InputError` for an invalid duration [s]."""
+def check_size(duration: float, **richness: int) -> None:
+    """Raise `InputError` for an invalid duration [s], or a number of terms beyond what can be computed with."""
     if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"period must be a positive number of seconds, given {duration}")
+    for name, value in {"period": duration, **richness}.items():
+        check(name, value)
 
 
 class Family(ABC):

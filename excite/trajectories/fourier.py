@@ -10,12 +10,14 @@ import numpy as np
 import scipy.linalg
 
 from constraints.bounds.extrema import Extrema, trigonometric_extrema
-from excite.trajectories.family import check_period
+from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array
 
 
+@checked
 class Fourier(LinearFamily):
     """Fourier series of ``harmonics`` terms over one period.
 
@@ -36,11 +38,11 @@ class Fourier(LinearFamily):
     parts = ("offset", "cosine", "sine")
 
     def __init__(self, period: float, harmonics: int) -> None:
-        check_period(period)
         if harmonics < 2:
             raise InputError(
                 f"harmonics: {harmonics} are too few for a motion at rest at both ends; expected 2 or more"
             )
+        check_size(period, harmonics=harmonics)
         self.duration = float(period)
         self.harmonics = int(harmonics)
         self.size = 2 * harmonics - 1

@@ -14,8 +14,9 @@ import scipy.linalg
 
 from constraints.bounds.extrema import Extrema
 from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
-from excite.trajectories.family import check_period
+from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -24,6 +25,7 @@ _TAIL = 40  # degrees above pi K beyond which the Chebyshev coefficients of cos(
 _MORE = 4  # nodes per requested instant: they bound less tightly than equal steps do for a Fourier series
 
 
+@checked
 class FourierQuintic(LinearFamily):
     """Fourier series of ``harmonics`` terms plus a quintic.
 
@@ -44,9 +46,9 @@ class FourierQuintic(LinearFamily):
     parts = ("cosine", "sine", "chebyshev")
 
     def __init__(self, period: float, harmonics: int) -> None:
-        check_period(period)
         if harmonics < 1:
             raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
+        check_size(period, harmonics=harmonics)
         self.duration, self.harmonics = float(period), int(harmonics)
         self.size = 2 * harmonics + 1
         self.omega = 2 * np.pi / self.duration

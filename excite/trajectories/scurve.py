@@ -6,6 +6,7 @@ constant jerk; Ruckig finds their durations [Berscheid, Kroeger 2021].
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from ruckig import InputParameter, Result, Ruckig, Trajectory
 
 from regressors.samples import Array
 
+_RESERVE = 1e-5  # of the duration of a phase: what a controller's clock takes from a jerk that ends between its ticks
 _LOOSE = 1.0  # with J = 1 neither velocity nor acceleration ever reaches 1 between 0 and 1, so this bound is inactive
 
 
@@ -30,6 +32,23 @@ class SCurve:
 
     breaks: Array
     coefficients: Array
+
+    @classmethod
+    def of_jerks(cls, breaks: Sequence[float] | Array, jerks: Sequence[float] | Array) -> SCurve:
+        """The law from rest at 0 whose jerk is constant between breaks.
+
+        Parameters
+        ----------
+        breaks : sequence of float, length m + 1
+            [s]
+        jerks : sequence of float, length m
+            [1/s^3]
+        """
+        pieces, s, ds, dds = [], 0.0, 0.0, 0.0
+        for h, j in zip(np.diff(breaks), jerks, strict=True):
+            pieces.append([j / 6, dds / 2, ds, s])
+            s, ds, dds = s + h * (ds + h * (dds / 2 + h * j / 6)), ds + h * (dds + h * j / 2), dds + h * j
+        return cls(np.array(breaks, dtype=float), np.array(pieces).T)
 
     @property
     def duration(self) -> float:
@@ -70,6 +89,30 @@ class SCurve:
         breaks = self.breaks * factor
         breaks[-1] = duration
         return replace(self, breaks=breaks, coefficients=self.coefficients * powers[:, None])
+
+    def on_grid(self, period: float) -> SCurve:
+        """The same kind of law with phases of whole sampling periods, never faster: what interpolates it is exact.
+
+        From rest to rest, the velocity is one over T1, averaged over T2 and then over T3, where the largest velocity,
+        acceleration and jerk are ``1 / T1``, ``1 / (T1 T2)`` and ``1 / (T1 T2 T3)``; all three are rounded up.
+
+        Parameters
+        ----------
+        period : float
+            [s]
+        """
+        jerk = np.abs(self.derivative(3)).max()
+        acceleration = np.abs(self.derivative(2)[-1]).max()
+        velocity = self.values(np.array([self.duration / 2]))[1, 0]
+        phases = np.array([acceleration / jerk, velocity / acceleration, 1.0 / velocity])
+        n3, n2, n1 = (int(n) for n in np.ceil(phases / period * (1.0 + _RESERVE)))
+        n2 = max(n2, n3)
+        n1 = max(n1, n2 + n3)
+        ticks = np.unique([0, n3, n2, n2 + n3, n1, n1 + n3, n1 + n2, n1 + n2 + n3])
+        signs = np.zeros(ticks.size - 1)
+        for sign, begin in ((1, 0), (-1, n2), (-1, n1), (1, n1 + n2)):
+            signs += sign * ((ticks[:-1] >= begin) & (ticks[:-1] < begin + n3))
+        return SCurve.of_jerks(ticks * period, signs / (n1 * n2 * n3 * period**3))
 
 
 def _polynomial(coefficients: Array, x: Array) -> Array:

@@ -15,9 +15,10 @@ import numpy as np
 
 from constraints.bounds.extrema import Extrema
 from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
-from excite.trajectories.family import check_period
+from excite.trajectories.family import check_size
 from excite.trajectories.hermite import quintic_hermite
 from excite.trajectories.nonlinear import NonlinearFamily
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -26,6 +27,7 @@ _TAIL = 40  # degrees above pi K beyond which the Chebyshev coefficients of cos(
 _MORE = 2  # nodes per requested instant
 
 
+@checked
 class Sines(NonlinearFamily):
     """Sums of ``harmonics`` sines of free frequencies, plus a quintic.
 
@@ -45,9 +47,9 @@ class Sines(NonlinearFamily):
     name = "sines"
 
     def __init__(self, period: float, harmonics: int) -> None:
-        check_period(period)
         if harmonics < 1:
             raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
+        check_size(period, harmonics=harmonics)
         self.duration, self.harmonics = float(period), int(harmonics)
         self.size = 2 * harmonics + 1
         unit = 2 * np.pi / self.duration

@@ -14,9 +14,10 @@ import numpy as np
 
 from constraints.bounds.extrema import Extrema
 from constraints.bounds.piecewise import chebyshev_nodes, node_factor, piecewise_extrema
-from excite.trajectories.family import check_period
+from excite.trajectories.family import check_size
 from excite.trajectories.hermite import ORDERS, QUINTIC, quintic_hermite
 from excite.trajectories.nonlinear import NonlinearFamily
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
@@ -26,6 +27,7 @@ _SLOW = 2.0  # x holds s times this, so that steps in both s and positions move 
 _FEWEST = 64  # nodes per interval
 
 
+@checked
 class Waypoints(NonlinearFamily):
     """Quintic splines on free intervals.
 
@@ -48,11 +50,11 @@ class Waypoints(NonlinearFamily):
     samples_per_term = 1
 
     def __init__(self, period: float, intervals: int) -> None:
-        check_period(period)
         if intervals < 2:
             raise InputError(
                 f"intervals: expected 2 or more, so that the motion can return to its start, given {intervals}"
             )
+        check_size(period, intervals=intervals)
         self.duration, self.intervals = float(period), int(intervals)
         self.size = 3 * intervals - 2
         self._least = _SHORTEST / intervals

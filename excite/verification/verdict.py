@@ -9,12 +9,14 @@ from dataclasses import dataclass
 from excite.verification.corrected_error import CorrectedError
 from excite.verification.predicted_torques import TorqueError
 from excite.verification.simulated_motion import MotionError
+from regressors.arguments import checked
 from regressors.quantities import check
 
 MORE_THAN_TRAINING = 2.0
 _NOISY = 0.9  # of the raw error: noise is mentioned where the error without it is less
 
 
+@checked
 @dataclass(frozen=True)
 class Tolerances:
     """Largest errors of a result that holds.
@@ -46,16 +48,19 @@ class Verdict:
 
     Parameters
     ----------
-    holds : bool
     against : tuple of str
         Reasons against the result; empty if it holds.
     remarks : tuple of str
         Remarks that do not affect the verdict.
     """
 
-    holds: bool
-    against: tuple[str, ...]
-    remarks: tuple[str, ...]
+    against: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """True where nothing is against the result."""
+        return not self.against
 
     @property
     def text(self) -> str:
@@ -115,7 +120,7 @@ def verdict(
                 f"the simulated motion of {m.name} deviates by {m.error:.3g} {m.unit}, {100 * m.relative:.0f} % of its "
                 f"travel, more than {100 * tolerances.motion:g} %"
             )
-    return Verdict(not against, tuple(against), tuple(remarks))
+    return Verdict(tuple(against), tuple(remarks))
 
 
 def without_noise(relative: float, error: float = math.nan) -> CorrectedError:

@@ -29,8 +29,9 @@ from excite.verification.predicted_torques import torque_errors
 from excite.verification.simulated_motion import failure
 from excite.verification.simulated_windows import most_windows, sampling_remark
 from excite.verification.verdict import Tolerances, verdict
-from excite.verification.verification import Verification
+from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from excite.verification.verification_time import verification_seconds
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.numerical import numerical_work
 from regressors.quantities import check
@@ -40,6 +41,7 @@ from regressors.samples import Array
 HORIZON = 0.5
 
 
+@checked
 @numerical_work(
     "the verification",
     "rows that hardly move, or numbers of very different sizes are the likely cause: "
@@ -136,12 +138,12 @@ def _judged(
     )
     return Verification(
         robot=result.robot,
+        log=VerifiedLog.of(part),
         tolerances=tolerances,
-        prepared=part,
-        equations=equations,
         time=predicted.time,
         measured=measured,
         predicted=torques,
+        motion=MeasuredMotion(tuple(part.log.joints), part.samples.time, part.samples.q),
         torques=errors,
         relative_error=total,
         training_error=result.training_error,

@@ -9,7 +9,7 @@ import numpy as np
 from regressors.friction.friction_drives import torques_at_drives
 from regressors.jax_models.jax_bodies import torque_regressor
 from regressors.jax_models.jax_drives import drives_of
-from regressors.jax_models.part import Part, part_of, reduced
+from regressors.jax_models.part import RegressorBlock, part_of, reduced
 from regressors.jax_models.tree import tree_motion, tree_of
 from regressors.models.carried_torque import carried_rotors
 from regressors.models.differential import DifferentialModel
@@ -17,7 +17,7 @@ from regressors.models.model import PartialModel
 from regressors.samples import Index
 
 
-class DifferentialPart(Part):
+class DifferentialPart(RegressorBlock):
     """Joint torques per parameter.
 
     Parameters
@@ -55,7 +55,7 @@ class DifferentialPart(Part):
         return carried.at[self._drives.rotors].add(rotors)
 
 
-class ProjectedPart(Part):
+class ProjectedPart(RegressorBlock):
     """Linear combinations of another model's rows, ``N' Y``.
 
     Parameters

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from regressors.jax_models.jax_bodies import effort, momentum
-from regressors.jax_models.part import Part, WindowPart, reduced
+from regressors.jax_models.part import RegressorBlock, WindowPart, reduced
 from regressors.jax_models.tree import tree_motion, tree_of
 from regressors.jax_models.vectors import cross
 from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
@@ -33,7 +33,7 @@ class _SensorFrame:
         return tuple(jnp.asarray(self._Rt) @ x for x in (w, dw, v, a, m.up[k]))
 
 
-class LoadPart(Part):
+class LoadPart(RegressorBlock):
     """Wrench at the sensor per parameter.
 
     Parameters

@@ -16,7 +16,7 @@ from regressors.models.windows import Window
 from regressors.samples import Array, Index
 
 
-class Part(ABC):
+class RegressorBlock(ABC):
     """JAX form of a model of single instants.
 
     Parameters
@@ -42,7 +42,7 @@ class Part(ABC):
         return measured
 
 
-def part_of(model: RegressorModel, columns: Index) -> Part:
+def part_of(model: RegressorModel, columns: Index) -> RegressorBlock:
     """JAX form of a model, from the class that `RegressorModel.jax_form` names.
 
     Parameters
@@ -58,11 +58,11 @@ def part_of(model: RegressorModel, columns: Index) -> Part:
     if model.jax_form is None:
         raise InputError(f"{type(model).__name__} has no JAX form: its class names none as jax_form, 'module:Class'")
     module, _, name = model.jax_form.partition(":")
-    part: Part = getattr(import_module(module), name)(model, columns)
+    part: RegressorBlock = getattr(import_module(module), name)(model, columns)
     return part
 
 
-class WindowPart(Part):
+class WindowPart(RegressorBlock):
     """JAX form of a model over time windows, those of its attribute `window`."""
 
     window: Window

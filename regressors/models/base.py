@@ -6,15 +6,22 @@ give the base parameters ``beta = D p`` and ``W p = W_b beta`` for every motion 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from typing import Literal
 
 import numpy as np
 
+from regressors.arguments import checked
 from regressors.errors import UnknownName
-from regressors.models.columns import Column
-from regressors.models.independence import TOLERANCE, independent_columns, pivoted_columns
+from regressors.models.columns import BODY_KINDS, Column
+from regressors.models.independence import (
+    ROUNDING,
+    TOLERANCE,
+    explained_columns,
+    independent_columns,
+    pivoted_columns,
+)
 from regressors.models.model import RegressorModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
@@ -23,6 +30,7 @@ Choice = Literal["gautier", "pivoted"]
 CHOICES: tuple[Choice, ...] = ("gautier", "pivoted")
 MOST_STATES, _ROWS_PER_COLUMN = 2000, 20
 _FEW_COLUMNS = 150  # a chain of twelve axes
+_MODERATE = {"dq": 3.0, "ddq": 10.0}  # rad, m and s; they accelerate about as much as gravity
 _UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
 
 
@@ -71,6 +79,8 @@ class Base:
         that are hardly seen were left out, of columns in units of their parameters' sizes.
     expressions : tuple of str
         Readable expression of each base parameter in standard parameters.
+    by_rounding : tuple of str
+        Names of columns that were left out because only rounding shows their parameters, see `base_parameters`.
     """
 
     columns: tuple[Column, ...]
@@ -78,6 +88,7 @@ class Base:
     D: Array
     singular_values: Array
     expressions: tuple[str, ...]
+    by_rounding: tuple[str, ...] = ()
 
     @property
     def rank(self) -> int:
@@ -108,10 +119,22 @@ class Base:
         return np.asarray(np.linalg.cholesky(self.D @ self.D.T))
 
 
+@checked
 def base_parameters(
-    model: RegressorModel, choice: Choice = "gautier", *, states: Samples | None = None, tolerance: float = TOLERANCE
+    model: RegressorModel,
+    choice: Choice = "gautier",
+    *,
+    states: Samples | None = None,
+    tolerance: float = TOLERANCE,
+    rounding: float = ROUNDING,
 ) -> Base:
     """Base columns of a model, found on random states.
+
+    An angle that was rounded to 1.5708 shows parameters that are none, with torques a hundred thousandth of those of
+    others. They are left out: those of which less than `rounding` is left after projection on the columns before, in
+    lengths of the longest column of the same kind (masses, first moments, inertias; of drives, of its own), with all
+    joints at up to 3 rad/s and 10 rad/s^2. In this measure the least parameter of the built-in robots is 1.2e-2, that
+    of 43 chains of the public robots of example-robot-data 1.9e-2, and the largest that rounding shows in them 3.4e-6.
 
     Parameters
     ----------
@@ -122,6 +145,8 @@ def base_parameters(
         Random states to find them on; `enough_states`, uniform within the joint limits, if not given.
     tolerance : float
         Largest fraction of a column's norm, or of the first pivot, that counts as zero.
+    rounding : float
+        Largest part of a column that counts as born of rounding; zero keeps all parameters.
 
     Returns
     -------
@@ -135,10 +160,11 @@ def base_parameters(
     if choice not in CHOICES:
         raise UnknownName("choice of base columns", choice, CHOICES)
     states = states if states is not None else random_states(model.robot, enough_states(model))
-    return base_of(model, triangular_factor(model.instants(states)), choice, tolerance)
+    R, hidden = _without_rounding(model, states, rounding)
+    return replace(base_of(model, R, choice, tolerance), by_rounding=hidden)
 
 
-def bases(model: RegressorModel, states: Samples) -> tuple[Base, ...]:
+def bases(model: RegressorModel, states: Samples, rounding: float = ROUNDING) -> tuple[Base, ...]:
     """Base columns of a model by each of `CHOICES`, see `base_parameters`.
 
     Parameters
@@ -146,9 +172,44 @@ def bases(model: RegressorModel, states: Samples) -> tuple[Base, ...]:
     model : RegressorModel
     states : Samples
         Random states, see `enough_states`.
+    rounding : float
+    """
+    R, hidden = _without_rounding(model, states, rounding)
+    return tuple(replace(base_of(model, R, choice), by_rounding=hidden) for choice in CHOICES)
+
+
+def _without_rounding(model: RegressorModel, states: Samples, rounding: float) -> tuple[Array, tuple[str, ...]]:
+    """Triangular factor at random states, without what only rounding shows, and the columns whose parameters that was.
+
+    At high speeds gyroscopic torques swell some inertias a million times over the others, so that what looks small is
+    looked at again with all joints at the same moderate speed.
     """
     R = triangular_factor(model.instants(states))
-    return tuple(base_of(model, R, choice) for choice in CHOICES)
+    exact = independent_columns(R)
+    if rounding <= 0.0 or len(independent_columns(R, rounding, _sizes(model, R))) == len(exact):
+        return R, ()
+    moderate = {name: _up_to(getattr(states, name), most) for name, most in _MODERATE.items()}
+    S = triangular_factor(model.instants(replace(states, **moderate)))
+    sizes = _sizes(model, S)
+    kept = np.intersect1d(independent_columns(S, rounding, sizes), exact)
+    hidden = np.setdiff1d(exact, kept)
+    if hidden.size == 0:
+        return R, ()
+    return R[:, kept] @ explained_columns(S, kept, sizes), tuple(model.columns[j].name for j in hidden)
+
+
+def _up_to(values: Array, most: float) -> Array:
+    """Every column that is not zero, scaled to a largest value."""
+    largest = np.abs(values).max(axis=0, initial=0.0)
+    return values * (most / np.where(largest > 0.0, largest, np.inf))
+
+
+def _sizes(model: RegressorModel, R: Array) -> Array:
+    """Length of the longest column of the same kind for columns of bodies, of its own for others, shape (p,)."""
+    lengths = np.linalg.norm(R, axis=0)
+    kinds = np.array([column.kind for column in model.columns])
+    longest = {kind: lengths[kinds == kind].max(initial=0.0) for kind in BODY_KINDS}
+    return np.array([longest.get(kind, length) for kind, length in zip(kinds.tolist(), lengths, strict=True)])
 
 
 def enough_states(model: RegressorModel) -> int:

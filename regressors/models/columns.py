@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Container
 from dataclasses import dataclass, replace
-from numbers import Integral
 from typing import Any, Literal
 
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.robot.inertia import PARAMETER_UNITS
 
@@ -31,6 +31,7 @@ _GROUPS: dict[str, Group] = {
 }
 
 
+@checked
 @dataclass(frozen=True)
 class Column:
     """One parameter of a model.
@@ -74,6 +75,7 @@ def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...
     return tuple(Column(name, unit, kind, owner) for name, unit, kind in parts)
 
 
+@checked
 @dataclass(frozen=True)
 class Terms:
     """Optional columns of a model beside the links' inertial parameters.
@@ -171,13 +173,9 @@ class Terms:
 _SELECTIONS = ("coulomb", "viscous", "offset", "load_share", "root", "asymmetry", "stribeck")
 
 
-def _selection(name: str, chosen: object) -> Drives:
+def _selection(name: str, chosen: Drives) -> Drives:
     if isinstance(chosen, bool):
         return chosen
-    numbers = [
-        int(k) if isinstance(k, Integral) and not isinstance(k, bool) else 0
-        for k in (chosen if isinstance(chosen, tuple | list) else (chosen,))
-    ]
-    if any(k < 1 for k in numbers):
+    if any(k < 1 for k in chosen):
         raise InputError(f"{name}: expected true, false, or numbers of drives from 1 on, given {chosen!r}")
-    return tuple(sorted(set(numbers))) or False
+    return tuple(sorted({int(k) for k in chosen})) or False

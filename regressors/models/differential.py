@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from regressors.arguments import checked
 from regressors.friction.friction_drives import torques_at_drives
 from regressors.models.carried_torque import carried_at_drives, carried_bodies
 from regressors.models.columns import DIRECTED_KINDS, LOAD_SHARE, Terms
@@ -83,6 +84,7 @@ def inertial_torque(robot: Robot, theta: Array, q: ca.SX, dq: ca.SX, ddq: ca.SX)
     return tau
 
 
+@checked
 class DifferentialModel(RegressorModel):
     """Joint torques, linear in inertial, rotor and friction parameters [KD96] eq. (1)-(3).
 

@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.columns import COULOMB, OFFSET, Terms
 from regressors.models.differential import DifferentialModel
@@ -49,6 +50,7 @@ def body_energy(body: LinkMotion, gravity: ca.SX) -> ca.SX:
     return ca.horzcat(mass, moment.T, inertia)
 
 
+@checked
 class EnergyModel(WindowModel):
     """Work of the joint torques, linear in inertial, rotor and friction parameters [KD96] eq. (7), (14), (19).
 

@@ -7,17 +7,21 @@ import numpy as np
 from regressors.samples import Array, Index
 
 TOLERANCE = 1e-8
+ROUNDING = 1e-4
 _TIE = 1e-6
+_EXACT = 1e-6  # of a coefficient, or a tenth of what rounding leaves of a column
 
 
-def independent_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
+def independent_columns(R: Array, tolerance: float = TOLERANCE, sizes: Array | None = None) -> Index:
     """Columns that do not depend on the ones to their left (left-to-right QR) [Gautier 1991].
 
     Parameters
     ----------
     R : ndarray, shape (k, p)
     tolerance : float
-        A column counts as dependent if less than this fraction of it is left after projection.
+        A column counts as dependent if less than this fraction of its size is left after projection.
+    sizes : ndarray, shape (p,), optional
+        Sizes of the columns; their lengths if not given.
 
     Returns
     -------
@@ -27,8 +31,9 @@ def independent_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
     Q = np.zeros((R.shape[0], min(R.shape)))
     chosen: list[int] = []
     smallest = 1e-12 * float(np.linalg.norm(R, axis=0).max(initial=0.0))
+    sizes = np.linalg.norm(R, axis=0) if sizes is None else sizes
     for j in range(R.shape[1]):
-        column, size = R[:, j].copy(), float(np.linalg.norm(R[:, j]))
+        column, size = R[:, j].copy(), float(sizes[j])
         for _ in range(2):  # a second projection removes what rounding left of the first
             column -= Q @ (Q.T @ column)
         rest = float(np.linalg.norm(column))
@@ -36,6 +41,31 @@ def independent_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
             Q[:, len(chosen)] = column / rest
             chosen.append(j)
     return np.asarray(chosen, dtype=np.intp)
+
+
+def explained_columns(R: Array, kept: Index, sizes: Array) -> Array:
+    """Every column by the kept ones to its left, ``R ~ R[:, kept] A``, without what only rounding adds, shape (b, p).
+
+    Parameters
+    ----------
+    R : ndarray, shape (k, p)
+    kept : ndarray of int, shape (b,)
+        In ascending order.
+    sizes : ndarray, shape (p,)
+        Sizes of the columns, above zero where a column is.
+    """
+    A = np.zeros((len(kept), R.shape[1]))
+    A[np.arange(len(kept)), kept] = 1.0
+    length = np.linalg.norm(R[:, kept], axis=0)
+    scale = np.where(sizes > 0.0, sizes, np.inf)
+    for j in sorted(set(range(R.shape[1])) - set(kept.tolist())):
+        left = int(np.searchsorted(kept, j))
+        A[:left, j] = np.linalg.lstsq(R[:, kept[:left]], R[:, j], rcond=None)[0]
+    residual = np.linalg.norm(R - R[:, kept] @ A, axis=0) / scale
+    small = max(10.0 * float(residual.max(initial=0.0)), _EXACT)
+    A = np.where(np.abs(A) * length[:, None] / scale < small, 0.0, A)
+    nearest = np.round(A)
+    return np.where(np.abs(A - nearest) < _EXACT, nearest, A)
 
 
 def pivoted_columns(R: Array, tolerance: float = TOLERANCE) -> Index:

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.models.columns import Column, body_columns
 from regressors.models.model import RegressorModel
@@ -23,6 +24,7 @@ EQUATIONS = ("fx", "fy", "fz", "nx", "ny", "nz")
 LOAD_PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Sensor:
     """A force/torque sensor: its frame, and the components that are used.
@@ -52,8 +54,13 @@ class Sensor:
             raise InputError(
                 f"equations: expected at least one, and each once, given {', '.join(self.equations) or 'none'}"
             )
-        R = np.asarray(self.rotation, dtype=float)
-        if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or np.linalg.det(R) < 0:
+        R = self.rotation
+        if (
+            R.shape != (3, 3)
+            or not np.all(np.abs(R) < 2.0)
+            or not np.allclose(R @ R.T, np.eye(3), atol=1e-9)
+            or np.linalg.det(R) < 0
+        ):
             raise InputError(f"sensor axes are not a rotation matrix: {R.tolist()}")
         if not np.all(np.isfinite(self.translation)) or np.shape(self.translation) != (3,):
             raise InputError(
@@ -100,6 +107,7 @@ def _selected(wrench: ca.SX, equations: Sequence[str]) -> ca.SX:
     return wrench[[EQUATIONS.index(name) for name in equations], :]
 
 
+@checked
 class LoadModel(RegressorModel):
     """Wrench at the sensor, ``[F; N] = K phi`` [KD96] eq. (8), (9).
 
@@ -142,6 +150,7 @@ def _selected_wrench(measured: Array, equations: Sequence[str]) -> Array:
     return measured
 
 
+@checked
 class LoadIntegralModel(WindowModel):
     """Integrals of the wrench over time windows, ``int [F; N] dt = K_I phi`` [KD96] eq. (11)-(13).
 

@@ -86,8 +86,8 @@ class RegressorModel(ABC):
     equations_can_be_chosen : bool
         False where there is a single equation by nature.
     jax_form : str or None
-        Its JAX form as ``module:Class``, a subclass of `regressors.jax_models.part.Part` that is constructed from the
-        model and the indices of the selected columns. It is not inherited, since a subclass has other rows.
+        Its JAX form as ``module:Class``, a subclass of `regressors.jax_models.part.RegressorBlock` that is constructed
+        from the model and the indices of the selected columns. It is not inherited, since a subclass has other rows.
     """
 
     robot: Robot

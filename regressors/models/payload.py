@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from regressors.arguments import checked
 from regressors.models.load import load_columns
 from regressors.models.model import RegressorModel
 from regressors.robot.robot import Robot
@@ -11,6 +12,7 @@ from regressors.symbolic.body import body_regressor
 from regressors.symbolic.kinematics import chain
 
 
+@checked
 class PayloadModel(RegressorModel):
     """Torques of all joints per parameter of a body fixed to the last link, about that link's frame.
 

@@ -17,6 +17,7 @@ import scipy.integrate
 import scipy.sparse
 from numpy.typing import NDArray
 
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.models.model import Combination, RegressorModel
 from regressors.samples import Array, Index, Samples
@@ -28,6 +29,7 @@ WINDOWS = ("short", "long")
 SHORT = 0.005
 
 
+@checked
 @dataclass(frozen=True)
 class Window:
     """Time windows that form the rows of W.

@@ -1,4 +1,4 @@
-"""Rotations of a URDF, from roll, pitch and yaw as they are printed."""
+"""Rotations of a description, from roll, pitch and yaw as they are printed, or as a compiler left them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ from regressors.robot.inertia import Array
 
 _UNSEEN = 1e-8  # rad; smaller changes of an angle show nowhere
 _TURN = 2.001 * math.pi
+QUATERNION = 1.2e-5  # rad; what six digits of a quaternion leave open, or three turns by 1.5708 about one axis
+_RIGHT_ANGLES = np.abs(np.outer(range(5), [0.0, *(round(np.pi / 2, k) - np.pi / 2 for k in (2, 3))])).ravel()
+_LIKE_A_RIGHT_ANGLE = 5e-3  # rad; about three times what 3.14 for pi leaves
 _TOOK, _CLOSE = "took", "close to a right angle, but read as printed:"
 _LARGE = "angles of more than a full turn:"
 _ADVICE = {
@@ -71,20 +74,61 @@ class AngleReader:
             self._noticed[_CLOSE].append((where, f"{text} (if {meant} is meant, write {_digits(value)})"))
         return count
 
-    def axis(self, direction: Array, stated: XmlElement) -> Array:
-        """Unit vector of an ``<axis>``, without components that are rounding errors of single precision, shape (3,).
+    def turned(self, R: Array, where: str) -> Array:
+        """A rotation matrix whose digits are lost, as of a quaternion, shape (3, 3): turns by right angles are exact.
+
+        A turn about one axis counts as an angle that was printed, see `multiple_of`; one about several as right angles
+        if it is as far off them as six digits of a quaternion leave open, or as right angles of two or three decimals.
+
+        Parameters
+        ----------
+        R : ndarray, shape (3, 3)
+        where : str
+            Link or joint, for messages.
+        """
+        if not self._snap:
+            return R
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            angle = math.atan2(R[j, i], R[i, i])
+            if R[k, k] > 1.0 - 0.5 * QUATERNION**2 and (count := _printed_angle(angle)) is not None:
+                exact = np.zeros((3, 3))
+                c, s = cosine_and_sine(count)
+                exact[k, k], exact[i, i], exact[j, j], exact[i, j], exact[j, i] = 1.0, c, c, -s, s
+                if np.abs(exact - R).max() > _UNSEEN:
+                    self._noticed[_TOOK].append((where, f"{angle:.7g} for {in_words(count)}"))
+                return exact
+        exact = np.round(R)
+        off = exact.T @ R
+        residual = 0.5 * np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
+        size = float(np.linalg.norm(residual))
+        if not np.array_equal(exact.T @ exact, np.eye(3)) or size > _LIKE_A_RIGHT_ANGLE:
+            return R
+        if np.abs(np.abs(residual)[:, None] - _RIGHT_ANGLES).min(axis=1).max() > QUATERNION:
+            self._noticed[_CLOSE].append((where, f"axes that are {size:.2g} rad off"))
+            return R
+        if size > _UNSEEN:
+            self._noticed[_TOOK].append((where, f"axes that are {size:.2g} rad off right angles for right angles"))
+        return exact
+
+    def axis(self, direction: Array, where: str, text: str, noise_size: float = SINGLE) -> Array:
+        """Unit vector of an ``<axis>``, without components that are rounding errors, shape (3,).
 
         Parameters
         ----------
         direction : ndarray, shape (3,)
             Of length 1.
-        stated : XmlElement
+        where, text : str
+            Joint and axis, for messages.
+        noise_size : float
+            Largest component that counts as nothing; what is left of it in single precision, or of a rounded quaternion
+            where a compiler turned the axis.
         """
-        noise = np.abs(direction) <= SINGLE
+        noise = np.abs(direction) <= noise_size
         if not self._snap or not np.any(noise & (direction != 0.0)):
             return direction
         if np.any(np.abs(direction[noise]) > _UNSEEN):
-            self._noticed[_TOOK].append((stated.label, f"the axis {stated.attributes['xyz']!r} without its noise"))
+            self._noticed[_TOOK].append((where, f"the axis {text!r} without its noise"))
         exact = np.where(noise, 0.0, direction)
         return np.asarray(exact / np.linalg.norm(exact))
 
@@ -102,6 +146,15 @@ class AngleReader:
                 angles = ", ".join(dict.fromkeys(angle for _, angle in told))
                 where = _in_short(list(dict.fromkeys(where for where, _ in told)))
                 yield Finding("snapped" if what == _TOOK else "suspicious", where, f"{what} {angles}", _ADVICE[what])
+
+
+def _printed_angle(angle: float) -> int | None:
+    """Twelfths of pi that an angle stands for in one of its roundings, as far as a quaternion shows it."""
+    count = round(angle * 12 / math.pi)
+    if (count % 3 == 0 or count % 2 == 0) and abs(angle - count * math.pi / 12) <= QUATERNION:
+        return count
+    texts = (f"{angle:.{digits}f}" for digits in (2, 3, 4))
+    return next((n for text in texts if abs(float(text) - angle) <= QUATERNION and (n := multiple_of(text))), None)
 
 
 def _digits(value: float) -> str:

@@ -1,10 +1,11 @@
-"""Which chain of a URDF is the robot: from the base to the tip, or to where its gripper begins."""
+"""Which chain of a tree is the robot: from the base to the tip, or to where its gripper begins."""
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from regressors.errors import InputError, UnknownName
@@ -17,8 +18,11 @@ _FINGER = re.compile(r"finger|jaw|claw|knuckle", re.IGNORECASE)
 _GRIPPER = re.compile(r"gripper", re.IGNORECASE)
 _HAND = re.compile(r"(?<![a-z])hand(?![a-z])", re.IGNORECASE)
 _ARM = re.compile(r"wrist|elbow|shoulder|arm|axis", re.IGNORECASE)
+_LEG = re.compile(r"wheel|caster|leg|hip|thigh|knee|calf|shank|ankle|foot|rotor|head|neck", re.IGNORECASE)
+_WHEEL = re.compile(r"wheel|caster|rotor|motor", re.IGNORECASE)
 _NUMBERED = re.compile(r"\d")  # joint6 may well carry the body of the gripper
 _FEWEST_OF_ARM = 3  # joints; what parts behind fewer is no hand
+_UNTIE = "switch the coupling off in the file (no <mimic>, active='false' of an <equality>), if a drive moves the joint"
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +75,7 @@ def chain_of(tree: UrdfTree, base: str | None, tip: str | None) -> Chain:
     chain = _without_gripper(tree, base) if tip is None else _between(tree, base, _known(tree, tip))
     if not chain.moving:
         raise InputError(f"{tree.source}: no moving joint between the links {base!r} and {chain.tip!r}")
-    _check(tree, chain.moving)
+    _check(tree, chain)
     return chain
 
 
@@ -175,35 +179,150 @@ def _fork(tree: UrdfTree, base: str, tips: Sequence[str]) -> str:
     shared: list[TreeJoint] = [
         level[0] for level in zip(*paths, strict=False) if all(joint is level[0] for joint in level)
     ]
-    arm = sum(joint.kind != "fixed" for joint in shared)
-    longest = max(sum(joint.kind != "fixed" for joint in path) for path in paths) - arm
-    if arm >= _FEWEST_OF_ARM and longest < arm:
+    arm = _count(shared)
+    if arm >= _FEWEST_OF_ARM and max(map(_count, paths)) - arm < arm:
         return shared[-1].child
     hint = f" (`tip={shared[-1].child!r}` ends where they part)" if arm else ""
+    limbs = sorted(_limbs(tree, base, tips), key=_rank)
+    proposed = f"; {_proposal(tree, base, limbs)}" if limbs else ""
+    ends = ", ".join(listing(limb[-1].child for limb in limbs)) or ", ".join(listing(tips))
     raise InputError(
-        f"{tree.source}: {len(tips)} moving chains start from link {base!r}; choose the last link with `tip`{hint}; "
-        f"the chains end at: {', '.join(listing(tips))}"
+        f"{tree.source}: {len(limbs) or len(tips)} moving chains start from link {base!r}; choose the last link with "
+        f"`tip`{hint}{proposed}; the chains end at: {ends}"
     )
 
 
-def _check(tree: UrdfTree, chain: Sequence[TreeJoint]) -> None:
+def _count(path: Iterable[TreeJoint]) -> int:
+    """Number of joints that move on their own."""
+    return sum(joint.kind != "fixed" and joint.mimic is None for joint in path)
+
+
+def _limbs(tree: UrdfTree, base: str, tips: Sequence[str]) -> list[list[TreeJoint]]:
+    """What each chain has behind the last fork before it, without fingers and joints that move a gripper."""
+    paths = {tip: tree.path(base, tip) or [] for tip in tips}
+    through: dict[str, int] = {}
+    for path in paths.values():
+        for joint in path:
+            through[joint.name] = through.get(joint.name, 0) + 1
+    parted = [_between_forks(path, through) for path in paths.values()]
+    deepest: dict[str, int] = {}  # joints behind the last one of a part, on the longest chain
+    for parts in parted:
+        for k, part in enumerate(parts):
+            behind = _count(j for later in parts[k + 1 :] for j in later if not _moves_gripper(j))
+            deepest[part[-1].name] = max(deepest.get(part[-1].name, 0), behind)
+    limbs: dict[str, list[TreeJoint]] = {}
+    for parts in parted:
+        hands = (part for part in parts if _count(part) >= _FEWEST_OF_ARM and deepest[part[-1].name] < _count(part))
+        limb = next(hands, parts[-1])
+        without = list(limb)
+        while without and (without[-1].kind == "fixed" or _moves_gripper(without[-1])):
+            without.pop()
+        limb = without or limb
+        limbs.setdefault(limb[-1].child, limb)
+    return list(limbs.values())
+
+
+def _between_forks(path: Sequence[TreeJoint], through: dict[str, int]) -> list[list[TreeJoint]]:
+    """Parts of a path between links where moving chains part."""
+    parts: list[list[TreeJoint]] = []
+    for k, joint in enumerate(path):
+        if k == 0 or through[joint.name] != through[path[k - 1].name]:
+            parts.append([])
+        parts[-1].append(joint)
+    return [part for part in parts if _count(part)]
+
+
+def _rank(limb: Sequence[TreeJoint]) -> tuple[bool, bool, int]:
+    """Order of limbs: arms first, wheels last, and the more joints the better."""
+    names = " ".join(f"{joint.name} {joint.child}" for joint in limb)
+    ends = f"{limb[-1].name} {limb[-1].child}"
+    return bool(_WHEEL.search(ends) or _FINGER.search(ends)), not _is_arm(names), -_count(limb)
+
+
+def _is_arm(names: str) -> bool:
+    return bool(_ARM.search(names)) and not _LEG.search(names)
+
+
+def _proposal(tree: UrdfTree, base: str, limbs: Sequence[Sequence[TreeJoint]]) -> str:
+    """The first limb that can be read, with the options that choose it."""
+    for limb in limbs:
+        names = " ".join(f"{joint.name} {joint.child}" for joint in limb)
+        first = limb[0].parent if _count(tree.path(base, limb[0].parent) or ()) else base
+        if given := working_ends(tree, [(first, limb[-1].child)], base, None):
+            joints = f"{_count(limb)} joint{'s' * (_count(limb) > 1)}"
+            return f"for the {'arm' if _is_arm(names) else 'limb'} of {joints} give {given}"
+    return "none of them is a serial chain of joints that move on their own"
+
+
+def working_ends(
+    tree: UrdfTree,
+    candidates: Iterable[tuple[str, str]],
+    base: str,
+    tip: str | None,
+    accepts: Callable[[Chain], object] = lambda chain: None,
+) -> str:
+    """Options that choose a chain that can be read, each with what differs from the ends given; empty if none does.
+
+    Parameters
+    ----------
+    tree : UrdfTree
+    candidates : iterable of (str, str)
+        First and last links.
+    base, tip : str
+        As given.
+    accepts : callable
+        Raises `InputError` where a chain cannot be read for another reason.
+    """
+    texts = []
+    for first, last in candidates:
+        with suppress(InputError):
+            chain = _between(tree, first, last)
+            _check(tree, chain, advise=False)
+            accepts(chain)
+            options = {"base_link": (first, base), "tip": (last, tip)}
+            given = " and ".join(f"`{name}={new!r}`" for name, (new, old) in options.items() if new != old)
+            if chain.moving and given:
+                texts.append(given)
+    return ", or ".join(dict.fromkeys(texts))
+
+
+def _check(tree: UrdfTree, chain: Chain, *, advise: bool = True) -> None:
     """Refuse joints that a serial chain of independent coordinates cannot hold."""
-    for joint in chain:
+
+    def refuse(what: str, candidates: Iterable[tuple[str, str]], otherwise: str) -> None:
+        working = working_ends(tree, candidates, chain.base, chain.tip) if advise else ""
+        cure = f"what works is {working}" if working else otherwise
+        raise InputError(f"{tree.source}: {what}; {cure}")
+
+    base, tip = chain.base, chain.tip
+    for joint in chain.moving:
         if joint.kind not in MOVING:
-            raise InputError(
-                f"{tree.source}: joint {joint.name!r} on the chain is {joint.kind}, expected {', '.join(MOVING)} "
-                f"or fixed; start below it with `base={joint.child!r}`"
+            refuse(
+                f"joint {joint.name!r} on the chain is {joint.kind}, expected {', '.join(MOVING)} or fixed",
+                [(joint.child, tip), (base, joint.parent)],
+                'no joint of the other kinds moves before or behind it: write type="fixed" if it stands still',
             )
         if joint.mimic is not None:
-            raise InputError(
-                f"{tree.source}: joint {joint.name!r} on the chain mimics joint {joint.mimic.joint!r}, expected joints "
-                f"that move on their own; end before it with `tip={joint.parent!r}`"
+            refuse(
+                f"joint {joint.name!r} on the chain mimics joint {joint.mimic.joint!r}, expected joints that move on "
+                "their own",
+                _around(tree, chain, joint, joint.mimic.joint),
+                _UNTIE,
             )
-    moving = {joint.name for joint in chain}
+    moving = {joint.name for joint in chain.moving}
     for joint in tree.above.values():
         leader = rest(tree, joint)[1]
         if joint.name not in moving and leader in moving:
-            raise InputError(
-                f"{tree.source}: joint {joint.name!r} off the chain mimics joint {leader!r} on the chain, expected "
-                "one that stands still; choose another base or tip"
+            refuse(
+                f"joint {joint.name!r} off the chain mimics joint {leader!r} on the chain, expected one that stands "
+                "still",
+                _around(tree, chain, joint, leader),
+                _UNTIE,
             )
+
+
+def _around(tree: UrdfTree, chain: Chain, follower: TreeJoint, leader: str) -> list[tuple[str, str]]:
+    """Ends of chains that may leave out a joint and the one that it follows."""
+    pair = [joint for joint in tree.above.values() if joint.name in (follower.name, leader)]
+    ends = [(joint.child, chain.tip) for joint in pair] + [(chain.base, joint.parent) for joint in pair]
+    return [*ends, *((first.child, last.parent) for first in pair for last in pair)]

@@ -101,6 +101,7 @@ def _robot(
             source=description.source or document.source,
             branches=branches,
             home=None if description.home is None else np.array(description.home),
+            shapes=tuple(shape.part() for shape in description.shapes),
         )
     except InputError as error:
         raise InputError(f"{document.source}: {error}") from error

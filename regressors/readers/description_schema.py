@@ -29,6 +29,7 @@ from regressors.readers.documents import described
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
 from regressors.robot.robot import Branch, Drive, Joint, JointKind, Limits, Link
+from regressors.robot.shapes import Capsule, Part
 
 _ROUNDING = 1e-15
 _DEGREES = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*deg(\S*)")
@@ -313,6 +314,20 @@ class BranchSection(LinkSection):
         return Branch(self.parent, placed, link, np.array(self.coupling), self.offset)
 
 
+class ShapeSection(Section):
+    """A capsule in the frame of a link, a branch or ``base``: all points near a line; near a point if no ``to``."""
+
+    link: Name
+    start: Vector = Field(alias="from")
+    end: Vector | None = Field(default=None, alias="to")
+    radius: Positive
+
+    def part(self) -> Part:
+        """Shape of a robot."""
+        start, end = ((p[0], p[1], p[2]) for p in (self.start, self.end or self.start))
+        return Part(self.link, Capsule(start, end, self.radius))
+
+
 class BallScrewSection(Section):
     """A ball screw, see `regressors.robot.gears.BallScrew`: ``L(z)^2 = square + cosine cos z + sine sin z`` [m^2]."""
 
@@ -460,7 +475,7 @@ class Description(Section):
 
     ``sources`` says where the values come from: any keys, text. ``gravity`` is a magnitude, downwards along the base
     frame's z axis, or a vector in the base frame [m/s^2]. ``coupling`` is the matrix C of ``z = C q + offset``.
-    ``home`` is the pose in which the robot waits, a number per joint.
+    ``home`` is the pose in which the robot waits, a number per joint. ``shapes`` are capsules around the links.
     """
 
     name: Annotated[str, AfterValidator(_title)]
@@ -475,3 +490,4 @@ class Description(Section):
     coupling: list[list[float]] | None = None
     structure: StructureSection = StructureSection()
     home: list[Angle] | None = None
+    shapes: list[ShapeSection] = []

@@ -27,12 +27,11 @@ def refuse_foreign(outermost: XmlElement) -> None:
         outermost.fail(_FORMATS[outermost.tag])
     macro = next((element for element in outermost.all() if _is_macro(element)), None)
     if macro is not None:
-        name = macro.source.removesuffix(".xacro").removesuffix(".urdf")
-        plain = f"{name}.urdf" if macro.source.endswith(".xacro") else f"{name}-expanded.urdf"
         where = "a xacro macro" if macro.tag.startswith("xacro:") else "an expression of xacro"
         macro.fail(
-            f"{where}: the text is a template that xacro expands to a URDF; `load_robot` reads its file, or expand it "
-            f"first: xacro {macro.source} > {plain} (pip install xacro)"
+            f"{where}: the text is a template, which is not expanded by its content alone; rename the file to "
+            f"{macro.source.removesuffix('.urdf').removesuffix('.xml')}.urdf.xacro, or give `xacro=True`, if you trust "
+            "whom it is from"
         )
     if outermost.tag != "robot":
         outermost.fail("expected <robot> as the outermost element, as of a URDF")

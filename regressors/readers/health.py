@@ -8,12 +8,16 @@ import numpy as np
 
 from regressors.readers.chain_ends import Chain
 from regressors.readers.inertia_findings import Body, inertia_findings
-from regressors.readers.joint_ranges import range_findings
-from regressors.readers.resting_joints import carried
+from regressors.readers.joint_ranges import range_findings, range_of
+from regressors.readers.resting_joints import carried, resting_pose
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, listing
 from regressors.robot.finding import Finding
 
 _FAR = 50.0  # m between two neighbouring joints
+_SLOWEST = {"rad": 0.01, "m": 0.001}  # per second; the slowest joints of example-robot-data have 0.32 and 0.013
+_NARROWEST = {"rad": 0.1, "m": 0.001}  # there 0.52 and 0.01
+_WEAKEST = 0.02  # of the torque of the weight that a joint carries at zero; there 0.18
+_GRAVITY = 9.81
 
 
 def health(tree: UrdfTree, chain: Chain) -> tuple[Finding, ...]:
@@ -38,6 +42,7 @@ def health(tree: UrdfTree, chain: Chain) -> tuple[Finding, ...]:
         *tree.angles.findings(_labels(tree, chain)),
         *range_findings(chain.moving),
         *_rates(chain),
+        *_placeholders(tree, chain),
         *_passive(tree, chain),
         *_lengths(chain),
         *_unknown_bodies(chain, bodies),
@@ -90,6 +95,41 @@ def _rates(chain: Chain) -> Iterator[Finding]:
         free = [joint.name for joint in chain.moving if not joint.bounds.get(key)]
         if free:
             yield Finding("missing", _listed("joint", free), f"no {key} limit{unit}", advice)
+
+
+def _placeholders(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
+    """Limits that leave a joint hardly any speed, room or torque."""
+    slow, narrow, weak = {}, {}, {}
+    for joint in chain.moving:
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        lower, upper = range_of(joint)
+        speed, effort = joint.bounds.get("velocity"), joint.bounds.get("effort")
+        if speed and speed < _SLOWEST[unit]:
+            slow[joint.name] = f"a velocity limit of {speed:g} {unit}/s"
+        if upper - lower < _NARROWEST[unit]:
+            narrow[joint.name] = f"a range of {upper - lower:.2g} {unit}"
+        if effort and unit == "rad" and effort < _WEAKEST * (weight := _weight(tree, joint)):
+            weak[joint.name] = (
+                f"an effort limit of {effort:g} Nm, but what it carries weighs on it with {weight:.2g} Nm"
+            )
+    for told, advice in (
+        (slow, "it may be a placeholder: give `velocity`, or write it into the file"),
+        (narrow, "it may be a placeholder, or in another unit: give `position`, or write it into the file"),
+        (weak, "masses may be in grams, or the limit is a placeholder"),
+    ):
+        if told:
+            yield Finding("suspicious", _listed("joint", told), next(iter(told.values())), advice)
+
+
+def _weight(tree: UrdfTree, joint: TreeJoint) -> float:
+    """Largest torque about a joint of the weight of all that hangs on it, with joints at zero [Nm]."""
+    R = np.eye(3)
+    for above in tree.path(tree.root, joint.child) or ():
+        R = R @ resting_pose(tree, above)[:3, :3]
+    level = float(np.hypot(*(R @ joint.axis)[:2]))  # an upright axis carries no weight
+    parts = [(tree.links[name], T) for name, T in carried(tree, joint.child, ())]
+    moments = [theta[0] * T[:3, 3] + T[:3, :3] @ theta[1:4] for theta, T in parts if theta is not None]
+    return _GRAVITY * level * sum(float(np.linalg.norm(np.cross(joint.axis, moment))) for moment in moments)
 
 
 def _passive(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:

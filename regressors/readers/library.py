@@ -8,6 +8,7 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quoting import shortened
 from regressors.readers.xml_kind import MJCF, XACRO, xml_kind
@@ -47,21 +48,27 @@ def built_in(name: str) -> Robot:
     return _built_in(name)
 
 
-def load_robot(spec: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True) -> Robot:
+@checked
+def load_robot(
+    spec: str | Path, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True, xacro: bool = False
+) -> Robot:
     """Robot by the name of a built-in one, or by its file.
 
     A built-in name wins over a file of the same name; write ``./irp6`` for the file.
 
     Parameters
     ----------
-    spec : str
+    spec : str or path
         Built-in name, or path of a description: ours (``.yaml``, ``.yml``), a Denavit-Hartenberg table (``.csv``, see
         `regressors.readers.dh_table`), or a URDF, a xacro or an MJCF
-        (``.urdf``, ``.xacro``, ``.mjcf``, ``.xml``; the content decides which of them it is).
+        (``.urdf``, ``.xacro``, ``.mjcf``, ``.xml``; the content decides between URDF and MJCF).
     base, tip : str, optional
         First and last link of the chain, for a URDF, a xacro or an MJCF only.
     snap_angles : bool
-        Take rounded right angles of a URDF for right angles, see `regressors.readers.urdf.parse_urdf`.
+        Take rounded right angles of a URDF or an MJCF for right angles, see `regressors.readers.urdf.parse_urdf`.
+    xacro : bool
+        Expand the file as xacro although its name does not end in ``.xacro``, see
+        `regressors.readers.xacro_file.read_xacro`.
 
     Returns
     -------
@@ -72,15 +79,17 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None, *, sn
     InputError
         Neither a built-in robot nor a file that describes one.
     """
-    robot = _read(str(spec), base, tip, snap_angles=snap_angles)
+    robot = _read(str(spec), base, tip, snap_angles=snap_angles, xacro=xacro)
     check_sizes(robot, str(spec))
     return robot
 
 
-def _read(spec: str, base: str | None, tip: str | None, *, snap_angles: bool) -> Robot:
+def _read(spec: str, base: str | None, tip: str | None, *, snap_angles: bool, xacro: bool) -> Robot:
     suffix = Path(spec).suffix.lower()
     if not has_tree(spec) and (base is not None or tip is not None):
         raise InputError(f"`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but {spec!r} is none of them")
+    if xacro and not has_tree(spec):
+        raise InputError(f"`xacro` expands a file that ends in {', '.join(_XML)}, but {spec!r} is none of them")
     if spec in built_in_names():
         return built_in(spec)
     if not Path(spec).exists():
@@ -97,7 +106,7 @@ def _read(spec: str, base: str | None, tip: str | None, *, snap_angles: bool) ->
 
         return read_dh_table(spec)
     if suffix in (*_XML, *_OTHER):
-        return _read_tree(spec, base, tip, snap_angles=snap_angles)
+        return _read_tree(spec, base, tip, snap_angles=snap_angles, xacro=xacro)
     raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_XML, _TABLE))}")
 
 
@@ -122,12 +131,12 @@ def has_tree(spec: str) -> bool:
     return Path(spec).suffix.lower() in _XML
 
 
-def _read_tree(path: str, base: str | None, tip: str | None, *, snap_angles: bool) -> Robot:
-    kind = xml_kind(path)
+def _read_tree(path: str, base: str | None, tip: str | None, *, snap_angles: bool, xacro: bool) -> Robot:
+    kind = XACRO if xacro else xml_kind(path)
     if kind == MJCF:
         from regressors.readers.mjcf import read_mjcf
 
-        return read_mjcf(path, base=base, tip=tip)
+        return read_mjcf(path, base=base, tip=tip, snap_angles=snap_angles)
     if kind == XACRO:
         from regressors.readers.xacro_file import read_xacro
 

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.input_files import opened
+from regressors.input_files import regular_size
+from regressors.readers.chain_ends import Chain, working_ends
 from regressors.readers.mjcf_actuators import joint_actuators, reflected
 from regressors.readers.mjcf_equalities import Equalities, Tie, equalities
+from regressors.readers.mjcf_size import check_mjcf_size
 from regressors.readers.mjcf_tree import names_of, tree_of_model
 from regressors.readers.resting_joints import resting_pose
 from regressors.readers.urdf import robot_of_tree
@@ -26,7 +28,7 @@ _LEFT_OUT = {
 _UNNAMED = "MuJoCo Model"  # what the compiler calls a model without a name
 
 
-def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = None) -> Robot:
+def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = None, snap_angles: bool = True) -> Robot:
     """Read the serial chain from one body to another of an MJCF file, as a `Robot`.
 
     MuJoCo compiles the file, so defaults, includes, attached models and inertias of geoms are what MuJoCo makes of
@@ -52,6 +54,8 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     path : str or Path
     base, tip : str, optional
         Names of the first and the last body. Without them, the world, and the last moving body where there is just one.
+    snap_angles : bool
+        Take turns of bodies, and axes, that are off right angles by rounding for exact ones; else they are as compiled.
 
     Returns
     -------
@@ -71,10 +75,11 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     model = compiled(path)
     joints = names_of(model, "joint")
     equal = equalities(model, joints)
-    tree = _tree(model, path, equal)
+    tree = _tree(model, path, equal, snap_angles=snap_angles)
     robot = robot_of_tree(tree, base, tip)
+    ends = (tree.root if base is None else base, robot.links[-1].name)
     for tie in equal.ties:
-        _check_tie(tie, tree, robot, joints, names_of(model, "body"))
+        _check_tie(tie, tree, robot, joints, names_of(model, "body"), ends)
     return robot.replace(
         transmission=_transmission(model, robot, joints),
         gravity=_gravity(model, tree, base),
@@ -82,12 +87,13 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     )
 
 
-def tree_of_mjcf(path: Path) -> tuple[Any, UrdfTree]:
+def tree_of_mjcf(path: Path, *, snap_angles: bool = True) -> tuple[Any, UrdfTree]:
     """The compiled model of an MJCF, and its tree of links as `read_mjcf` takes it.
 
     Parameters
     ----------
     path : Path
+    snap_angles : bool
 
     Raises
     ------
@@ -95,12 +101,13 @@ def tree_of_mjcf(path: Path) -> tuple[Any, UrdfTree]:
         See `read_mjcf`.
     """
     model = compiled(path)
-    return model, _tree(model, path, equalities(model, names_of(model, "joint")))
+    return model, _tree(model, path, equalities(model, names_of(model, "joint")), snap_angles=snap_angles)
 
 
-def _tree(model: Any, path: Path, equal: Equalities) -> UrdfTree:
+def _tree(model: Any, path: Path, equal: Equalities, *, snap_angles: bool) -> UrdfTree:
     given = model.names.split(b"\0")[0].decode()
-    return tree_of_model(model, path.stem if given in ("", _UNNAMED) else given, path.name, equal)
+    name = path.stem if given in ("", _UNNAMED) else given
+    return tree_of_model(model, name, path.name, equal, snap_angles=snap_angles)
 
 
 def compiled(path: Path) -> Any:
@@ -123,31 +130,50 @@ def compiled(path: Path) -> Any:
             "pip install 'excite-trajectories[mujoco]'"
         ) from error
     try:
-        with opened(path):  # a device or a pipe would be read for ever
-            pass
+        regular_size(path)  # a device or a pipe would be read for ever
+        check_mjcf_size(path)
         return mujoco.MjModel.from_xml_path(str(path))
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"cannot read {str(path)!r}: {error.strerror}") from error
     except ValueError as error:
         raise InputError(f"{path.name}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
 
 
-def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, joints: list[str], bodies: list[str]) -> None:
+def _check_tie(
+    tie: Tie, tree: UrdfTree, robot: Robot, joints: list[str], bodies: list[str], ends: tuple[str, str]
+) -> None:
     """Refuse a constraint that makes joints of the chain depend on each other, or on others."""
-    moved = {_carrier(tree, robot, bodies[body]) for body in tie.bodies}
+    links = [body.name for body in robot.links]
+    if not _ties(tie, tree, links, joints, bodies):
+        return
     names = [joints[joint] for joint in tie.joints if joints[joint] in robot.joint_names]
-    if len(moved) > 1 or names:
-        what = f"joint {names[0]!r}" if names else " and ".join(f"body {bodies[body]!r}" for body in tie.bodies[:2])
-        raise InputError(
-            f"{tree.source}: {tie.label} on {what} closes a loop with the chain, expected joints that move on their "
-            "own; switch the constraint off in the file (active='false'), or choose another base or tip"
-        )
+    what = f"joint {names[0]!r}" if names else " and ".join(f"body {bodies[body]!r}" for body in tie.bodies[:2])
+
+    def accepts(chain: Chain) -> None:
+        if _ties(tie, tree, [joint.child for joint in chain.moving], joints, bodies):
+            raise InputError("still a loop")
+
+    candidates = [*((link, ends[1]) for link in links), *((ends[0], link) for link in reversed(links))]
+    working = working_ends(tree, candidates, *ends, accepts)
+    cure = f", or choose the chain beside it with {working}" if working else ""
+    raise InputError(
+        f"{tree.source}: {tie.label} on {what} closes a loop with the chain, expected joints that move on their own; "
+        f"switch it off in the file (active='false'){cure}"
+    )
 
 
-def _carrier(tree: UrdfTree, robot: Robot, link: str) -> str:
+def _ties(tie: Tie, tree: UrdfTree, links: list[str], joints: list[str], bodies: list[str]) -> bool:
+    """Whether a constraint holds between parts that links of a chain move differently."""
+    moving = {tree.above[link].name for link in links}
+    moved = {_carrier(tree, links, bodies[body]) for body in tie.bodies}
+    return len(moved) > 1 or any(joints[joint] in moving for joint in tie.joints)
+
+
+def _carrier(tree: UrdfTree, links: list[str], link: str) -> str:
     """The link of the chain that a body moves with; the tree's root for all that stands still."""
-    moving = {body.name for body in robot.links}
-    while link not in moving and link in tree.above:
+    while link not in links and link in tree.above:
         link = tree.above[link].parent
     return link
 

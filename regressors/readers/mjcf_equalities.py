@@ -75,10 +75,11 @@ def equalities(model: Any, joint_names: Sequence[str]) -> Equalities:
         elif kind == kinds.mjEQ_JOINT:
             mimics[first] = _mimic(model, number, joint_names[second])
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
-            ties.append(Tie("a connect or weld constraint", bodies=_bodies(model, number, (first, second))))
+            what = "connect" if kind == kinds.mjEQ_CONNECT else "weld"
+            ties.append(Tie(f"the equality <{what}>", bodies=_bodies(model, number, (first, second))))
         elif kind == kinds.mjEQ_TENDON:
             tendons = [tendon for tendon in (first, second) if tendon >= 0]
-            ties.append(Tie("a constraint of tendons", *_ends_of_tendons(model, tendons)))
+            ties.append(Tie("the equality <tendon>", *_ends_of_tendons(model, tendons)))
     return Equalities(mimics, held, tuple(ties))
 
 

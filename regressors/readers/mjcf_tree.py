@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from regressors.readers.angle_reader import QUATERNION, AngleReader
 from regressors.readers.mjcf_actuators import joint_actuators, reflected, torque_limit
 from regressors.readers.mjcf_equalities import Equalities
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree
@@ -33,7 +34,7 @@ def names_of(model: Any, kind: str) -> list[str]:
     return [name or _free_name(f"{kind}{number}", given) for number, name in enumerate(given)]
 
 
-def tree_of_model(model: Any, name: str, source: str, equal: Equalities) -> UrdfTree:
+def tree_of_model(model: Any, name: str, source: str, equal: Equalities, *, snap_angles: bool = True) -> UrdfTree:
     """Tree of a compiled model, with the frames of `Joint`: a link's frame is that of the joint that moves it.
 
     A link has the axes of its body and its origin in the anchor of the hinge that moves it (MuJoCo's ``pos`` of the
@@ -46,6 +47,8 @@ def tree_of_model(model: Any, name: str, source: str, equal: Equalities) -> Urdf
     name, source : str
         Name of the robot, name of the file for messages.
     equal : Equalities
+    snap_angles : bool
+        Take turns that are off right angles by rounding for right angles, see `AngleReader.turned`.
 
     Returns
     -------
@@ -53,19 +56,20 @@ def tree_of_model(model: Any, name: str, source: str, equal: Equalities) -> Urdf
         Its root is the world.
     """
     bodies, joints = names_of(model, "body"), names_of(model, "joint")
-    actuators = joint_actuators(model)
+    actuators, angles = joint_actuators(model), AngleReader(snap_angles)
     links: dict[str, Array | None] = {bodies[0]: None}
     tree: list[TreeJoint] = []
     in_link = {0: np.eye(4)}  # pose of a body in the frame of the last of its links
     for body in range(1, model.nbody):
         parent = int(model.body_parentid[body])
-        link, T = bodies[parent], in_link[parent] @ _pose(model.body_pos[body], model.body_quat[body])
+        R = angles.turned(rotation_of_quaternion(model.body_quat[body]), f"link {bodies[body]!r}")
+        link, T = bodies[parent], in_link[parent] @ _pose(model.body_pos[body], R)
         begin = int(model.body_jntadr[body])
         own = range(begin, begin + int(model.body_jntnum[body]))
         for joint in own:
             child = bodies[body] if joint == own[-1] else f"{bodies[body]}/{joints[joint]}"
             names = (joints[joint], link, child)
-            placed, T = _joint(model, joint, names, T, equal, actuators[joint])
+            placed, T = _joint(model, joint, names, T, equal, actuators[joint], angles)
             tree.append(placed)
             links[child], link = np.zeros(10), child
         if not own:
@@ -76,11 +80,17 @@ def tree_of_model(model: Any, name: str, source: str, equal: Equalities) -> Urdf
     below: dict[str, list[TreeJoint]] = {link: [] for link in links}
     for placed in tree:
         below[placed.parent].append(placed)
-    return UrdfTree(name, source, bodies[0], links, {joint.child: joint for joint in tree}, below)
+    return UrdfTree(name, source, bodies[0], links, {joint.child: joint for joint in tree}, below, angles=angles)
 
 
 def _joint(
-    model: Any, number: int, names: tuple[str, str, str], T: Array, equal: Equalities, actuators: list[int]
+    model: Any,
+    number: int,
+    names: tuple[str, str, str],
+    T: Array,
+    equal: Equalities,
+    actuators: list[int],
+    angles: AngleReader,
 ) -> tuple[TreeJoint, Array]:
     """A joint, and the pose of its body in the frame of the link that it moves."""
     import mujoco
@@ -94,6 +104,7 @@ def _joint(
     hinge = kind == mujoco.mjtJoint.mjJNT_HINGE
     anchor = model.jnt_pos[number] if hinge else np.zeros(3)
     axis = np.array(model.jnt_axis[number])
+    axis = angles.axis(axis, f"joint {names[0]!r}", " ".join(f"{part:.7g}" for part in axis), QUATERNION)
     at_zero = Joint(names[0], "revolute" if hinge else "prismatic", np.eye(3), anchor, axis)
     start = equal.held.get(number, 0.0) - float(model.qpos0[model.jnt_qposadr[number]])
     pose, back = T @ at_zero.motion(start), _shift(-anchor)
@@ -149,9 +160,9 @@ def rotation_of_quaternion(quaternion: Array) -> Array:
     )
 
 
-def _pose(position: Array, quaternion: Array) -> Array:
+def _pose(position: Array, R: Array) -> Array:
     T = _shift(position)
-    T[:3, :3] = rotation_of_quaternion(quaternion)
+    T[:3, :3] = R
     return T
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from regressors.errors import InputError
 
+SEARCHED = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")  # variables of the environment
+
 
 def find_package(name: str, near: Path, roots: Iterable[str | Path] = ()) -> Path:
     """Folder of a package.
@@ -43,8 +45,7 @@ def find_package(name: str, near: Path, roots: Iterable[str | Path] = ()) -> Pat
 
 
 def _places(name: str, near: Path, roots: Iterable[str | Path]) -> Iterator[Path]:
-    searched = [*map(Path, roots), *_paths("ROS_PACKAGE_PATH")]
-    for root in (*searched, *(prefix / "share" for prefix in _paths("AMENT_PREFIX_PATH"))):
+    for root in package_roots(roots):
         if root.resolve().name == name:
             yield root
         yield root / name
@@ -54,6 +55,17 @@ def _places(name: str, near: Path, roots: Iterable[str | Path]) -> Iterator[Path
         if folder.name == name:
             yield folder
         yield folder / name
+
+
+def package_roots(roots: Iterable[str | Path] = ()) -> list[Path]:
+    """Folders to look for packages in that the user named: those given, and those of the environment of ROS.
+
+    Parameters
+    ----------
+    roots : iterable of str or Path, optional
+    """
+    shares = (prefix / "share" for prefix in _paths(SEARCHED[1]))
+    return [*map(Path, roots), *_paths(SEARCHED[0]), *shares]
 
 
 def _paths(variable: str) -> list[Path]:

@@ -11,7 +11,8 @@ from decimal import ROUND_DOWN, ROUND_HALF_EVEN, Decimal
 
 _PI = Decimal("3.14159265358979323846264338327950288419716939937510582")
 _STEPS = 12  # multiples of pi/12, of which those of pi/4 and pi/6 count
-_FEWEST, _MOST = 4, 16  # decimals of a number that can only be meant so; more are as good as exact
+_RIGHT, _FEWEST, _MOST = 2, 3, 16  # decimals of a number that can only be meant so; more are as good as exact
+_TWICE_ROUNDED = 5  # decimals from which multiples of a rounded right angle differ from rounded multiples
 SINGLE = 2e-7  # rad; what is left of pi in single precision
 _LARGEST = 2  # full turns
 
@@ -19,10 +20,13 @@ _LARGEST = 2  # full turns
 def multiple_of(text: str) -> int | None:
     """How many twelfths of pi a printed angle stands for; None where it is no multiple of pi/4 or pi/6.
 
-    An angle stands for a multiple that it equals, rounded or cut off to its own decimals, if it has four of them or
-    more; with five or more, also for two or three times a right angle that was rounded before (3.14158 is twice
-    1.57079). One that differs by 2e-7 rad or less, as after single precision, does too. So no angle changes by more
-    than its last printed digit leaves open.
+    An angle stands for a multiple that it equals, rounded or cut off to its own decimals, if it has three of them or
+    more, as 0.785 has; for a multiple of a right angle two suffice, as in 3.14. With five or more, it stands also for
+    two or three times a right angle that was rounded before (3.14158 is twice 1.57079). One that differs by 2e-7 rad or
+    less, as after single precision, does too. So no angle changes by more than its last printed digit leaves open.
+
+    Of the angles of the 69 robots of example-robot-data, those of two or three decimals that are so near to a multiple
+    are 1.57, 1.571, 3.14 and 3.142; the nearest calibrated one is 1.1e-4 rad off, with eight decimals.
 
     Parameters
     ----------
@@ -95,10 +99,10 @@ def _cosine(count: int) -> float:
 
 def _printed(count: int, digits: int) -> set[Decimal]:
     """All that a multiple may have been printed as with so many digits behind the point."""
-    if count == 0 or not _FEWEST <= digits <= _MOST:
+    if count == 0 or not (_FEWEST if count % 6 else _RIGHT) <= digits <= _MOST:
         return set()
     printed = {_to(count * _PI / _STEPS, digits, how) for how in (ROUND_HALF_EVEN, ROUND_DOWN)}
-    if digits > _FEWEST and count in (12, -12, 18, -18):
+    if digits >= _TWICE_ROUNDED and count in (12, -12, 18, -18):
         printed |= {count // 6 * _to(_PI / 2, digits, how) for how in (ROUND_HALF_EVEN, ROUND_DOWN)}
     return printed
 

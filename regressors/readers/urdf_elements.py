@@ -13,10 +13,11 @@ from xml.parsers import expat
 
 import numpy as np
 
-from regressors.errors import InputError
+from regressors.errors import InputError, TooLargeError
 from regressors.quoting import long_name, shortened
 from regressors.robot.inertia import Array
 
+_ELEMENTS = 100_000  # of a document
 _NAMES = ("name", "joint", "link", "type")
 
 
@@ -122,8 +123,14 @@ def read_document(text: str | bytes, source: str) -> XmlElement:
     Raises
     ------
     InputError
-        Not well-formed, or with a document type declaration.
+        Not well-formed, with a document type declaration, or more elements than fit into memory.
     """
+    count = text.count("<") if isinstance(text, str) else text.count(b"<")
+    if count > 2 * _ELEMENTS:
+        raise TooLargeError(
+            f"{source}: it has about {count // 2} elements, more than the {_ELEMENTS} that a robot may have; remove "
+            "those that are no part of it"
+        )
     parser = expat.ParserCreate()
     top = XmlElement(source, 1, "<document>", "", {})
     open_elements = [top]

@@ -145,7 +145,7 @@ def _axis(joint: XmlElement, angles: AngleReader) -> Array:
     length = float(np.linalg.norm(axis))
     if not 0 < length < np.inf:
         stated.fail(f"<axis> xyz: expected a direction, given {stated.attributes['xyz']!r}")
-    return angles.axis(axis / length, stated)
+    return angles.axis(axis / length, stated.label, stated.attributes.get("xyz", ""))
 
 
 def _bounds(joint: XmlElement) -> dict[str, float]:

@@ -1,18 +1,24 @@
-"""Reader of xacro files: URDF written with macros, expanded without ROS and without a network."""
+"""Reader of xacro files: URDF written with macros, expanded without ROS, in a process without rights."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, redirect_stderr
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
+from regressors import input_files
 from regressors.errors import InputError
-from regressors.input_files import read_bytes
-from regressors.readers.ros_packages import find_package
+from regressors.input_files import in_bytes
 from regressors.readers.urdf import parse_urdf
 from regressors.robot.robot import Robot
+
+CPU, WALL = 20, 60.0  # seconds of computing, and of waiting, that an expansion may take
+MEMORY = 10**9  # bytes that it may take
+_PROCESS = "regressors.readers.xacro_expansion"
 
 
 def read_xacro(
@@ -26,7 +32,9 @@ def read_xacro(
 ) -> Robot:
     """Expand a xacro file, and read a serial chain of the URDF that comes out.
 
-    Expressions in a xacro are evaluated by Python: expand files that you trust.
+    A process of its own expands it, without a network and with caps on time and memory; expressions are limited to
+    `regressors.readers.xacro_expressions`. It opens files of the folder of this one, of its package and of the packages
+    that it names, and does not see the environment.
 
     Parameters
     ----------
@@ -67,34 +75,56 @@ def expand_xacro(
     Raises
     ------
     InputError
-        xacro is not installed, or does not expand the file.
+        xacro is not installed, or does not expand the file within its caps.
     """
     path = Path(path)
-    _check_plain(path)
-    xacro = _xacro(path)
-    try:
-        with _packages_found(xacro, path, tuple(packages)), redirect_stderr(io.StringIO()):
-            document = xacro.process_file(str(path), mappings=dict(arguments or {}), verbosity=0)
-    except InputError:
-        raise
-    except Exception as error:  # expressions of the file raise what they like
-        if isinstance(getattr(error, "exc", None), InputError):
-            raise error.exc from error  # type: ignore[attr-defined]
-        if "Undefined substitution argument" in str(error):
-            raise _missing_argument(path, str(error).split()[-1]) from error
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{path.name}: xacro does not expand it: {reason}") from error
-    return str(document.toprettyxml(indent="  "))
+    order = {
+        "path": str(path),
+        "arguments": dict(arguments or {}),
+        "packages": [os.path.abspath(each) for each in packages],
+        "seconds": CPU,
+        "memory": MEMORY,
+        "silence": input_files.SILENCE,
+    }
+    answer = _answer(json.dumps(order), path)
+    match answer:
+        case {"text": text}:
+            return str(text)
+        case {"refused": reason}:
+            raise InputError(reason if reason.startswith(path.name) else f"{path.name}: {reason}")
+        case {"unread": reason}:
+            raise InputError(f"cannot read {str(path)!r}: {reason}")
+        case {"argument": name}:
+            raise _missing_argument(path, name)
+        case {"memory": _}:
+            raise InputError(f"{path.name}: expanding it takes more than {in_bytes(MEMORY)}, the most that it may")
+        case {"missing": _}:
+            raise InputError(
+                f"{path.name}: macros are expanded by xacro, which is not installed; "
+                "pip install 'excite-trajectories[xacro]'"
+            )
+    raise InputError(f"{path.name}: xacro does not expand it: {answer['failed']}")
 
 
-def _check_plain(path: Path) -> None:
-    """Refuse a file whose entities would be expanded."""
+def _answer(order: str, path: Path) -> dict[str, str]:
+    """What the process that expands a file says."""
+    command = [sys.executable, "-P", "-m", _PROCESS]  # -P: no module of the folder that it is started in
     try:
-        content = read_bytes(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise InputError(f"{path.name}: a DOCTYPE or ENTITY declaration is refused; remove the declaration")
+        done = subprocess.run(command, input=order.encode(), capture_output=True, timeout=WALL, check=False)
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{path.name}: expanding it takes more than {WALL:g} s, the most that it may") from error
+    except OSError as error:
+        raise InputError(f"{path.name}: the process that expands it does not start: {error.strerror}") from error
+    if done.returncode == -getattr(signal, "SIGXCPU", 0) or done.returncode == -getattr(signal, "SIGKILL", 0):
+        raise InputError(f"{path.name}: expanding it takes more than {CPU} s of computing, the most that it may")
+    try:
+        answer: dict[str, str] = json.loads(done.stdout)
+    except ValueError as error:
+        said = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no reason is given"]
+        raise InputError(
+            f"{path.name}: the process that expands it ended with status {done.returncode}: {said[0]}"
+        ) from error
+    return answer
 
 
 def _missing_argument(path: Path, name: str) -> InputError:
@@ -102,31 +132,3 @@ def _missing_argument(path: Path, name: str) -> InputError:
         f"{path.name}: the argument {name} has no value; expand the file with one, and give the URDF: "
         f"xacro {path.name} {name}:=VALUE > {path.name.split('.')[0]}.urdf"
     )
-
-
-def _xacro(path: Path) -> Any:
-    try:
-        import xacro
-        import xacro.substitution_args
-    except ImportError as error:
-        raise InputError(
-            f"{path.name}: macros are expanded by xacro, which is not installed; "
-            "pip install 'excite-trajectories[xacro]'"
-        ) from error
-    return xacro
-
-
-@contextmanager
-def _packages_found(xacro: Any, path: Path, roots: tuple[str | Path, ...]) -> Iterator[None]:
-    """Let xacro find packages without an installation of ROS."""
-    substitution = xacro.substitution_args
-
-    def find(name: str) -> str:
-        return str(find_package(name, path, roots))
-
-    in_text, in_expressions = substitution._eval_find, substitution._eval_dict["find"]
-    substitution._eval_find = substitution._eval_dict["find"] = find
-    try:
-        yield
-    finally:
-        substitution._eval_find, substitution._eval_dict["find"] = in_text, in_expressions

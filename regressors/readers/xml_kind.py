@@ -1,4 +1,4 @@
-"""Which kind of robot description an XML file holds: told by its elements, whatever the file is called."""
+"""Which kind of robot description an XML file holds: told by its outermost element; a xacro by its name only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from regressors.input_files import read_bytes
 
 URDF, XACRO, MJCF = "URDF", "xacro", "MJCF"
 _KINDS = {"robot": URDF, "mujoco": MJCF}
-_XACRO = "xacro:"
 
 
 class _Decided(Exception):
@@ -21,8 +20,9 @@ class _Decided(Exception):
 def xml_kind(path: str | Path) -> str:
     """Kind of description in an XML file.
 
-    The outermost element decides, and for ``<robot>`` whether an element of xacro is inside. A text that breaks off, or
-    whose outermost element is of no kind of robot, counts as URDF: the reader of URDF says what is wrong with it.
+    A name that ends in ``.xacro`` decides, then the outermost element. A text that breaks off, or whose outermost
+    element is of no kind of robot, counts as URDF: the reader of URDF says what is wrong with it. So does one that
+    holds xacro under another name: it is expanded only where its name, or the user, says so.
 
     Parameters
     ----------
@@ -38,29 +38,27 @@ def xml_kind(path: str | Path) -> str:
     InputError
         The file cannot be read, or it is a description that no reader here knows: SDF, or a part of an MJCF.
     """
+    if Path(path).suffix.lower() == ".xacro":
+        return XACRO
     try:
         content = read_bytes(path)
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
-    tags = _tags(content)
-    name = Path(path).name
-    if tags[:1] == ["sdf"]:
+    tag, name = _outermost(content), Path(path).name
+    if tag == "sdf":
         raise InputError(f"{name}: SDF is not read, expected URDF, xacro or MJCF; give the URDF that it was made from")
-    if tags[:1] == ["mujocoinclude"]:
+    if tag == "mujocoinclude":
         raise InputError(f"{name}: a part of an MJCF, expected a whole one; give the file that includes it")
-    if Path(path).suffix.lower() == ".xacro" or any(tag.startswith(_XACRO) for tag in tags):
-        return XACRO
-    return _KINDS.get(tags[0], URDF) if tags else URDF
+    return _KINDS.get(tag, URDF)
 
 
-def _tags(content: bytes) -> list[str]:
-    """Outermost element and, if it is ``<robot>``, what follows up to the first element of xacro."""
+def _outermost(content: bytes) -> str:
+    """Outermost element; nothing where there is none."""
     tags: list[str] = []
 
     def start(tag: str, _: object) -> None:
         tags.append(tag)
-        if tags[0] != "robot" or tag.startswith(_XACRO):
-            raise _Decided
+        raise _Decided
 
     def stop(*_: object) -> None:
         raise _Decided
@@ -70,4 +68,4 @@ def _tags(content: bytes) -> list[str]:
     parser.StartDoctypeDeclHandler = stop  # nothing is expanded
     with suppress(_Decided, expat.ExpatError, LookupError, ValueError):
         parser.Parse(content, True)
-    return tags
+    return tags[0] if tags else ""

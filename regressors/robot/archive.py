@@ -10,6 +10,7 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.robot import Aggregates, Branch, Drive, Joint, Limits, Link, Robot, Structure, Transmission
+from regressors.robot.shapes import Part
 
 _GEARS: dict[str, type[GearFunction]] = {"ConstantRatio": ConstantRatio, "BallScrew": BallScrew}
 
@@ -52,6 +53,7 @@ def robot_from_description(plain: Mapping[str, Any]) -> Robot:
             source=plain["source"],
             branches=tuple(_branch(branch) for branch in plain.get("branches", [])),
             home=None if plain.get("home") is None else np.array(plain["home"], dtype=float),
+            shapes=tuple(Part.from_dict(part) for part in plain.get("shapes", [])),
         )
     except InputError:
         raise

@@ -6,7 +6,7 @@ A branch that no moving joint turns is merged into what carries it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from regressors.errors import InputError
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, parameter_names, transport
 from regressors.robot.robot import BASE, Branch, Drive, Joint, Link, Robot, Structure, Transmission
+from regressors.robot.shapes import Part
 
 
 def with_locked_joints(robot: Robot, moving: Sequence[int], position: Array | None = None) -> Robot:
@@ -56,6 +57,7 @@ def with_locked_joints(robot: Robot, moving: Sequence[int], position: Array | No
         structure=_structure(robot, keep, rides),
         branches=tuple(_branches(robot, keep, rest, rides)),
         home=None,
+        shapes=tuple(_shapes(robot, rides)),
     )
 
 
@@ -159,6 +161,18 @@ def _branches(robot: Robot, keep: list[int], rest: Array, rides: list[_Ride]) ->
             link, row = _composite(robot, rides, k), branch.coupling[keep]
             branches.append(Branch(parent, rides[k].joint, link, row, _offset(branch, keep, rest)))
     return branches
+
+
+def _shapes(robot: Robot, rides: list[_Ride]) -> Iterator[Part]:
+    """Capsules, each on what carries its link now."""
+    ride_of = {body.name: ride for body, ride in zip(robot.bodies, rides, strict=True)}
+    for part in robot.shapes:
+        ride = ride_of.get(part.link)
+        if ride is None:
+            yield part
+        else:
+            carrier = BASE if ride.carrier is None else robot.bodies[ride.carrier].name
+            yield Part(carrier, part.capsule.moved(ride.pose))
 
 
 def _structure(robot: Robot, keep: list[int], rides: list[_Ride]) -> Structure:

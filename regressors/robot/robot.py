@@ -17,12 +17,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import place_of
 from regressors.quoting import long_name
 from regressors.robot.finding import Finding
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array
+from regressors.robot.shapes import Part
 
 JointKind = Literal["revolute", "prismatic"]
 
@@ -352,6 +354,7 @@ class Structure:
     aggregates: tuple[Aggregates, ...] = ()
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Robot(_Rebuilt):
     """A serial robot, with bodies that its joints move along: everything that its regressor and its limits need.
@@ -378,6 +381,8 @@ class Robot(_Rebuilt):
         Bodies beside the chain, each after the one that carries it.
     home : array_like, shape (n,), optional
         Pose in which the robot waits [rad or m].
+    shapes : tuple of Part
+        Capsules around the links, for checks of collisions; no part of the hash, since no regressor depends on them.
     notes : tuple of Finding
         What the reader noticed; no part of the description, nor of its hash.
 
@@ -398,6 +403,7 @@ class Robot(_Rebuilt):
     source: str = ""
     branches: tuple[Branch, ...] = ()
     home: Array | None = None
+    shapes: tuple[Part, ...] = ()
     notes: tuple[Finding, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
@@ -432,6 +438,10 @@ class Robot(_Rebuilt):
             self.transmission.limits.check(tuple(f"drive {d.name}" for d in self.transmission.drives))
         if self.branches:
             _check_branches(self)
+        known = (BASE, *(body.name for body in self.bodies))
+        for part in self.shapes:
+            if part.link not in known:
+                raise UnknownName(f"link with a shape, of robot {self.name!r},", part.link, known)
 
     @property
     def n(self) -> int:
@@ -487,11 +497,14 @@ class Robot(_Rebuilt):
             del plain["branches"]
         if self.home is None:
             del plain["home"]
+        del plain["shapes"]
+        if self.shapes:
+            plain["shapes"] = [part.to_dict() for part in self.shapes]
         return plain
 
     def sha256(self) -> str:
         """Hash of the content, independent of the format and the place of the file that it was read from."""
-        content = {key: value for key, value in self.description().items() if key != "source"}
+        content = {key: value for key, value in self.description().items() if key not in ("source", "shapes")}
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 

@@ -1,13 +1,16 @@
 """CasADi expressions evaluated for many instants at once.
 
 The instructions of a CasADi function run as machine code (`regressors.symbolic.machine_code`). Where LLVM is missing,
-they run on NumPy arrays that hold one number per instant, which is as fast as CasADi's own machine or faster.
+they run on NumPy arrays that hold one number per instant, which is as fast as CasADi's own machine or faster. Both
+round alike, bit for bit: a search is steered by its last digits.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from importlib import import_module
 
 import casadi as ca
 import numpy as np
@@ -18,23 +21,42 @@ from regressors.symbolic.machine_code import MachineCode, NotCompiledError
 
 Array = NDArray[np.float64]
 
+
+def _of_c(function: Callable[..., float], counterpart: np.ufunc) -> Callable[..., object]:
+    """A function of the C library for arrays, as machine code calls it: NumPy's own rounds in another manner.
+
+    What Python's `math` raises an error for, such as an overflow, is NumPy's.
+    """
+    each = np.frompyfunc(function, counterpart.nin, 1)
+
+    def values(*arguments: Array) -> Array:
+        *inputs, out = arguments
+        try:
+            out[...] = each(*inputs)
+        except (OverflowError, ValueError):
+            counterpart(*inputs, out)
+        return out
+
+    return values
+
+
 _BINARY = {
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
     ca.OP_MUL: np.multiply,
     ca.OP_DIV: np.divide,
-    ca.OP_POW: np.power,
+    ca.OP_POW: _of_c(math.pow, np.power),
     ca.OP_FMIN: lambda a, b, out: np.minimum(a, b, out=out),  # by name: NumPy takes two positional ones only
     ca.OP_FMAX: lambda a, b, out: np.maximum(a, b, out=out),
 }
 _UNARY = {
     ca.OP_NEG: np.negative,
     ca.OP_SQ: np.square,
-    ca.OP_SIN: np.sin,
-    ca.OP_COS: np.cos,
+    ca.OP_SIN: _of_c(math.sin, np.sin),
+    ca.OP_COS: _of_c(math.cos, np.cos),
     ca.OP_SQRT: np.sqrt,
-    ca.OP_TANH: np.tanh,
-    ca.OP_EXP: np.exp,
+    ca.OP_TANH: _of_c(math.tanh, np.tanh),
+    ca.OP_EXP: _of_c(math.exp, np.exp),
     ca.OP_SIGN: np.sign,
     ca.OP_FABS: np.fabs,
     ca.OP_INV: np.reciprocal,
@@ -92,6 +114,22 @@ def _program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
         return MachineCode(function)
     except NotCompiledError:
         return _ArrayProgram(function)
+
+
+def evaluation() -> str:
+    """How this process evaluates expressions: compiled, by which version, or interpreted, and why."""
+    x = ca.SX.sym("x")
+    try:
+        MachineCode(ca.Function("probe", [x], [x * x]))
+    except NotCompiledError as error:
+        return f"expressions interpreted by NumPy {np.__version__}: llvmlite is missing or does not work ({error})"
+    return f"expressions compiled by llvmlite {import_module('llvmlite').__version__}"
+
+
+def interpreted_note() -> tuple[str, ...]:
+    """What the user should know where expressions are not compiled; empty where they are."""
+    said = evaluation()
+    return () if "compiled" in said else (f"{said}; the numbers are the same, but take longer",)
 
 
 class _ArrayProgram:

@@ -6,6 +6,8 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 import excite
 from excite.design.stored_design import StoredDesign
 
@@ -17,7 +19,7 @@ def _folder() -> Path:
 
 def _stored(name: str, *given: object, **options: object) -> StoredDesign:
     design = excite.design_trajectory(*given, search=excite.Search(starts=1, executor="serial"), **options)  # type: ignore[arg-type]
-    design.save(_folder() / name)
+    design.save(_folder() / name, replace=True)
     return excite.load_design(_folder() / name)
 
 
@@ -52,3 +54,29 @@ def panda() -> StoredDesign:
 def irp6() -> StoredDesign:
     """Three of five joints move, without approach and return."""
     return _stored("irp6", "irp6", trajectory=excite.TrajectoryChoice(harmonics=3, period=2.0))
+
+
+PLANAR = """<robot name="planar"><link name="base"/>
+<link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+<inertia ixx="0.02" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="fore"><inertial><origin xyz="0.15 0.02 0"/><mass value="2"/>
+<inertia ixx="0.01" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j1" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+<origin rpy="1.5707963267948966 0 0"/><limit lower="-2.5" upper="2.5" velocity="2" effort="100"/></joint>
+<joint name="j2" type="revolute"><parent link="upper"/><child link="fore"/><axis xyz="0 0 1"/>
+<origin xyz="0.4 0 0"/><limit lower="-2.5" upper="2.5" velocity="3" effort="60"/></joint></robot>"""
+
+
+@cache
+def planar(family: str, seed: int = 0, jerk: float = 100.0, rate: float = 100.0) -> StoredDesign:
+    """Two joints from home and back, with limits of acceleration and jerk; periods, homes and limits by the seed."""
+    rng = np.random.default_rng(seed)
+    urdf = _folder() / "planar.urdf"
+    urdf.write_text(PLANAR)
+    return _stored(
+        f"{family}-{seed}-{jerk:g}-{rate:g}",
+        str(urdf),
+        trajectory=excite.TrajectoryChoice(family, period=round(rng.uniform(3.0, 6.0) * rate) / rate, harmonics=4),
+        limits=excite.LimitChoice(acceleration=(float(rng.uniform(3.0, 10.0)),), jerk=(jerk,), torque_margin=None),
+        output=excite.Output(rate=rate, home=tuple(rng.uniform(-1.0, 1.0, 2).round(3).tolist()), settle=0.1),
+    )

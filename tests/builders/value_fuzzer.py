@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 
 from excite.cli.main import cli, main
 from excite.cli.options import Box, Folder, Mount, Number, Numbers, PartName, PayloadOption, Pose, Ranges, Triple
-from excite.estimates.cap import CAP_VARIABLE
+from regressors.memory_cap import CAP_VARIABLE
 from regressors.quantities import QUANTITIES, Quantity
 
 STATUSES = {0, 1, 2}
@@ -177,7 +177,8 @@ MADE: tuple[tuple[str, ...], ...] = (
         "--breakaways", "0", "--out", "p",
     ),
     ("simulate", "p/z1.csv", "--out", "z1.csv", "--rate", "100", "--controller", "pd"),
-    ("payload", "design", "panda", "--harmonics", "2", "--period", "2", "--rate", "50", "--out", "pd"),
+    ("payload", "design", "panda", "--harmonics", "2", "--period", "2", "--rate", "50", "--out", "pd",
+     "--no-self-collision", "--floor", "none"),
     ("simulate", "pd", "--out", "bare.csv", "--rate", "100", "--torque-noise", "0.05"),
     ("simulate", "pd", "--out", "held.csv", "--rate", "100", "--torque-noise", "0.05", "--load", "load.yaml"),
     ("payload", "gains", "panda", "--without", "bare.csv", "--with", "held.csv", "--mass", "1", "--out", "gains.yaml"),

@@ -34,10 +34,12 @@ from excite.design.multistart import write_start
 from excite.design.problem_identity import ProblemIdentity
 from excite.files.design_json import load_design
 from excite.files.friction_file import read_friction
-from excite.files.friction_fit_file import save_fit
 from excite.files.friction_plan_folder import read_plan
 from excite.files.result_json import load_result
-from excite.files.time_study_json import save_time_study
+from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_fit import FrictionFit
+from excite.friction.fit.points import Point
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.logs.sidecar import read_sidecar
@@ -48,6 +50,8 @@ from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
 from excite.storage.result_file import settle_files
+from excite.timecourse.time_course import TimeCourse
+from excite.timecourse.time_study import TimeStudy
 from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurves
 from regressors.readers.urdf import parse_urdf
@@ -171,8 +175,9 @@ def _stub_design(patch: Patch, version: str) -> None:
     patch.setattr("excite.cli.design_run.formulate", lambda *_: problem)
     patch.setattr("excite.cli.design_run.solve", solve)
     patch.setattr("excite.cli.summary.show", lambda *_: None)
-    names = ("motion", "phase", "workspace") if version == "old" else ("motion", "phase")
+    names = ("motion", "phase", "spectrum") if version == "old" else ("motion", "phase")
     patch.setattr("excite.plots.FIGURES", {name: lambda _, name=name: Picture(f"{version} {name}") for name in names})
+    _pictures(patch, "excite.plots", version, "_workspace")
 
 
 def _stub_simulate(patch: Patch, version: str) -> None:
@@ -206,20 +211,20 @@ def _stub_plan(patch: Patch, version: str) -> None:
 
 def _stub_fit(patch: Patch, version: str) -> None:
     curves = FrictionCurves({"z1": CoulombViscous(1.0 + VERSIONS.index(version), 1.0, 0.0)})
-    fit = SimpleNamespace(curves=curves, characteristics=())
-    fit.save = lambda folder, replace: save_fit(fit, folder, replace=replace)
+    points = tuple(Point(v, v + VERSIONS.index(version), 0.1, 0.0, 1.0, 0) for v in (-1.0, 1.0))
+    drive = Characteristic("z1", "Nm", "none", points, (), None, (), {}, (), ())
+    patch.setattr(FrictionFit, "curves", curves)
+    fit = FrictionFit("irp6", "", (), FitSettings(), (drive,), None, {})
     patch.setattr(excite, "fit_friction", lambda *_, **__: fit)
-    patch.setattr("excite.files.friction_fit_file.fit_content", lambda _: {"version": version})
     patch.setattr("excite.cli.friction_fit_run.show", lambda *_: None)
     _pictures(patch, "excite.plots.friction_plot", version, "friction_figure")
 
 
 def _stub_study(patch: Patch, version: str) -> None:
-    study = SimpleNamespace()
-    study.save = lambda folder, replace: save_time_study(study, folder, replace=replace)
+    one = np.ones((2, 1)) + VERSIONS.index(version)
+    course = TimeCourse("run", ("X",), ("kg",), np.arange(2.0), one, one, 2.6, one[:, 0], one[0], "truth")
+    study = TimeStudy("irp6", "", (course,), 0.05)
     patch.setattr("excite.timecourse.study_over_time.study_over_time", lambda *_, **__: study)
-    patch.setattr("excite.files.time_study_json.time_study_content", lambda _: {"version": version})
-    patch.setattr("excite.cli.study_command._summary", lambda *_: None)
     patch.setattr("excite.cli.summary.show", lambda *_: None)
     _pictures(patch, "excite.plots.time_course_plot", version, "estimates_over_time_figure")
 
@@ -246,7 +251,7 @@ def payload(version: str) -> Any:
     none = np.zeros((0, 0))
     estimate = LoadEstimate(phi, 1e-6 * np.eye(10), 0.0 * np.eye(10), none[0:0].ravel(), none, phi[:0], 9, phi[:0], 9.0)
     frame = Frame("flange", np.eye(3), np.zeros(3))
-    return excite.PayloadResult(robot, frame, estimate, "wrench", None, ())
+    return excite.PayloadResult(robot, frame, estimate, "wrench", None)
 
 
 def _stub_payload_design(patch: Patch, version: str) -> None:

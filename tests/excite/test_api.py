@@ -25,6 +25,7 @@ def test_the_example_in_the_docstring() -> None:
     assert (failed, tried) == (0, 5)
 
 
+@pytest.mark.slow
 def test_a_dozen_lines_of_python(tmp_path: Path) -> None:
     robot = excite.load_robot("irp6")
     task = excite.Task("irp6", starts=1, harmonics=3, executor="serial", limits=excite.LimitChoice(velocity=(0.8,)))

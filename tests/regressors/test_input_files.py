@@ -7,19 +7,25 @@ from pathlib import Path
 
 import pytest
 
+from excite.campaigns.campaign_file import read_campaign_file
 from excite.files.friction_file import read_friction
 from excite.files.load_file import read_load
 from excite.files.mesh import MeshError, mesh_corners
+from excite.files.posterior_file import load_posterior
+from excite.files.precision_target_file import read_precision_target
 from excite.files.prior_file import read_prior
 from excite.files.sampled_motion import read_motion
 from excite.files.task_file import read_task_file
+from excite.files.urdf_meshes import urdf_meshes
+from excite.files.urdf_shapes import urdf_shape
 from excite.files.world_file import read_world
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
+from excite.payload.gains_file import read_gains
 from excite.storage.atomic import read_json
 from regressors import input_files
 from regressors.errors import InputError
-from regressors.input_files import UnreadableFile, in_bytes, read_bytes, read_text
+from regressors.input_files import UnreadableFile, in_bytes, read_bytes, read_text, regular_size
 from regressors.readers.description import read_description
 from regressors.readers.dh_table import read_dh_table
 from regressors.readers.library import built_in
@@ -42,8 +48,13 @@ READERS = {
     "friction": read_friction,
     "load": read_load,
     "prior": read_prior,
-    "world": lambda path: read_world(path, built_in("irp6")),
+    "world": lambda path: read_world(path),
     "motion": lambda path: read_motion(path, ("1",)),
+    "campaign": read_campaign_file,
+    "gains": read_gains,
+    "precision": read_precision_target,
+    "capsules": lambda path: urdf_shape(path, built_in("irp6")),
+    "meshes": lambda path: urdf_meshes(path, built_in("irp6")),
 }
 
 
@@ -62,7 +73,7 @@ def test_readers_refuse_devices(reader: str, device: str) -> None:
 @pytest.mark.parametrize("reader", READERS)
 def test_readers_give_up_pipes_that_nobody_writes(reader: str, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputError, match=r"nothing came through it for 0\.05 s"):
+    with pytest.raises(InputError, match=r"nothing came through it for 0\.05 s|it is a pipe, expected a file"):
         READERS[reader](tmp_path / "pipe")
 
 
@@ -78,6 +89,21 @@ def test_meshes_too(tmp_path: Path) -> None:
     (tmp_path / "zero.stl").symlink_to("/dev/zero")
     with pytest.raises(MeshError, match="it is a device"):
         mesh_corners(tmp_path / "zero.stl")
+
+
+def test_posteriors_too(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "posterior.npz")
+    with pytest.raises(InputError, match="nothing came through it"):
+        load_posterior(tmp_path / "posterior.npz")
+
+
+def test_files_that_another_library_opens_are_no_pipes(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "file").write_bytes(b"abc")
+    assert regular_size(tmp_path / "file") == 3
+    for name, message in ((tmp_path / "pipe", "it is a pipe"), ("/dev/zero", "it is a device")):
+        with pytest.raises(UnreadableFile, match=message):
+            regular_size(name)
 
 
 def test_sockets_and_folders(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from excite.posterior.sample_posterior import PRIOR, sample_posterior
 from excite.registry import name_of
 from excite.storage.atomic import read_json, replacing, write_json
 from excite.storage.result_folder import result_folder
+from regressors.arguments import checked
 from regressors.errors import InputError, TakenError
 from regressors.quantities import check
 
@@ -36,6 +37,7 @@ METHOD = (
 )
 
 
+@checked
 def export_ensemble(
     result: IdentificationResult | str | Path,
     format: str | ModelFormat,

@@ -14,12 +14,14 @@ from excite.identification.result import IdentificationResult
 from excite.registry import check_name, instance, name_of
 from excite.storage.atomic import replacing
 from excite.storage.result_file import replace_files, result_file
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.quoting import shortened
 
 KIND = "model format"
 
 
+@checked
 def export_model(
     result: IdentificationResult | str | Path,
     format: str | ModelFormat,

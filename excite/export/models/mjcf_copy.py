@@ -41,9 +41,10 @@ def mjcf_copy(model: IdentifiedModel, file: Path) -> XmlCopy:
     """
     if xml_kind(str(file)) != MJCF:
         raise InputError(f"{str(file)!r} is no MJCF; leave `robot_file` out, and a new MJCF is written")
-    compiled, tree = tree_of_mjcf(file)
+    compiled, tree = tree_of_mjcf(file, snap_angles=False)
     chain = chain_in(tree, model.described, file)
-    pose_error((tree,), model.described, file)
+    snapped = tree_of_mjcf(file)[1]
+    pose_error((tree, snapped), model.described, file)
     document = XmlDocument(read_bytes(file), file.name)
     _check_compiler(document)
     notes = _bodies(document, compiled, tree, chain, model)

@@ -7,28 +7,36 @@ from enum import Enum
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse, limit_uses, worst_of_each
-from constraints.bounds.extrema import Extrema
-from constraints.bounds.hulled_pieces import hulled_extrema
-from constraints.linear import LinearConstraint, linear_limits
+from constraints.bounds.certificate import LimitUse, limit_uses
+from constraints.bounds.interpolation import (
+    Curve,
+    InterpolatedLimits,
+    curve_pieces,
+    curves_text,
+    interpolated_limits,
+)
+from constraints.linear import linear_limits
 from excite.errors import BrokenLimitError
 from excite.export.motions.sampled_design import SampledDesign
 from excite.simulation.played_limits import broken_limits
 from excite.simulation.source import MotionSource
 from excite.trajectories.transfer import Transfer
-from regressors.samples import Array
 
 _ROUNDING = 1e-9  # of a limit that a formula may touch
-_INTERPOLATED = 1e-4  # the same of what is interpolated
 
 
 class Interpolation(Enum):
-    """What a controller makes of samples, as the text of a note; the value says what is certified."""
+    """What a controller makes of samples, as the text of a note; where it is not known, every curve is certified."""
 
     QUINTIC = "quintics through positions, velocities and accelerations, whose extrema are exact"
     LINEAR = "straight lines between positions; velocities, accelerations and jerks are differences of the samples"
-    NOT_DOCUMENTED = "the design's formula; what the controller makes of the samples is not documented"
-    NONE = "the design's formula; what a program makes of the samples between them is not known"
+    NOT_DOCUMENTED = "what the controller makes of the samples is not documented"
+    NONE = "what a program makes of the samples between them is not known"
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """Curves that may pass through the samples."""
+        return {Interpolation.QUINTIC: (Curve.QUINTICS,), Interpolation.LINEAR: (Curve.LINES,)}.get(self, tuple(Curve))
 
 
 @dataclass(frozen=True)
@@ -37,14 +45,26 @@ class Certificate:
 
     Parameters
     ----------
-    uses : tuple of LimitUse
-        Of each limit the use that comes closest, the closest first.
-    broken : tuple of LimitUse
-        Those beyond the limit by more than is allowed for interpolation.
+    curves : tuple of InterpolatedLimits
+        Of every curve that a controller may lay through the samples.
     """
 
-    uses: tuple[LimitUse, ...]
-    broken: tuple[LimitUse, ...]
+    curves: tuple[InterpolatedLimits, ...]
+
+    @property
+    def uses(self) -> tuple[LimitUse, ...]:
+        """Uses of the limits by every curve, the closest first."""
+        return tuple(sorted((use for each in self.curves for use in each.uses), key=lambda use: -use.use))
+
+    @property
+    def broken(self) -> tuple[LimitUse, ...]:
+        """Those beyond the limit by more than 1e-6 of it."""
+        return tuple(sorted((use for each in self.curves for use in each.broken), key=lambda use: -use.use))
+
+    @property
+    def text(self) -> str:
+        """By which curves the limits are kept, and by which they are passed, and by how much."""
+        return curves_text(self.curves)
 
 
 def check_formula(motion: SampledDesign) -> None:
@@ -82,22 +102,21 @@ def _broken_transfers(motion: SampledDesign) -> list[LimitUse]:
     return [use for use in uses if use.margin < -_ROUNDING * abs(use.bound)]
 
 
-def certify(motion: SampledDesign, interpolation: Interpolation) -> Certificate:
-    """Certificate of the limits of joints and drives for what is interpolated.
+def certify(motion: SampledDesign, interpolation: Interpolation, given: int = 2) -> Certificate:
+    """Certificate of the limits of joints and drives for what is interpolated, to 1e-6 of their bounds.
 
     Parameters
     ----------
     motion : SampledDesign
         With the numbers that are written.
     interpolation : Interpolation
+    given : int
+        Highest derivative of the positions that is written.
     """
-    uses = []
-    for limit in linear_limits(motion.robot):
-        extrema = _EXTREMA[interpolation](motion, limit)
-        uses += limit_uses(limit, extrema)
-    worst = sorted(worst_of_each(uses), key=lambda use: -use.use)
-    broken = (use for use in worst if use.margin < -_INTERPOLATED * abs(use.bound))
-    return Certificate(tuple(worst), tuple(broken))
+    limits = linear_limits(motion.robot)
+    return Certificate(
+        tuple(interpolated_limits(limits, motion.samples, curve, given) for curve in interpolation.curves)
+    )
 
 
 def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | None:
@@ -105,23 +124,21 @@ def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | No
 
     None where it is not known what is interpolated.
     """
-    if interpolation not in (Interpolation.QUINTIC, Interpolation.LINEAR):
+    if len(interpolation.curves) > 1:
         return None
     half = 0.5 * np.diff(motion.time)
     exact = motion.sequence.at(motion.time[:-1] + half)[0].q
-    q = motion.samples.q
-    lines = 0.5 * (q[1:] + q[:-1])
-    if interpolation is Interpolation.LINEAR:
-        return float(np.abs(lines - exact).max())
-    powers = half[:, None] ** np.arange(5.0, -1.0, -1.0)[:, None, None]
-    return float(np.abs((quintic_pieces(motion) * powers).sum(axis=0) - exact).max())
+    pieces = curve_pieces(motion.samples, interpolation.curves[0])
+    powers = half[:, None] ** np.arange(len(pieces) - 1.0, -1.0, -1.0)[:, None, None]
+    return float(np.abs((pieces * powers).sum(axis=0) - exact).max())
 
 
 def check_interpolated(certificate: Certificate, interpolation: Interpolation) -> None:
     """Raise `BrokenLimitError` where what is interpolated breaks a limit."""
     if certificate.broken:
         worst, more = certificate.broken[0], len(certificate.broken) - 1
-        _refuse(worst, more, f"that is of {interpolation.value}; raise `rate`")
+        much = f"by {100 * (worst.use - 1.0):.2g} %, of {interpolation.value}"
+        _refuse(worst, more, f"that is {much}; raise `rate`, or design it again with a lower `{worst.quantity}`")
 
 
 def _refuse(worst: LimitUse, more: int, remedy: str) -> None:
@@ -130,60 +147,3 @@ def _refuse(worst: LimitUse, more: int, remedy: str) -> None:
         f"the motion breaks a limit: {worst.label} is {worst.extreme:.6g} {worst.unit} at {worst.time:.3f} s, beyond "
         f"{worst.bound:.6g} {worst.unit}{others}; {remedy}"
     )
-
-
-def _of_samples(motion: SampledDesign, limit: LinearConstraint) -> Extrema:
-    return _extremes(limit.values(motion.samples), motion.time)
-
-
-def _of_quintics(motion: SampledDesign, limit: LinearConstraint) -> Extrema:
-    pieces = quintic_pieces(motion)
-    for _ in range(limit.derivative):
-        pieces = pieces[:-1] * np.arange(pieces.shape[0] - 1, 0, -1.0)[:, None, None]
-    functions = pieces @ limit.matrix.T
-    functions[-1] += limit.offset
-    return hulled_extrema(motion.time, functions)
-
-
-def quintic_pieces(motion: SampledDesign) -> Array:
-    """Coefficients of the quintics between the samples, shape (6, N - 1, n), highest power first.
-
-    On the step of length h from sample k, ``q = a0 + a1 t + ... + a5 t^5`` with the positions, velocities and
-    accelerations of both ends; those of ros2_control's joint_trajectory_controller (`Trajectory::
-    interpolate_between_points`).
-    """
-    samples = motion.samples
-    h = np.diff(samples.time)[:, None]
-    q, v, a = samples.q[:-1], samples.dq[:-1], samples.ddq[:-1]
-    rise = samples.q[1:] - q - h * v - h**2 / 2 * a
-    slope = samples.dq[1:] - v - h * a
-    bend = samples.ddq[1:] - a
-    a3 = (10 * rise - 4 * h * slope + h**2 / 2 * bend) / h**3
-    a4 = (-15 * rise + 7 * h * slope - h**2 * bend) / h**4
-    a5 = (6 * rise - 3 * h * slope + h**2 / 2 * bend) / h**5
-    return np.stack([a5, a4, a3, a / 2, v, q])
-
-
-def _of_lines(motion: SampledDesign, limit: LinearConstraint) -> Extrema:
-    """Differences of the samples; the robot rests before the first and after the last."""
-    z = motion.samples.q @ limit.matrix.T + limit.offset
-    if limit.derivative == 0:
-        return _extremes(z, motion.time)
-    h, order = 1.0 / motion.rate, limit.derivative
-    resting = np.concatenate([np.repeat(z[:1], order, axis=0), z, np.repeat(z[-1:], order, axis=0)])
-    values = np.diff(resting, n=order, axis=0) / h**order
-    return _extremes(values, np.asarray(h * np.arange(values.shape[0]), dtype=float))
-
-
-def _extremes(values: Array, time: Array) -> Extrema:
-    columns = np.arange(values.shape[1])
-    low, high = values.argmin(axis=0), values.argmax(axis=0)
-    return Extrema(values[low, columns], values[high, columns], time[low], time[high])
-
-
-_EXTREMA = {
-    Interpolation.QUINTIC: _of_quintics,
-    Interpolation.LINEAR: _of_lines,
-    Interpolation.NOT_DOCUMENTED: _of_samples,
-    Interpolation.NONE: _of_samples,
-}

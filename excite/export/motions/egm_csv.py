@@ -21,6 +21,7 @@ class EgmCsv(MotionFormat):
     default_rate, slowest, fastest = 250.0, 10.0, 250.0
     joints = (6,)
     interpolation = Interpolation.LINEAR
+    whole_nanoseconds = True
     checked = (
         "when excite is tested, NumPy reads such files back; none was played on a robot, and the filter that EGM puts "
         "after the positions is a setting of the controller"
@@ -31,7 +32,7 @@ class EgmCsv(MotionFormat):
         names = ["time", *columns("planned.joints[{}]", _AXES), *columns("speedRef.joints[{}]", _AXES)]
         comment = "".join(f"# {line}\n" for line in motion.heading)
         table = np.degrees(np.column_stack([motion.samples.q, motion.samples.dq]))
-        rows = rows_of(table + 0.0, form="%.10f")
+        rows = rows_of(table + 0.0)
         lines = "".join(f"{t:.9f},{row}\n" for t, row in zip(motion.time.tolist(), rows, strict=True))
         return MotionFile(f"{comment}{','.join(names)}\n{lines}".encode())
 

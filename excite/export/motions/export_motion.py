@@ -16,12 +16,13 @@ from excite.export.motions.certificate import (
     deviation,
 )
 from excite.export.motions.motion_format import MotionFormat
-from excite.export.motions.sampled_design import SampledDesign, sampled_design
+from excite.export.motions.sampled_design import SampledDesign
 from excite.files.design_json import load_design
 from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
 from excite.storage.atomic import replacing
 from excite.storage.result_file import replace_files, result_file
+from regressors.arguments import checked
 from regressors.errors import InputError, TakenError
 from regressors.quantities import check
 
@@ -29,6 +30,7 @@ _RECORDS = (".xml", ".yaml")  # what an older export in another format may have 
 _FASTER = (1.0, 2.0, 5.0, 10.0)  # times the default rate, until what is interpolated keeps the limits
 
 
+@checked
 def export_motion(
     design: DesignedMotion | str | Path,
     format: MotionFormat | str,
@@ -88,11 +90,13 @@ def export_motion(
             for name, content in zip(names, contents, strict=True):
                 with replacing(staged / name, "wb") as stream:
                     stream.write(content)
+    played = chosen.interpolation is not Interpolation.NONE
     return Exported(
         name_of(format) if isinstance(format, str) else chosen.name,
         tuple(out.parent / name for name in names),
         (*notes, *file.notes, *recorder.notes, chosen.checked),
         _facts(motion, certificate),
+        holds=not (played and certificate.broken),
     )
 
 
@@ -126,33 +130,65 @@ def _check_free(out: Path, names: list[str], *, replace: bool) -> None:
 def _certified(
     design: DesignedMotion, chosen: MotionFormat, rate: float | None
 ) -> tuple[SampledDesign, Certificate, tuple[str, ...]]:
-    """The motion at a rate at which what is interpolated keeps the limits."""
-    rates = [chosen.default_rate * faster for faster in _FASTER] if rate is None else [rate]
-    rates = [each for each in rates if each <= chosen.fastest] if rate is None else rates
-    refused: BrokenLimitError | None = None
-    for each in rates:
+    """The motion at a rate at which what is interpolated keeps the limits; where it is not known, passes them least.
+
+    No rate is raised for files that no controller plays.
+    """
+    known, refused = len(chosen.interpolation.curves) == 1, None
+    least: tuple[SampledDesign, Certificate] | None = None
+    for each in _rates(design, chosen, rate):
         chosen.check_rate(each)
-        breaks = chosen.interpolation is Interpolation.QUINTIC
-        motion = sampled_design(design, each, breaks=breaks, most=chosen.most)
-        if refused is None:
+        motion = chosen.sampled(design, each)
+        if least is None and refused is None:
             check_formula(motion)
-        certificate = certify(motion, chosen.interpolation)
+        certificate = certify(motion, chosen.interpolation, chosen.given)
         try:
-            check_interpolated(certificate, chosen.interpolation)
             chosen.check(motion)
+            if known:
+                check_interpolated(certificate, chosen.interpolation)
         except BrokenLimitError as error:
             refused = error
             continue
-        raised = f"at {rates[0]:g} Hz the controller's interpolation would break a limit, so the rate is {each:g} Hz"
-        faster = () if each == rates[0] else (raised,)
-        return motion, certificate, (*faster, *_notes(motion, certificate, chosen.interpolation))
-    assert refused is not None
-    raise refused
+        if least is None or _passed(certificate) < _passed(least[1]):
+            least = motion, certificate
+        if not certificate.broken or chosen.interpolation is Interpolation.NONE:
+            break
+    if least is None:
+        assert refused is not None
+        raise refused
+    return *least, _notes(*least, chosen, rate)
 
 
-def _notes(motion: SampledDesign, certificate: Certificate, interpolation: Interpolation) -> tuple[str, ...]:
+def _rates(design: DesignedMotion, chosen: MotionFormat, rate: float | None) -> list[float]:
+    """The given rate, or that of the format and faster ones that it takes."""
+    if rate is not None:
+        return [rate]
+    faster = (chosen.default_rate * times for times in _FASTER)
+    most = chosen.most / design.sequence.duration
+    return [chosen.default_rate, *(each for each in faster if chosen.default_rate < each <= min(chosen.fastest, most))]
+
+
+def _passed(certificate: Certificate) -> float:
+    """Largest use of a limit that is passed."""
+    return certificate.broken[0].use if certificate.broken else 0.0
+
+
+def _notes(
+    motion: SampledDesign, certificate: Certificate, chosen: MotionFormat, rate: float | None
+) -> tuple[str, ...]:
+    interpolation = chosen.interpolation
     closest = certificate.uses[0] if certificate.uses else None
     used = "" if closest is None else f"; the closest, {closest.label}, uses {100 * closest.use:.4g} %"
+    known = f"limits of joints and drives hold for {interpolation.value}{used}"
+    unknown = f"{interpolation.value}: between samples the limits of joints and drives are {certificate.text}"
+    raised = (
+        (
+            f"at {chosen.default_rate:g} Hz the controller's interpolation would break a limit, so the rate is "
+            f"{motion.rate:g} Hz",
+        )
+        if rate is None and motion.rate != chosen.default_rate
+        else ()
+    )
     away = deviation(motion, interpolation)
     near = () if away is None else (f"what is interpolated deviates from the design by {away:.2g} rad (m) at most",)
     held = motion.time[-1] - motion.sequence.duration
@@ -162,7 +198,7 @@ def _notes(motion: SampledDesign, certificate: Certificate, interpolation: Inter
         else ("the robot must rest in the first pose; a design with `home` also has the approach",)
     )
     rest = (f"the robot rests for {held:.3g} s after the motion, until the last sample",) if held > 1e-9 else ()
-    return (f"limits of joints and drives hold for {interpolation.value}{used}", *near, *start, *rest)
+    return (*raised, known if len(interpolation.curves) == 1 else unknown, *near, *start, *rest)
 
 
 def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]:
@@ -174,6 +210,8 @@ def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]
         "joints": list(motion.joints),
         "design": motion.design.file_sha256,
         "coefficients": motion.design.coefficients_sha256,
+        "limits_kept": not certificate.broken,
+        "between_samples": certificate.text,
         "closest_limit": None if closest is None else closest.label,
         "closest_limit_used": None if closest is None else closest.use,
     }

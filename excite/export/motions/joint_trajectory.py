@@ -24,17 +24,11 @@ def frame_of(motion: SampledDesign) -> str:
     return f"excite_design_sha256_{motion.sha256}"
 
 
-def nanoseconds(motion: SampledDesign) -> list[int]:
-    """Instants in whole nanoseconds; the last one not before the end of the motion."""
-    times = np.round(motion.time * _SECOND).astype(np.int64)
-    times[-1] = int(np.ceil(motion.time[-1] * _SECOND - 1e-3))
-    return [int(t) for t in times]
-
-
 def message_of(motion: SampledDesign) -> dict[str, Any]:
     """Fields of the message; effort stays empty, and stamp 0 means that it starts when it arrives."""
     samples = motion.samples
-    rows = zip(nanoseconds(motion), samples.q.tolist(), samples.dq.tolist(), samples.ddq.tolist(), strict=True)
+    ticks = np.round(motion.time * _SECOND).astype(np.int64).tolist()
+    rows = zip(ticks, samples.q.tolist(), samples.dq.tolist(), samples.ddq.tolist(), strict=True)
     return {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame_of(motion)},
         "joint_names": list(motion.joints),

@@ -30,6 +30,8 @@ class KrlSpline(MotionFormat):
     joints = (6,)
     most = 5000
     interpolation = Interpolation.NOT_DOCUMENTED
+    given, decimals, degrees = 0, 9, True
+    whole_nanoseconds = True
     checked = (
         "when excite is tested, such programs are checked against the grammar of KRL; none was played on a robot, and "
         "the spline that the controller lays through the positions is not documented"

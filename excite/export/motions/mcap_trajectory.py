@@ -27,6 +27,7 @@ class McapTrajectory(MotionFormat):
     default_rate, fastest = 100.0, 1000.0
     revolute = False
     interpolation = Interpolation.QUINTIC
+    whole_nanoseconds = True
     checked = (
         "the message keeps the acceptance rules of joint_trajectory_controller; when excite is tested, rosbags and "
         "mcap-ros2-support read such bags back; none was played on a robot"

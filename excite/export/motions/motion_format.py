@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
+from excite.design.designed_motion import DesignedMotion
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.recorder import Recorder
-from excite.export.motions.sampled_design import MOST_SAMPLES, SampledDesign
+from excite.export.motions.sampled_design import MOST_SAMPLES, SampledDesign, sampled_design
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
@@ -47,6 +50,14 @@ class MotionFormat(ABC):
         True where the format has no prismatic joints.
     interpolation : Interpolation
         What the controller makes of the samples.
+    given : int
+        Highest derivative of the positions that the file has: 0, 1 or 2.
+    whole_nanoseconds : bool
+        True where times are written in whole nanoseconds.
+    decimals : int or None
+        Of the positions in the file; all digits where it is None.
+    degrees : bool
+        True where the positions in the file are angles in degrees.
     checked : str
         What the format is checked with, and what not, one sentence.
     """
@@ -60,6 +71,10 @@ class MotionFormat(ABC):
     joints: ClassVar[tuple[int, ...]] = ()
     revolute: ClassVar[bool] = True
     interpolation: ClassVar[Interpolation]
+    given: ClassVar[int] = 2
+    whole_nanoseconds: ClassVar[bool] = False
+    decimals: ClassVar[int | None] = None
+    degrees: ClassVar[bool] = False
     checked: ClassVar[str]
 
     @abstractmethod
@@ -69,6 +84,7 @@ class MotionFormat(ABC):
         Parameters
         ----------
         motion : SampledDesign
+            As of `sampled`.
         stem : str
             Name of the file without its ending.
         """
@@ -76,6 +92,16 @@ class MotionFormat(ABC):
     @abstractmethod
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """What to record while the motion is played; the file has the given name."""
+
+    def sampled(self, design: DesignedMotion, rate: float) -> SampledDesign:
+        """A motion at a rate [Hz], in the numbers that are written: what is certified."""
+        quintics = self.interpolation is Interpolation.QUINTIC
+        motion = sampled_design(design, rate, breaks=quintics, whole_nanoseconds=self.whole_nanoseconds, most=self.most)
+        if self.decimals is None:
+            return motion
+        unit = np.pi / 180.0 if self.degrees else 1.0
+        q = unit * np.round(motion.samples.q / unit, self.decimals)
+        return replace(motion, samples=replace(motion.samples, q=q))
 
     def check(self, motion: SampledDesign) -> None:
         """Raise an error where the controller would not take the motion, beside the robot's own limits."""

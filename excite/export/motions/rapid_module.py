@@ -30,6 +30,8 @@ class RapidModule(MotionFormat):
     joints = (6,)
     most = 5000
     interpolation = Interpolation.NOT_DOCUMENTED
+    given, decimals, degrees = 0, 9, True
+    whole_nanoseconds = True
     checked = (
         "when excite is tested, such modules are checked against the grammar of RAPID; none was played on a robot, and "
         "how the controller passes the zones between the positions is not documented: EGM follows a motion more closely"
@@ -57,4 +59,4 @@ class RapidModule(MotionFormat):
 
 
 def _target(degrees: list[float]) -> str:
-    return f"[[{','.join(f'{value + 0.0:.7f}' for value in degrees)}],{_NO_AXES}]"
+    return f"[[{','.join(f'{value + 0.0:.9f}' for value in degrees)}],{_NO_AXES}]"

@@ -23,6 +23,7 @@ class Ros2Yaml(MotionFormat):
     default_rate, fastest = 100.0, 1000.0
     revolute = False
     interpolation = Interpolation.QUINTIC
+    whole_nanoseconds = True
     checked = (
         "the goal keeps the acceptance rules of joint_trajectory_controller; when excite is tested, PyYAML reads such "
         "goals back; none was played on a robot"

@@ -24,6 +24,7 @@ class RsiCsv(MotionFormat):
     default_rate, slowest, fastest = 250.0, 10.0, 1000.0
     joints = (6, 7)
     interpolation = Interpolation.LINEAR
+    whole_nanoseconds = True
     checked = (
         "when excite is tested, NumPy reads such files back; none was played on a robot: neither RSI nor FRI has a "
         "file of its own"
@@ -33,13 +34,13 @@ class RsiCsv(MotionFormat):
         """Comment, header and rows."""
         q = motion.samples.q
         if q.shape[1] == 7:
-            names, table, form = [f"J{k}" for k in range(1, 8)], q, "%.12f"
+            names, table = [f"J{k}" for k in range(1, 8)], q
         else:
             degrees, axes = np.degrees(q), range(1, 7)
             names = [*(f"A{k}" for k in axes), *(f"AK.A{k}" for k in axes)]
-            table, form = np.column_stack([degrees, degrees - degrees[0]]), "%.10f"
+            table = np.column_stack([degrees, degrees - degrees[0]])
         comment = "".join(f"# {line}\n" for line in motion.heading)
-        rows = rows_of(table + 0.0, form=form)
+        rows = rows_of(table + 0.0)
         lines = "".join(f"{t:.9f},{row}\n" for t, row in zip(motion.time.tolist(), rows, strict=True))
         return MotionFile(f"{comment}{','.join(['time', *names])}\n{lines}".encode())
 

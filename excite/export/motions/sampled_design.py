@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from regressors.samples import Array, Samples
 MOST_SAMPLES = 200_000
 _STILL = 1e-6  # of the largest velocity or acceleration, that an end at rest may have
 _FEWEST = 4  # samples in a period of the fastest harmonic
-_APART = 0.1  # of a sampling period, the least between a break and an instant of the grid
+_APART = 0.1  # of a sampling period, the least between two breaks
+_SECOND = 1e9  # ns
 _ROUNDING = 1e-9
 
 
@@ -79,7 +81,12 @@ class SampledDesign:
 
 
 def sampled_design(
-    design: DesignedMotion, rate: float, *, breaks: bool = False, most: int = MOST_SAMPLES
+    design: DesignedMotion,
+    rate: float,
+    *,
+    breaks: bool = False,
+    whole_nanoseconds: bool = False,
+    most: int = MOST_SAMPLES,
 ) -> SampledDesign:
     """Sample a design's whole motion by the formulas of its pieces.
 
@@ -91,7 +98,9 @@ def sampled_design(
     rate : float
         [Hz]
     breaks : bool
-        Also sample where approach and return change their jerk; instants of the grid nearby are left out.
+        Also sample where approach, return and splines change their polynomial, with equal steps between two of these.
+    whole_nanoseconds : bool
+        Sample at instants of whole nanoseconds, as they are written.
     most : int
         Samples that it may have.
 
@@ -112,7 +121,9 @@ def sampled_design(
     _check_rest(design)
     time = np.arange(max(periods, 1) + 1) / rate
     if breaks:
-        time = _with_breaks(time, sequence, 1.0 / rate)
+        time = _between_breaks(sequence, time[-1], rate)
+    if whole_nanoseconds:
+        time = _whole_nanoseconds(time)
     samples, segments = sequence.at(time)
     _check_finite(samples)
     for rates in (samples.dq, samples.ddq):
@@ -153,17 +164,23 @@ def _check_rest(design: DesignedMotion) -> None:
             )
 
 
-def _with_breaks(time: Array, sequence: MotionSequence, period: float) -> Array:
-    added = breaks_of(sequence)
-    added = added[(added > _APART * period) & (added < time[-1] - _APART * period)]
-    if not added.size:
-        return time
-    added = added[np.concatenate([[True], np.diff(added) > _APART * period])]
-    place = np.clip(np.searchsorted(added, time), 1, added.size - 1) if added.size > 1 else np.zeros(time.size, int)
-    nearest = np.minimum(np.abs(time - added[place]), np.abs(time - added[place - 1]))
-    kept = nearest > _APART * period
-    kept[[0, -1]] = True
-    return np.sort(np.concatenate([time[kept], added]))
+def _between_breaks(sequence: MotionSequence, end: float, rate: float) -> Array:
+    """Breaks, and equal steps of a sampling period or longer between them; breaks that are too near are left out."""
+    marks = [0.0]
+    for at in breaks_of(sequence):
+        if at - marks[-1] > _APART / rate and end - at > _APART / rate:
+            marks.append(float(at))
+    marks.append(end)
+    counts = [max(1, math.floor((b - a) * rate * (1.0 + _ROUNDING))) for a, b in pairwise(marks)]
+    steps = [np.linspace(a, b, n, endpoint=False) for (a, b), n in zip(pairwise(marks), counts, strict=True)]
+    return np.concatenate([*steps, [end]])
+
+
+def _whole_nanoseconds(time: Array) -> Array:
+    """Rounded instants; the last one not before the end of the motion."""
+    ticks = np.round(time * _SECOND)
+    ticks[-1] = np.ceil(time[-1] * _SECOND - 1e-3)
+    return np.asarray(ticks / _SECOND)
 
 
 def breaks_of(sequence: MotionSequence) -> Array:

@@ -31,7 +31,8 @@ class UrScript(MotionFormat):
     default_rate, slowest, fastest = 500.0, 10.0, 500.0
     joints = (6,)
     most = 60_000
-    interpolation = Interpolation.NOT_DOCUMENTED
+    interpolation = Interpolation.LINEAR
+    given, decimals = 0, 14
     checked = (
         "when excite is tested, such programs are checked against the grammar of URScript; none was played on a robot: "
         "how servoj smooths the positions by its lookahead_time and gain, and how long a program may be, is not "
@@ -75,7 +76,7 @@ def _is_whole(ratio: float) -> bool:
 
 
 def _row(q: list[float]) -> str:
-    return ",".join(f"{value:.9f}" for value in q)
+    return ",".join(f"{value:.14f}" for value in q)
 
 
 def _groups(segments: tuple[str, ...]) -> list[tuple[int, int, str]]:

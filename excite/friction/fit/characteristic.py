@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 from excite.friction.fit.breakaway_torque import BreakAway
-from excite.friction.fit.curve_fit import CurveFit
+from excite.friction.fit.curve_fit import CurveFit, table_of
 from excite.friction.fit.points import Point
+from excite.friction.fit.stiction_points import MeanBreakAway, mean_break_aways
 from regressors.friction.curves import FrictionCurve
 
 
@@ -25,7 +28,6 @@ class Characteristic:
         Of windows.
     rests : tuple of Point
         Break-away torques that are points of the curve, at speed zero.
-    curve : FrictionCurve
     fit : CurveFit, optional
         None for a table.
     others : tuple of CurveFit
@@ -36,17 +38,28 @@ class Characteristic:
     notes : tuple of str
     """
 
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"break_away": lambda characteristic: characteristic.means}
+
     drive: str
     unit: str
     gravity: str
     points: tuple[Point, ...]
     rests: tuple[Point, ...]
-    curve: FrictionCurve
     fit: CurveFit | None
     others: tuple[CurveFit, ...]
     failed: dict[str, str]
     stiction: tuple[BreakAway, ...]
     notes: tuple[str, ...]
+
+    @property
+    def curve(self) -> FrictionCurve:
+        """The fitted curve, or the table of the points."""
+        return table_of(self.points) if self.fit is None else self.fit.curve
+
+    @property
+    def means(self) -> tuple[MeanBreakAway, ...]:
+        """Mean break-away torque of each direction."""
+        return mean_break_aways(self.break_aways)
 
     @property
     def break_aways(self) -> tuple[BreakAway, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.friction.fit.breakaway_tests import repeated_break_aways
 from excite.friction.fit.characteristic import Characteristic
-from excite.friction.fit.curve_fit import WARMER, CurveFit, NoCurve, chosen_fit, table_of
+from excite.friction.fit.curve_fit import WARMER, CurveFit, NoCurve, chosen_fit
 from excite.friction.fit.data_set import data_set_of
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
@@ -27,7 +27,6 @@ from excite.friction.fit.remarks import (
 )
 from excite.friction.fit.stiction_points import rest_points
 from regressors.errors import InputError, UnknownName
-from regressors.friction.curves import FrictionCurve
 from regressors.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -136,9 +135,7 @@ def _characteristic(
     others: tuple[CurveFit, ...] = ()
     failed: dict[str, str] = {}
     rests: tuple[Point, ...] = ()
-    if settings.model == "table":
-        curve: FrictionCurve = table_of(points)
-    else:
+    if settings.model != "table":
         candidates = _candidates(settings, reference, loads, offset=offset)
         if settings.stiction == "fit" and any(form.stribeck for form in candidates):
             trusted = repeated_break_aways(shown.stiction) if runs is None else shown.stiction
@@ -154,7 +151,6 @@ def _characteristic(
                 best, others, _ = chosen_fit(points, candidates, settings.criterion)
         except NoCurve as error:
             raise InputError(f"{drive}: {why_no_curve(points, error.failed, unit, _speed_unit(unit))}") from error
-        curve = best.curve
     notes += temperature_remarks(of_temperature, reference, best, settings, shown.stiction)
     notes += load_remarks(loads, best, settings, unit)
     alone = runs is None and len(repeated_break_aways(shown.stiction)) < len(shown.stiction)
@@ -170,7 +166,6 @@ def _characteristic(
         shown.gravity,
         points,
         rests,
-        curve,
         best,
         others,
         failed,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from operator import attrgetter
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.optimize
@@ -48,6 +49,8 @@ class CurveFit:
         Parameters that the points bound but do not determine: held fixed, with intervals of zero.
     """
 
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"parameters": lambda fit: fit.parameters}
+
     form: Form
     values: Array
     covariance: Array
@@ -57,6 +60,12 @@ class CurveFit:
     aicc: float
     measured: tuple[float, float] | None = None
     held: tuple[str, ...] = ()
+
+    @property
+    def parameters(self) -> dict[str, dict[str, float | None]]:
+        """Value of each parameter, and half its 99 % interval; None where it is held."""
+        rows = zip(self.form.parameters, self.values.tolist(), self.halfwidth.tolist(), strict=True)
+        return {name: {"value": value, "interval99": None if name in self.held else half} for name, value, half in rows}
 
     @property
     def halfwidth(self) -> Array:

@@ -17,7 +17,7 @@ from excite.friction.fit.friction_fit import FrictionFit
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model, identified_model
 from excite.friction.plan.measurements import FrictionPlan
-from excite.identification.given_logs import read_logs
+from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.result import IdentificationResult
 from excite.logs.gaps import segments
 from excite.logs.log import Log
@@ -26,6 +26,7 @@ from excite.logs.mapping import LogMapping
 from excite.registry import built_in
 from excite.simulation.simulation import Simulation
 from excite.simulation.source import MotionSource
+from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.numerical import numerical_work
 from regressors.readers.library import load_robot
@@ -35,6 +36,7 @@ PlanLike = FrictionPlan | MotionSource | Simulation | str | Path
 _PACKAGES = ("excite-trajectories", "numpy", "scipy")
 
 
+@checked
 @numerical_work(
     "the friction fit",
     "speeds or torques of very different sizes are the likely cause: "
@@ -42,7 +44,7 @@ _PACKAGES = ("excite-trajectories", "numpy", "scipy")
 )
 def fit_friction(
     robot: Robot | str,
-    logs: Any,
+    logs: LogLike | Sequence[LogLike],
     settings: FitSettings | None = None,
     *,
     plan: PlanLike | None = None,
@@ -96,7 +98,8 @@ def fit_friction(
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": {package: version(package) for package in _PACKAGES},
     }
-    return FrictionFit(robot, tuple(read), settings, curves, source, provenance)
+    fitted = tuple(log.reference for log in read)
+    return FrictionFit(robot.name, robot.sha256(), fitted, settings, curves, source, provenance)
 
 
 def _rigid(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from regressors.arguments import checked
 from regressors.quantities import check_options
 
 WINDOW = 0.3  # [s], where there is no plan; that of [KD96] for arm and forearm
 
 
+@checked
 @dataclass(frozen=True)
 class FitSettings:
     """Settings of a friction fit.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,20 +10,25 @@ from typing import Any
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.fit_uncertainty import curve_uncertainty
-from excite.logs.log import Log
+from excite.logs.log import LogReference
 from excite.registry import built_in
+from excite.storage.records import read_record, write_record
+from excite.storage.result_folder import check_not_taken, result_folder
+from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
+
+KIND, FIT, FRICTION, FIGURE = "friction-fit", "fit.json", "friction.yaml", "friction"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrictionFit:
-    """Result of fitting friction curves.
+    """Result of fitting friction curves; the same when it is loaded.
 
     Parameters
     ----------
-    robot : Robot
-    logs : tuple of Log
+    robot, sha256 : str
+        Name of the robot, and hash of its description.
+    logs : tuple of LogReference
     settings : FitSettings
     characteristics : tuple of Characteristic
         One per drive.
@@ -32,12 +37,18 @@ class FrictionFit:
     provenance : mapping
     """
 
-    robot: Robot
-    logs: tuple[Log, ...]
+    robot: str
+    sha256: str
+    logs: tuple[LogReference, ...]
     settings: FitSettings
     characteristics: tuple[Characteristic, ...]
     gravity_source: str | None
     provenance: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        """Check that there is a drive."""
+        if not self.characteristics:
+            raise InputError("a fit is of one drive or more, given none")
 
     @property
     def curves(self) -> FrictionCurves:
@@ -55,7 +66,7 @@ class FrictionFit:
     def __repr__(self) -> str:
         """One line."""
         drives = ", ".join(characteristic.drive for characteristic in self.characteristics)
-        return f"<FrictionFit of {self.robot.name}: curves of {drives} from {len(self.logs)} log(s)>"
+        return f"<FrictionFit of {self.robot}: curves of {drives} from {len(self.logs)} log(s)>"
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
         """Write the curves and the fitted data into a folder, made if it does not exist.
@@ -76,5 +87,28 @@ class FrictionFit:
         InputError
             The folder holds a fit, or cannot be written to.
         """
-        files: list[Path] = built_in("writer", "friction fit")(self, folder, replace=replace)
-        return files
+        place, write = Path(folder), built_in("writer", "friction curves")
+        with result_folder(place):
+            check_no_fit(place, replace=replace)
+            further = {FRICTION: lambda path: write(self.curves, path)}
+            return write_record(self, KIND, place, "fit", [FIGURE], further, KIND)
+
+
+def check_no_fit(folder: Path, names: Collection[str] = (FRICTION,), *, replace: bool = False) -> None:
+    """Raise `TakenError` where a folder holds a fit, or other files of the names, that may not be replaced."""
+    check_not_taken(folder, FIT, "a fit", names, replace=replace)
+
+
+def load_friction_fit(path: str | Path) -> FrictionFit:
+    """Load a ``fit.json`` of friction curves.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        Another schema, entries that are missing, or a file that is not the one that was written.
+    """
+    return read_record(Path(path), FrictionFit, KIND)

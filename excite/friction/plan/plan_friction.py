@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from constraints.collision.geometry import World
 from excite.friction.plan.measurements import FrictionPlan
@@ -14,12 +13,14 @@ from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.registry import built_in
 from excite.tasks.limit_choice import LimitChoice
+from regressors.arguments import checked
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
 
 
+@checked
 @numerical_work(
     "the friction plan",
     "speeds or limits of very different sizes are the likely cause: "
@@ -32,7 +33,7 @@ def plan_friction(
     joints: Sequence[str] | None = None,
     drives: Sequence[str] | None = None,
     limits: LimitChoice | None = None,
-    pose: ArrayLike | None = None,
+    pose: Sequence[float] | None = None,
     balanced: bool = False,
     world: World | str | Path | None = None,
     torque_ramp: Sequence[float] | None = None,
@@ -50,7 +51,7 @@ def plan_friction(
         Those to measure; all drives if neither is given.
     limits : LimitChoice, optional
         Limits of joints that replace those of the description.
-    pose : array_like, shape (n,), optional
+    pose : sequence of float, length n, optional
         Middle of every run; one about which gravity cancels is searched for if not given [rad or m].
     balanced : bool
         True if gravity is known to cancel about the given pose, although inertias are unknown.

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.quantities import check_options
 
@@ -15,6 +16,7 @@ LONGEST = 1.5  # of the windows by default, so that the gears hardly cool in slo
 _SAMPLES = 10  # in a window, at least
 
 
+@checked
 @dataclass(frozen=True)
 class Schedule:
     """Schedule of the runs of each coordinate.

@@ -6,22 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import clarabel
 import numpy as np
-import scipy.linalg
-import scipy.sparse
 
 from excite.errors import ConicSolverError
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.log_cholesky import log_cholesky
 from excite.identification.estimators.possible import possible_estimate
+from excite.identification.estimators.possible_set import PossibleSet, nearest, own_scale, possible_set
 from excite.identification.estimators.standard import (
-    Body,
     Entropic,
     Pull,
     Quadratic,
     StandardProblem,
+    exact_torques,
     near_described,
     standard_problem,
 )
@@ -38,11 +36,10 @@ UNCHANGED = "the weighted least-squares estimate is already physically possible"
 INSIDE = "no physical bound is active"
 _INSIDE = 1.05  # of the least eigenvalue: the conic solver's tolerance does not reach below it
 _SHOWN = 1e-12
-_SOLVED = ("Solved", "AlmostSolved")
-_TOLERANCES = (1e-10, 1e-8, 1e-6)  # the next where the solver gets stuck, as by equations without noise
 _AT_BOUND = 1e-5  # slack in a body's own scale that counts as none
-_ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T  # upper triangle, column by column
-_UNITS = np.column_stack([pseudo_inertia(e)[_ROWS, _COLUMNS] for e in np.eye(10)])
+_LITTLE = 1e-3  # of its size: friction of a drive that is inside of all bounds
+_ROUNDING = 0.01  # of the least eigenvalue, whose own rounding is 1e-16 of the mass
+_ZERO = 1e-12  # of the size of a parameter that may not be negative: its own rounding
 
 
 def physical(
@@ -95,10 +92,11 @@ def physical(
     standard = standard_problem(observations, problem, model, base, pull, reference)
     theta = _unchanged(standard, least) if pull is None else None
     if theta is not None:
-        return possible_estimate("physical", observations, problem, standard, theta, (UNCHANGED,))
-    theta = _minimiser(standard, least)
-    bounds = _active(standard, theta, least) or (INSIDE,)
-    return possible_estimate("physical", observations, problem, standard, theta, bounds)
+        notes = (UNCHANGED, *exact_torques(problem))
+        return possible_estimate("physical", observations, problem, standard, theta, notes)
+    theta, notes = _minimiser(standard, least)
+    notes = (*(_active(standard, theta, least) or (INSIDE,)), *notes, *exact_torques(problem))
+    return possible_estimate("physical", observations, problem, standard, theta, notes)
 
 
 def possible_fit(
@@ -122,7 +120,7 @@ def possible_fit(
         See `physical`.
     """
     standard = standard_problem(observations, weighting(observations), model, base, pull, reference)
-    return np.asarray(standard.A @ _minimiser(standard, LEAST))
+    return np.asarray(standard.A @ _minimiser(standard, LEAST)[0])
 
 
 def nearest_possible(
@@ -148,18 +146,37 @@ def nearest_possible(
         theta = _unchanged(standard, least, share)
         if theta is not None:
             return theta, True
-    return _minimiser(standard, least), False
+    return _minimiser(standard, least)[0], False
 
 
-def _minimiser(standard: StandardProblem, least: float) -> Array:
-    """Standard parameters at the optimum, shape (t,)."""
-    f, k = standard.S.shape[1], standard.G.shape[0]
-    GS = standard.G @ standard.S * _free_scale(standard)
-    equalities = np.hstack([GS, -np.eye(k)])  # of the free parameters divided by their scale, and of the residuals
-    status, x = _conic_solution(standard, equalities, standard.r, least)
-    if status not in _SOLVED:
-        raise ConicSolverError(f"physically possible parameters: the conic solver ended with {status}")
-    return _lifted(standard, standard.S @ (_free_scale(standard) * x[:f]), least)
+def _minimiser(standard: StandardProblem, least: float) -> tuple[Array, tuple[str, ...]]:
+    """Standard parameters at the optimum, shape (t,), certified to be possible, and what to say of them."""
+    S = standard.S * _free_scale(standard)
+    rows = np.concatenate([standard.G @ S, S / standard.deviation[:, None]])
+    U, s, V = np.linalg.svd(rows, full_matrices=False)
+    right = U.T @ np.concatenate([standard.r, standard.prior / standard.deviation])
+    half = V.T / s  # theta = S half (right + z): the objective is |z|^2 / 2
+    possible = _possible_set(standard, S @ (half @ right), S @ half, least)
+    described = s * (V @ (np.linalg.pinv(S) @ _inside(standard))) - right
+    z, notes = nearest(possible, described)
+    for tried in (z, possible.towards(z, described)):
+        theta = _lifted(standard, S @ (half @ (right + tried)), least)
+        if _is_possible(standard, theta, least):
+            return theta, notes
+    raise ConicSolverError("physically possible parameters: none agree with the structure of the robot")
+
+
+def _inside(standard: StandardProblem) -> Array:
+    """Standard parameters of the references, and of drives with a little friction."""
+    theta = standard.prior.copy()
+    for body in standard.bodies:
+        theta[body.index] = from_pseudo_inertia(body.reference)
+    theta[standard.positive] = np.maximum(theta[standard.positive], _LITTLE * standard.scale[standard.positive])
+    return theta
+
+
+def _is_possible(standard: StandardProblem, theta: Array, least: float) -> bool:
+    return bool(np.all(standard.margins(theta) >= least * (1 - _ROUNDING)) and np.all(theta[standard.positive] >= 0))
 
 
 def _lifted(standard: StandardProblem, theta: Array, least: float) -> Array:
@@ -175,51 +192,32 @@ def _lifted(standard: StandardProblem, theta: Array, least: float) -> Array:
 
 def _unchanged(standard: StandardProblem, least: float, share: float = 0.0) -> Array | None:
     """Possible standard parameters with the residuals of unconstrained least squares, if there are any."""
-    scale = _free_scale(standard)
-    U, s, V = np.linalg.svd(standard.G @ standard.S * scale, full_matrices=False)
-    shown = s > _SHOWN * s[0]
-    U, s, V = U[:, shown], s[shown], V[shown]
-    status, x = _conic_solution(standard, V, U.T @ standard.r / s, least, share)
-    if status not in _SOLVED:
+    S = standard.S * _free_scale(standard)
+    U, s, V = np.linalg.svd(standard.G @ S)
+    rank = int(np.sum(s > _SHOWN * s[0]))
+    shown, left_open = V[:rank], V[rank:].T
+    coordinates = (U.T @ standard.r)[:rank] / s[:rank]
+    best = shown.T @ coordinates
+    U, s, V = np.linalg.svd(S @ left_open / standard.deviation[:, None], full_matrices=False)
+    right = U.T @ ((standard.prior - S @ best) / standard.deviation)
+    slope = left_open @ (V.T / s)
+    origin = best + slope @ right
+    try:
+        z, _ = nearest(_possible_set(standard, S @ origin, S @ slope, least, share))
+    except ConicSolverError:
         return None
-    x = x + V.T @ (U.T @ standard.r / s - V @ x)  # refined to rounding accuracy
-    theta = np.asarray(standard.S @ (scale * x))
-    possible = np.all(standard.margins(theta) >= least) and np.all(theta[standard.positive] >= 0)
-    return theta if possible else None
+    x = origin + slope @ z
+    theta = np.asarray(S @ (x + shown.T @ (coordinates - shown @ x)))  # refined to rounding accuracy
+    positive, size = theta[standard.positive], standard.scale[standard.positive]
+    theta[standard.positive] = np.where(np.abs(positive) <= _ZERO * size, np.maximum(positive, 0.0), positive)
+    return theta if _is_possible(standard, theta, least) else None
 
 
-def _conic_solution(
-    standard: StandardProblem, equalities: Array, right: Array, least: float, share: float = 0.0
-) -> tuple[str, Array]:
-    """Solver status, and variables with the least pull (and residuals, if any) under the equalities and all bounds."""
-    scale = _free_scale(standard)
-    k = equalities.shape[1] - scale.size  # residuals
-    D = standard.S * scale / standard.deviation[:, None]
-    P = scipy.sparse.csc_matrix(scipy.linalg.block_diag(D.T @ D, np.eye(k)))
-    q = np.concatenate([-D.T @ (standard.prior / standard.deviation), np.zeros(k)])
-    rows, rights, cones = [equalities], [right], [clarabel.ZeroConeT(len(equalities))]
-    for body in standard.bodies:
-        lowest = _INSIDE * least * np.eye(4) + share * body.reference
-        block, bound = _cone_rows(standard.S * scale, body, lowest)
-        rows.append(np.hstack([-block, np.zeros((10, k))]))
-        rights.append(-bound)
-        cones.append(clarabel.PSDTriangleConeT(4))
-    if standard.positive.size:
-        unit = (standard.S * scale / standard.scale[:, None])[standard.positive]
-        rows.append(np.hstack([-unit, np.zeros((len(unit), k))]))
-        rights.append(np.zeros(len(unit)))
-        cones.append(clarabel.NonnegativeConeT(len(unit)))
-    A = scipy.sparse.csc_matrix(np.concatenate(rows))
-    for tolerance in _TOLERANCES:
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.max_threads = 1
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-        upper, right = scipy.sparse.triu(P, format="csc"), np.concatenate(rights)
-        solution = clarabel.DefaultSolver(upper, q, A, right, cones, settings).solve()
-        if str(solution.status) in (*_SOLVED, "PrimalInfeasible"):
-            break
-    return str(solution.status), np.array(solution.x)
+def _possible_set(
+    standard: StandardProblem, origin: Array, slope: Array, least: float, share: float = 0.0
+) -> PossibleSet:
+    lowest = [_INSIDE * least * np.eye(4) + share * body.reference for body in standard.bodies]
+    return possible_set(standard, origin, slope, lowest, [own_scale(body.reference) for body in standard.bodies])
 
 
 def _free_scale(standard: StandardProblem) -> Array:
@@ -227,25 +225,12 @@ def _free_scale(standard: StandardProblem) -> Array:
     return np.asarray((standard.S * standard.scale[:, None]).max(axis=0))
 
 
-def _congruence(reference: Array) -> Array:
-    """Scaling k of a body that brings the entries of its pseudo-inertia, ``k J k``, near one, shape (4,)."""
-    length = np.sqrt(np.trace(reference[:3, :3]) / reference[3, 3])
-    return np.asarray(np.array([1 / length] * 3 + [1.0]) / np.sqrt(reference[3, 3]))
-
-
-def _cone_rows(S: Array, body: Body, lowest: Array) -> tuple[Array, Array]:
-    """Upper triangle of a body's pseudo-inertia per free parameter, and of its bound; off-diagonals times sqrt 2."""
-    k = _congruence(body.reference)
-    weight = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0)) * k[_ROWS] * k[_COLUMNS]
-    return np.asarray(weight[:, None] * _UNITS @ S[body.index]), weight * lowest[_ROWS, _COLUMNS]
-
-
 def _active(standard: StandardProblem, theta: Array, least: float) -> tuple[str, ...]:
     """Notes on the active bounds."""
     notes = []
     for body in standard.bodies:
-        k = _congruence(body.reference)
-        slack = np.linalg.eigvalsh(np.outer(k, k) * (pseudo_inertia(theta[body.index]) - least * np.eye(4)))
+        T = own_scale(body.reference)
+        slack = np.linalg.eigvalsh(T @ (pseudo_inertia(theta[body.index]) - least * np.eye(4)) @ T.T)
         if slack[0] < _AT_BOUND:
             notes.append(f"pseudo-inertia of {body.name} at its bound")
     for j in standard.positive:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.observations import Observations
 from excite.identification.weights import GroupWeights
@@ -26,6 +27,8 @@ WEAK = 1e-6  # information per squared scale that determines what the data does 
 _MASS, _LENGTH = 1.0, 0.1  # of a body without known parameters
 _POSITIVE = (ROTOR, COULOMB, VISCOUS)
 _ROTOR = 1e-4
+_EXACT = 1e-8  # of the length of a group's y: noise below it counts as that
+_EXACT_NOTE = "the data has hardly any noise: possible bodies fit it to about 1e-8 of its size, not to its noise"
 
 
 @dataclass(frozen=True)
@@ -168,8 +171,23 @@ def standard_problem(
             f"observations have the parameters {', '.join(observations.names)}, "
             f"the base of the model has {', '.join(base.names)}"
         )
-    p = base.rank
-    return problem_of_factor(problem.R[:p, :p], problem.R[:p, p], model, base, pull, reference)
+    p, exact = base.rank, _exact(problem)
+    R = problem.factors.stacked(np.maximum(problem.scale, _exact_scale(problem))) if np.any(exact) else problem.R
+    return problem_of_factor(R[:p, :p], R[:p, p], model, base, pull, reference)
+
+
+def exact_torques(problem: GroupWeights) -> tuple[str, ...]:
+    """A note where rows have less noise than the numbers of the conic solver."""
+    return (_EXACT_NOTE,) if np.any(_exact(problem)) else ()
+
+
+def _exact(problem: GroupWeights) -> NDArray[np.bool_]:
+    return np.asarray(problem.scale < _exact_scale(problem))
+
+
+def _exact_scale(problem: GroupWeights) -> Array:
+    """Least divisor of each group's rows, whose weights are then within the solver's range, shape (groups,)."""
+    return _EXACT * problem.factors.sizes() * np.sqrt(problem.factors.count)
 
 
 def problem_of_factor(
@@ -197,7 +215,10 @@ def problem_of_factor(
     """
     definition, names = model.definition()
     A = np.asarray(base.D @ definition)
-    bodies, prior, scale = _bodies(model, standard_values(model.robot) if reference is None else reference)
+    known = standard_values(model.robot) if reference is None else reference
+    bodies, prior, scale = _bodies(model, known)
+    if (torque := float(np.linalg.norm(R @ A @ prior))) > 0 and np.any(r):
+        bodies, prior, scale = _bodies(model, known, float(np.linalg.norm(r)) / torque)
     deviation = scale / np.sqrt(WEAK)
     for name in pull.values if pull is not None else ():
         if name not in names:
@@ -223,11 +244,13 @@ def _structure(model: RegressorModel, names: tuple[str, ...]) -> Array:
     return S
 
 
-def _bodies(model: RegressorModel, known: Mapping[str, float]) -> tuple[tuple[Body, ...], Array, Array]:
-    """Bodies, reference values and sizes of all parameters."""
+def _bodies(
+    model: RegressorModel, known: Mapping[str, float], size: float = 1.0
+) -> tuple[tuple[Body, ...], Array, Array]:
+    """Bodies, reference values and sizes of all parameters; unknown ones for torques of about a size."""
     columns = model.standard_columns
-    reference = np.array([known.get(c.name, _ROTOR if c.kind == ROTOR else 0.0) for c in columns])
-    scale = np.where(reference != 0.0, np.abs(reference), 1.0)
+    reference = np.array([known.get(c.name, size * _ROTOR if c.kind == ROTOR else 0.0) for c in columns])
+    scale = np.where(reference != 0.0, np.abs(reference), size)
     labels = {
         number: f"link {body.name}" for number, body in zip(model.robot.body_numbers, model.robot.bodies, strict=True)
     }
@@ -237,7 +260,7 @@ def _bodies(model: RegressorModel, known: Mapping[str, float]) -> tuple[tuple[Bo
         if len(ten) != PARAMETERS_PER_LINK:
             continue
         index = np.array(ten, dtype=np.intp)
-        J = possible_inertia(known, [columns[k].name for k in ten])
+        J = possible_inertia(known, [columns[k].name for k in ten], size)
         bodies.append(Body("load" if owner is None else labels[owner], index, J))
         reference[index] = from_pseudo_inertia(J)
         scale[index] = _sizes(J)
@@ -281,9 +304,9 @@ def is_possible(J: Array) -> bool:
     return bool(np.all(np.isfinite(J)) and np.linalg.eigvalsh(J)[0] > 0)
 
 
-def possible_inertia(known: Mapping[str, float], names: Sequence[str]) -> Array:
+def possible_inertia(known: Mapping[str, float], names: Sequence[str], mass: float = _MASS) -> Array:
     """Pseudo-inertia of a body if its ten parameters are known and possible; else of a small ball, shape (4, 4)."""
     J = pseudo_inertia([known.get(name, np.nan) for name in names])
     if is_possible(J):
         return J
-    return np.diag([_MASS * _LENGTH**2] * 3 + [_MASS])
+    return mass * np.diag([_LENGTH**2] * 3 + [1.0])

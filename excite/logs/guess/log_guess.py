@@ -21,6 +21,7 @@ from excite.logs.recordings.preloaded import Preloaded
 from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording
 from excite.logs.recordings.recording_format import RecordingFormat
 from excite.logs.sampled_channels import seconds_of
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -66,6 +67,7 @@ class LogGuess:
         return f"<LogGuess {self.contents.source}: {self.contents.format}, {len(self.questions)} questions>"
 
 
+@checked
 def guess_mapping(path: str | Path, robot: Robot | None = None) -> LogGuess:
     """Guess the mapping by which `excite.logs.log_reading.read_log` reads a recording.
 

@@ -17,9 +17,9 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.estimates.cap import memory_cap
 from excite.logs.recordings.recording_size import check_bytes
 from regressors.errors import InputError
+from regressors.memory_cap import memory_cap
 
 HEADER = 128  # bytes before the first element
 CELL, STRUCT, OBJECT, CHAR, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17

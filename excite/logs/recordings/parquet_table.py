@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.estimates.cap import value_cap
 from excite.logs.recordings.array_streams import foreign_reader, numbers_of
 from excite.logs.recordings.optional_package import optional_package
 from excite.logs.recordings.recording import Contents, Numbers, Recording, Stream, StreamContents
@@ -19,6 +18,7 @@ from excite.logs.recordings.recording_format import RecordingFormat
 from excite.logs.recordings.recording_size import LARGEST_ARRAY, check_table
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened, read_text
+from regressors.memory_cap import value_cap
 from regressors.quoting import cut, listed_names
 
 _MAGIC, _ENCRYPTED = b"PAR1", b"PARE"

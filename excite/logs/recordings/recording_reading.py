@@ -7,9 +7,11 @@ from pathlib import Path
 
 from excite.logs.recordings.formats import recording_format
 from excite.logs.recordings.recording import Recording
+from regressors.arguments import checked
 from regressors.errors import UnknownName
 
 
+@checked
 def read_recording(path: str | Path, columns: Sequence[str] | None = None) -> Recording:
     """Read columns of a recording, in the units of the file.
 

@@ -10,11 +10,11 @@ import sqlite3
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 
-from excite.estimates.cap import memory_cap
 from excite.logs.recordings.ros_definitions import full_name
 from excite.logs.recordings.ros_messages import BagFile, Messages, Topic
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
+from regressors.memory_cap import memory_cap
 from regressors.quoting import cut, one_line
 
 SQLITE = b"SQLite format 3\0"

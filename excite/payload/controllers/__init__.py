@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from excite.payload.payload_result import PayloadResult
+from excite.payload.held_body import HeldBody
 from regressors.errors import UnknownName
 
 _PLACES = {
@@ -24,14 +24,16 @@ FILES = {
 }
 
 
-def controller_text(name: str, result: PayloadResult) -> str:
+def controller_text(name: str, body: HeldBody, frame: str) -> str:
     """The payload in a controller's own words.
 
     Parameters
     ----------
     name : str
         One of `CONTROLLERS`.
-    result : PayloadResult
+    body : HeldBody
+    frame : str
+        Name of the frame in which it is stated.
 
     Raises
     ------
@@ -41,7 +43,7 @@ def controller_text(name: str, result: PayloadResult) -> str:
     if name not in _PLACES:
         raise UnknownName("controller", name, CONTROLLERS)
     module = import_module(f"excite.payload.controllers.{_PLACES[name]}")
-    return str(module.payload_text(result.body, result.frame.name))
+    return str(module.payload_text(body, frame))
 
 
 def frame_of(name: str) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.quantities import check_options
 
-_PER_JOINT = ("torque_gain", "delay", "coloured_noise", "position_step")
 
-
+@checked
 @dataclass(frozen=True)
 class Degradation:
     """What happens to a log between the robot and the file; nothing does by default.
@@ -55,13 +55,6 @@ class Degradation:
     drop_rows: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in _PER_JOINT:
-            given = getattr(self, name)
-            object.__setattr__(self, name, tuple(given) if isinstance(given, tuple | list) else (float(given),))
         check_options(self, (field.name for field in fields(self)))
         if 0.0 in self.torque_gain:
             raise InputError("`torque_gain` must not be zero: measured torques would all be zero")
-        if self.clock_jitter is not None and len(self.clock_jitter) != 2:
-            raise InputError(
-                f"clock_jitter needs the shortest and the longest time between stamps, given {list(self.clock_jitter)}"
-            )

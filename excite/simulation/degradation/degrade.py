@@ -16,12 +16,14 @@ from excite.simulation.degradation.row_holding import held_rows
 from excite.simulation.degradation.stamp_jitter import late_stamps
 from excite.simulation.degradation.torque_lag import lagging
 from excite.simulation.settings import one_each
+from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array
 
 _NOISE, _HOLD, _CLOCK, _DROP = range(2, 6)  # streams of random numbers, so that one option changes nothing of another
 
 
+@checked
 def degrade(log: Log, degradation: Degradation, seed: int = 0, friction: Array | None = None) -> Log:
     """The log after all degradations; the same seed gives the same log.
 

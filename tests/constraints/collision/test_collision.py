@@ -12,6 +12,7 @@ import coal_distances
 import numpy as np
 import pytest
 from coal_distances import clearance
+from coal_distances import link_poses as placed_links
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
@@ -20,8 +21,12 @@ from matplotlib.patches import Polygon
 from slow_dynamics import random_chain
 
 from constraints.bounds.certificate import ENCLOSED
-from constraints.collision.collision_limits import Clearance, Pair, collision_limits
-from constraints.collision.frames import Frames
+from constraints.collision.collision_limits import (
+    Clearance,
+    Pair,
+    collision_limits,
+)
+from constraints.collision.frames import Frames, link_poses
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
 from constraints.feasibility.diagnosis import ContradictionError
 from constraints.nonlinear import NonlinearConstraint
@@ -33,12 +38,13 @@ from excite.files.design_folder import design_content
 from excite.files.task_file import task_from_options
 from excite.plots import clearance_figure, write_figures
 from excite.plots.style import VERMILLION
-from excite.plots.workspace_plot import _NEAREST, _POSES, _SOME, link_poses, workspace_figure
+from excite.plots.workspace_plot import _NEAREST, _POSES, _SOME, workspace_figure
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.readers.library import built_in
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 from regressors.symbolic.kinematics import bodies
@@ -161,7 +167,16 @@ def test_a_bound_is_met_where_surfaces_are_the_clearance_apart() -> None:
     limit = Clearance(
         robot,
         every_joint(robot),
-        [Pair(robot.links[0].name, (world.parts[0].capsule,), "ball", "base", (world.obstacles[0].shape,))],
+        [
+            Pair(
+                robot.links[0].name,
+                (world.parts[0].capsule,),
+                "ball",
+                "base",
+                (world.obstacles[0].shape,),
+                world.clearance,
+            )
+        ],
         world,
     )
     np.testing.assert_allclose(limit.shown(limit.lower), 0.05, rtol=1e-14)
@@ -469,3 +484,18 @@ def test_poses_of_links_are_those_of_pinocchio() -> None:
     for k, pose in enumerate(q):
         for name, theirs in coal_distances.link_poses(IIWA, pose).items():
             np.testing.assert_allclose(ours[name][k], theirs.homogeneous, atol=1e-12)
+
+
+def test_held_joints_take_the_capsules_of_their_links_along() -> None:
+    robot = built_in("panda")
+    rest = np.array([0.3, -0.5, 0.7, -1.9, 0.4, 1.8, -0.6])
+    moving = [1, 3]
+    held = with_locked_joints(robot, moving, rest)
+    whole, part = (placed_links(each, q) for each, q in ((robot, rest), (held, rest[moving])))
+    for before, after in zip(robot.shapes, held.shapes, strict=True):
+        for point, same in zip(
+            (before.capsule.start, before.capsule.end), (after.capsule.start, after.capsule.end), strict=True
+        ):
+            np.testing.assert_allclose(
+                whole[before.link].act(np.array(point)), part[after.link].act(np.array(same)), atol=1e-12
+            )

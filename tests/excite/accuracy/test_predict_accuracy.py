@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import excite
+from excite.accuracy.accuracy_prediction import load_accuracy
 from excite.accuracy.bounded_errors import bounded_estimates
 from excite.accuracy.linear_equations import linear_equations
 from excite.accuracy.rehearsal import Rehearsal, motion_settings
@@ -229,9 +231,10 @@ def test_a_prediction_is_saved_beside_the_design_and_foreign_files_stay(design: 
     prediction.save(tmp_path)
     (path,) = prediction.save(tmp_path)
     content = json.loads(path.read_text())
-    assert content["schema"] == "excite.accuracy/1"
+    assert content["schema"] == "excite.accuracy/2"
     assert [p["deviation"] for p in content["parameters"]] == [p.deviation for p in prediction.parameters]
     assert content["conditions"]["torque_noise"] == [1.0]
+    assert load_accuracy(path) == dataclasses.replace(prediction, conditions=content["conditions"])
     other = tmp_path / "other"
     other.mkdir()
     (other / "accuracy.json").write_text("{}")

@@ -18,8 +18,12 @@ from excite.design.problem_identity import ProblemIdentity
 from excite.design.start_results import write_start
 from excite.executors.unit_executor import InThisProcess
 
-CELLS = {name: design(name).task for name in VERSIONS}
 STEP = 7  # every so many calls
+
+
+def cells() -> dict[str, excite.Task]:
+    """Tasks by name."""
+    return {name: design(name).task for name in VERSIONS}
 
 
 class Elsewhere(InThisProcess):
@@ -51,7 +55,7 @@ def _no_search(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("executor", [InThisProcess(), Elsewhere()], ids=["shared disk", "sent back"])
 def test_a_campaign_continues_wherever_it_was_stopped(executor: InThisProcess, how: str, tmp_path: Path) -> None:
     def run(folder: Path) -> int:
-        return int(not run_campaign(CELLS, folder, executor=executor).holds)
+        return int(not run_campaign(cells(), folder, executor=executor).holds)
 
     clean = Disk(tmp_path / "clean")
     assert run_failing(clean, lambda: run(tmp_path / "clean")) == 0
@@ -60,16 +64,16 @@ def test_a_campaign_continues_wherever_it_was_stopped(executor: InThisProcess, h
     for at in range(0, len(clean.calls), STEP):
         folder = tmp_path / f"{at}"
         assert run_failing(Disk(folder, at, how), lambda folder=folder: run(folder)) == CRASHED, clean.calls[at]
-        done = {name for name in CELLS if stored_design(folder / "cells" / name) is not None}
+        done = {name for name in cells() if stored_design(folder / "cells" / name) is not None}
         kept = {name: (folder / "cells" / name / "design.json").stat().st_mtime_ns for name in done}
         assert run(folder) == 0, clean.calls[at]
         assert excite.load_campaign(folder) == expected, clean.calls[at]
         assert {name: (folder / "cells" / name / "design.json").stat().st_mtime_ns for name in done} == kept
-        assert {path.name for path in (folder / "cells").iterdir()} == set(CELLS)
+        assert {path.name for path in (folder / "cells").iterdir()} == set(cells())
 
 
 def test_a_full_disk_is_one_error_and_the_campaign_continues(tmp_path: Path) -> None:
     full = Disk(tmp_path / "out", 40, "full")
     with pytest.raises(excite.InputError, match="No space left on device"):
-        run_failing(full, lambda: int(run_campaign(CELLS, tmp_path / "out", executor="serial").holds))
-    assert run_campaign(CELLS, tmp_path / "out", executor="serial").holds
+        run_failing(full, lambda: int(run_campaign(cells(), tmp_path / "out", executor="serial").holds))
+    assert run_campaign(cells(), tmp_path / "out", executor="serial").holds

@@ -41,8 +41,9 @@ def root(cells: list[Cell], tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     def change(number: int, content: dict[str, Any]) -> None:
         content["criteria"]["condition_number"] = 1000.0 - number
-        content["robot"]["sha256"] = "one" if number < COUNT // 2 else "two"
-        content["feasible"] = number != 3
+        content["base"]["columns"] = ["one" if number < COUNT // 2 else "two"]
+        if number == 3:  # whatever the file says of it
+            content["trajectory"]["cosine"] = [[3 * x for x in row] for row in content["trajectory"]["cosine"]]
 
     copies(cells, root, change)
     broken = root / CELLS / cells[5].name

@@ -154,6 +154,7 @@ OPTIONS = (
     irp6("--executor cloud", "'cloud' is not one of process, serial, dask://HOST:PORT, dask-file:PATH, dask-loc", HELP),
     irp6("--format xml", "'--format': 'xml' is not one of 'text', 'json'", HELP),
     irp6("--tip tool0", "--base and --tip choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none"),
+    irp6("--xacro", "--xacro expands a file that ends in .urdf, .xml, .xacro, .mjcf, but 'irp6' is none of them"),
     irp6(
         "--base piovted", "--base 'piovted': expected one of gautier, pivoted, orthonormal, or the base link of a URDF"
     ),
@@ -290,6 +291,19 @@ ROBOTS = (
         "",
         "arm.urdf.xacro: the argument name has no value",
         "expand the file with one, and give the URDF: xacro arm.urdf.xacro name:=VALUE",
+    ),
+    file(
+        "arm.urdf",
+        ARM.replace('"arm"', '"${name}"'),
+        "",
+        "arm.urdf, line 1: <robot>: an expression of xacro: the text is a template, which is not expanded",
+        "rename the file to arm.urdf.xacro, or give --xacro, if you trust whom it is from",
+    ),
+    file(
+        "arm.urdf",
+        ARM.replace('"arm"', '"${(lambda: 1)()}"'),
+        "--xacro",
+        "arm.urdf, line 1: a lambda is not allowed in an expression",
     ),
     file("arm.xml", "<mujoco/>", "", "arm.xml: no moving joint below link 'world'"),
     file("arm.sdf", "<sdf/>", "", "arm.sdf: SDF is not read, expected URDF, xacro or MJCF"),

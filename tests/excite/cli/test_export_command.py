@@ -53,6 +53,7 @@ def refused(here: Here, *arguments: str) -> tuple[int, str]:
     return ended.returncode, ended.stderr
 
 
+@pytest.mark.slow
 def test_summary_as_text_and_as_json(here: Here) -> None:
     arguments = ("export", "designs/irp6", "--format", "npz", "--out", "play/a.npz")
     text = here.run(*arguments).stdout
@@ -106,11 +107,13 @@ def test_what_does_not_fit_is_one_line_and_no_file(
         ("npz", "play/motion", "ends in .npz"),
     ],
 )
+@pytest.mark.slow
 def test_names_that_a_format_cannot_have(here: Here, form: str, name: str, word: str) -> None:
     ended, said = refused(here, "designs/ur10e", "--format", form, "--out", name)
     assert (ended, word in said) == (2, True), said
 
 
+@pytest.mark.slow
 def test_files_that_are_there_stay_without_force(here: Here) -> None:
     (here.cwd / "a.csv.mapping.yaml").write_text("mine")
     arguments = ("designs/ur10e", "--format", "rtde", "--rate", "125", "--out", "a.csv")
@@ -157,7 +160,7 @@ def test_a_format_of_one_s_own(here: Here) -> None:
     ("name", "words"),
     [
         ("mine:Half", "does not state its fastest, interpolation, checked"),
-        ("mine:number", "expected a subclass of excite.MotionFormat"),
+        ("mine:number", "motion format mine:number: expected a MotionFormat, a class of such"),
         ("excite:MotionFormat", "abstract"),
         ("mine:Missing", "no 'Missing'"),
     ],

@@ -26,7 +26,7 @@ MODULES = (
     "cli.friction_fit_run",
     "cli.payload_design_command",
     "files.design_folder",
-    "files.verification_json",
+    "storage.records",
 )
 QUICK = ("design", "irp6", "--starts", "1", "--harmonics", "3", "--period", "4", "--executor", "serial", "--out", "out")
 
@@ -89,6 +89,7 @@ def test_what_is_no_format_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_no_command_imports_matplotlib_before_it_draws() -> None:
     imports = ", ".join(f"excite.{module}" for module in MODULES)
     code = f"import sys, {imports}; sys.exit('matplotlib' in sys.modules)"

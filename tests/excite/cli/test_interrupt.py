@@ -19,7 +19,7 @@ from excite.tasks.task import Task
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
 SAVED = "excite: interrupted; the best feasible motion so far is saved"
-FIGURES = {"motion.png", "phase.png", "spectrum.png", "convergence.png"}
+FIGURES = {"motion.png", "phase.png", "spectrum.png", "workspace.png", "convergence.png"}
 COMPLETE = {"design.json", "trajectory.csv", "manifest.json", *FIGURES, "starts"}
 LONG = ("irp6", "--starts", "200")
 SERIAL = ("--executor", "serial")
@@ -139,6 +139,7 @@ def test_interrupt_before_any_point_says_so(options: tuple[str, ...], tmp_path: 
     assert files_below(tmp_path / "out") == {"starts"}
 
 
+@pytest.mark.slow
 def test_interrupt_while_processes_start(tmp_path: Path) -> None:
     def importing(pid: int) -> bool:
         with suppress(OSError):
@@ -166,6 +167,7 @@ def test_interrupt_of_a_replacement_keeps_the_old_design(tmp_path: Path) -> None
     assert {name: (tmp_path / "out" / name).read_bytes() for name in old} == old
 
 
+@pytest.mark.slow
 def test_a_second_interrupt_leaves_at_once_and_spoils_nothing(tmp_path: Path) -> None:
     with running(tmp_path, *LONG) as process:
         until(lambda: finished(tmp_path))
@@ -219,6 +221,7 @@ def test_a_killed_worker_costs_no_start(tmp_path: Path) -> None:
     assert {name: content["trajectory"][name] for name in family} == family
 
 
+@pytest.mark.slow
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     with running(tmp_path, *LONG, "--workers", "2") as process:
         until(lambda: finished(tmp_path))

@@ -9,6 +9,8 @@ import pytest
 from commands import Here, files_below
 from recorded import link_files, write_files
 
+from excite.timecourse.time_study import load_time_study
+
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -27,13 +29,18 @@ def test_motions_side_by_side(here: Here) -> None:
     given = ("irp6", "run.csv", "--design", "design", "--rate", "100", "--repeats", "2", "--points", "20")
     ended = here.run("study", *given, "--below", "10", "-v", "--out", "study")
     assert ended.returncode == 0
-    for text in ("when deviations stay below 10 %", "run.csv", "2 repetitions scatter by", "written:"):
+    for text in ("all below 10 % [s]", "run.csv", "2 repetitions scatter by", "written:"):
         assert text in ended.stdout
-    assert files_below(here.cwd / "study") == {"study.json", "manifest.json", "estimates_over_time.png"}
+    assert files_below(here.cwd / "study") == {
+        "study.json",
+        "study_curves.npz",
+        "manifest.json",
+        "estimates_over_time.png",
+    }
     study = json.loads((here.cwd / "study" / "study.json").read_text(encoding="utf-8"))
-    assert study["schema"] == "excite.study/1"
+    assert study["schema"] == "excite.study/2"
     assert [course["name"] for course in study["courses"]] == ["design", "run.csv"]
-    assert [len(course["time"]) for course in study["courses"]] == [20, 20]
+    assert [len(course.time) for course in load_time_study(here.cwd / "study" / "study.json").courses] == [20, 20]
     refused = here.run("study", *given, "--out", "study")
     assert (refused.returncode, "--force" in refused.stderr) == (2, True)
 

@@ -110,7 +110,9 @@ def test_a_summary_keeps_to_the_width(capsys: pytest.CaptureFixture[str]) -> Non
     table.add_row("word " * 60)
     notes = [f"note {number} " + "of many words " * 12 for number in range(20)]
     steps = ["excite design irp6 " + "--option value " * 20 + "--out d"]
-    _print_text(Summary("verdict " * 20, None, ["fact " * 40, table], notes, [Path("d/a.csv")], steps, "d.json"), None)
+    _print_text(
+        Summary("verdict " * 20, None, False, ["fact " * 40, table], notes, [Path("d/a.csv")], steps, "d.json"), None
+    )
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 100
     assert len(lines) <= 24

@@ -57,7 +57,8 @@ KNOWN = FrictionCurves(
     }
 )
 MARGIN = 0.6
-TASK = Task("irp6", harmonics=3, starts=1, executor="serial", friction_curves=KNOWN, torque_margin=MARGIN)
+FREE_SPACE = {"self_collision": False, "floor": "none"}
+TASK = Task("irp6", harmonics=3, starts=1, executor="serial", friction_curves=KNOWN, torque_margin=MARGIN, **FREE_SPACE)
 FILE = """\
 schema: excite.friction/1
 drives:
@@ -313,7 +314,7 @@ def test_curves_of_joints_that_rest_do_no_harm() -> None:
     robot = built_in("ur10e")
     curves = FrictionCurves({name: CoulombViscous(3.0, 2.0) for name in robot.joint_names})
     limits = dataclasses.replace(robot.limits, acceleration=np.full(6, 3.0))
-    task = Task("ur10e", joints=("1", "2"), harmonics=3, friction_curves=curves, torque_margin=0.1)
+    task = Task("ur10e", joints=("1", "2"), harmonics=3, friction_curves=curves, torque_margin=0.1, **FREE_SPACE)
     made = formulate(robot.replace(limits=limits), task)
     assert made.notes == ()
     np.testing.assert_allclose(made.nonlinear[0].upper[:3], 0.9 * robot.limits.torque[:3] - [3.0, 3.0, 0.0])

@@ -8,13 +8,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import ENVIRONMENT, files_below
 
-from excite.design.certification import certify, limits_of
+from excite.design.certification import _unwound, certify, limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import (
     RUNNING,
@@ -238,6 +239,44 @@ def test_the_best_start_that_keeps_every_limit_is_taken(made: Formulation, tmp_p
     assert certify(robot, made, (*results, outside), {}).best_start == best.index
     with pytest.raises(NoFeasibleMotionError):
         certify(robot, made, (outside,), {})
+
+
+WIDE = {"velocity": (1.0,), "acceleration": (3.0,), "harmonics": 2, "starts": 1, "executor": "serial", "rate": 50.0}
+
+
+@pytest.mark.slow
+def test_whole_turns_for_nothing_are_taken_out_and_change_nothing_else() -> None:
+    task = Task("ur10e", position=((-12.0, 12.0),) * 6, joints=("1", "2"), **WIDE)
+    robot = load_robot("ur10e")
+    made, plain = formulate(robot, task), design_trajectory(task)
+    best = plain.starts[plain.best_start]
+    turned = made.problem.family.moved(best.coefficients, 2 * np.pi * np.array([1.0, -1.0]))
+    again = certify(robot, made, (replace(best, x=turned.tolist()),), {})
+    q = again.trajectory.sampled(50.0).q
+    np.testing.assert_allclose(q, plain.trajectory.sampled(50.0).q, atol=1e-12)
+    assert np.all(np.abs(q.min(axis=0) + q.max(axis=0)) / 2 <= np.pi + 1e-6)
+    assert again.condition_number == pytest.approx(plain.condition_number, rel=1e-9)
+    before = {use.label: use.extreme for use in limits_of(made, made.problem.information.trajectory(turned))}
+    after = {use.label: use.extreme for use in again.limits if not use.label.endswith("position")}
+    assert {label.split()[-1] for label in after} >= {"velocity", "acceleration", "torque"}
+    for label, extreme in after.items():
+        assert before[label] == pytest.approx(extreme, rel=1e-6, abs=1e-6), label
+
+
+@pytest.mark.parametrize(
+    ("position", "home", "turns"),
+    [((-12.0, 12.0), None, 0.0), ((5.0, 12.0), None, 1.0), ((-12.0, 12.0), (2 * np.pi, *(0.0,) * 5), 1.0)],
+    ids=["to zero", "where the limits leave no other", "to home"],
+)
+def test_whole_turns_stay_where_limits_or_home_need_them(
+    position: tuple[float, float], home: tuple[float, ...] | None, turns: float
+) -> None:
+    task = Task("ur10e", position=(position, *((-12.0, 12.0),) * 5), joints=("1", "2"), home=home, floor="none", **WIDE)
+    robot = load_robot("ur10e")
+    made = formulate(robot, task)
+    found = made.problem.family.resting(np.array([0.4 + 2 * np.pi, -0.9]))
+    trajectory, _ = _unwound(robot, made, found, ())
+    np.testing.assert_allclose(trajectory.sampled(50.0).q[:, 0], 0.4 + 2 * np.pi * turns, atol=1e-12)
 
 
 def test_a_design_keeps_its_starts_in_the_folder_that_it_is_given(tmp_path: Path) -> None:

@@ -45,23 +45,34 @@ class Case:
     binding: tuple[str, ...]
 
 
+FREE_SPACE = {"self_collision": False, "floor": "none"}
 CASES = {
     "drives, joints 4 and 5 held": Case(
-        Task("irp6", harmonics=3, torque_margin=0.6, tool_point=(0.1, 0.0, 0.1), tool_speed=0.5),
+        Task("irp6", **FREE_SPACE, harmonics=3, torque_margin=0.6, tool_point=(0.1, 0.0, 0.1), tool_speed=0.5),
         ("drive z2 torque", "tool speed"),
     ),
     "tool on held joints": Case(
-        Task("irp6", harmonics=3, joints=("1", "2"), tool_box=((None,) * 2, (None,) * 2, (1.1, None)), tool_speed=0.5),
+        Task(
+            "irp6",
+            **FREE_SPACE,
+            harmonics=3,
+            joints=("1", "2"),
+            tool_box=((None,) * 2, (None,) * 2, (1.1, None)),
+            tool_speed=0.5,
+        ),
         ("tool z", "tool speed"),
     ),
-    "one drive": Case(Task("irp6", harmonics=3, drives=("2",), torque_margin=0.6, tool_speed=0.3), ("tool speed",)),
+    "one drive": Case(
+        Task("irp6", **FREE_SPACE, harmonics=3, drives=("2",), torque_margin=0.6, tool_speed=0.3), ("tool speed",)
+    ),
     "splines": Case(
-        Task("irp6", trajectory="bspline", intervals=7, torque_margin=0.6, tool_speed=0.5),
+        Task("irp6", **FREE_SPACE, trajectory="bspline", intervals=7, torque_margin=0.6, tool_speed=0.5),
         ("drive z2 torque", "tool speed"),
     ),
     "a box": Case(
         Task(
             "panda",
+            **FREE_SPACE,
             harmonics=4,
             joints=("1", "2", "4"),
             friction=False,
@@ -300,8 +311,8 @@ BAD = {
     "--tool-speed 0": "'--tool-speed': must be a number from 1e-09 to 1000000 m/s, given 0",
     "--tool-speed nan": "'--tool-speed': must be a number from 1e-09 to 1000000 m/s, given nan",
     "--tool-point 0,0 --tool-speed 1": "expected three numbers separated by commas, given '0,0'",
-    "--tool-point 0,0,0.1": "--tool-point needs a limit of the tool, but none is given; "
-    "give --tool-box or --tool-speed",
+    "--tool-point 0,0,0.1 --floor none": "--tool-point needs a limit of the tool, but none is given; "
+    "give --tool-box, --tool-speed or --floor",
     "--torque-margin 1": "'--torque-margin': must be a number from 0 to 0.999, given 1",
     "--torque-margin nan": "'--torque-margin': must be a number from 0 to 0.999, given nan",
     "--torque-margin 0.95": "drive z1 torque: friction of 28 Nm exceeds the limit of 331.8 Nm",

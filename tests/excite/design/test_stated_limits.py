@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +12,42 @@ import pytest
 from public_arms import robots_folder
 
 import excite
+from constraints.collision.skeleton import assumed_radius, skeleton
 from constraints.feasibility.diagnosis import ContradictionError
+from excite.cli.compare_command import _verdicts as compared
+from excite.cli.design_text import design_summary
 from excite.design.formulation import formulate
-from excite.design.stated_limits import shape_of
-from excite.design.unchecked import Unchecked, checked_text, kept_text
+from excite.design.stated_limits import stated_world
+from excite.design.unchecked import Unchecked, checked_text, kept_headline, kept_text
 from excite.files.design_json import load_design
+from excite.files.robot_yaml import robot_text
 from excite.files.task_file import task_content, task_from_options
+from excite.plots import motion_figure
+from excite.report.design_section import design_section
+from excite.report.page_text import page_text
+from excite.tasks.robot_of_task import installed_robot
+from excite.tasks.stored_files import StoredRobot
 from regressors.errors import InputError
-from regressors.readers.library import built_in
+from regressors.readers.description import parse_description
+from regressors.readers.library import built_in, built_in_names
+from regressors.robot.archive import robot_from_description
 from regressors.robot.robot import Limits, Robot
 
 SHORT = {"harmonics": 3, "period": 5.0, "rate": 50.0, "starts": 2, "executor": "serial"}
-UR = {"velocity": (1.5,), "acceleration": (8.0,), "joints": ("1", "2", "3"), **SHORT}
+UR = {"velocity": (1.5,), "acceleration": (8.0,), "joints": ("1", "2", "3"), "floor": "none", **SHORT}
+
+
+LINK = """<link name="{}"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>
+  <inertia ixx="0.1" iyy="0.1" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><mesh filename="{}"/></geometry></collision></link>
+<joint name="j{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>
+  <limit lower="-1" upper="1" velocity="1" effort="50"/></joint>
+"""
+URDF = (
+    '<robot name="arm"><link name="o"/>\n'
+    + "".join(LINK.format(c, "MESH", c, p, c) for p, c in ("ob", "bc", "cd"))
+    + "</robot>\n"
+)
 
 
 def weak(torque: float) -> Robot:
@@ -56,7 +81,10 @@ def test_a_motion_that_breaks_them_is_solved_again_with_them() -> None:
 
 
 def test_a_motion_that_keeps_them_is_the_same_as_without_them() -> None:
-    free, kept = (excite.design_trajectory(excite.Task("ur10e", torque_margin=m, **UR)) for m in ("none", "auto"))
+    free, kept = (
+        excite.design_trajectory(excite.Task("ur10e", torque_margin=m, self_collision=False, **UR))
+        for m in ("none", "auto")
+    )
     np.testing.assert_array_equal(free.trajectory.x, kept.trajectory.x)
     assert any("torque" in use.label for use in kept.limits)
     assert not any("torque" in use.label for use in free.limits)
@@ -75,11 +103,14 @@ def test_a_motion_that_keeps_them_is_the_same_as_without_them() -> None:
     ids=["unknown masses", "no limits", "placeholders"],
 )  # fmt: skip
 def test_what_cannot_be_checked_is_said(robot: Robot, reason: str) -> None:
+    robot = robot.replace(shapes=())
     made = formulate(robot, excite.Task(robot, **{**UR, "joints": ("1", "2")}))
     reasons = {each.limit: each.reason for each in made.unchecked}
     assert reason in reasons["torque"]
     assert made.stated == ()
-    assert "every limit that was checked is kept; not checked:" in kept_text(made.unchecked)
+    assert kept_text(made.unchecked).startswith(
+        "limits kept; collisions NOT checked (floor, self-collision); not checked:"
+    )
     assert reasons["obstacles"] == "no world file is given"
     with pytest.raises(InputError):
         formulate(robot.replace(limits=Limits.none(robot.n)), excite.Task(robot, torque_margin=0.1, **UR))
@@ -88,16 +119,37 @@ def test_what_cannot_be_checked_is_said(robot: Robot, reason: str) -> None:
 @pytest.mark.parametrize(
     ("given", "reason"),
     [
-        ("irp6", "irp6 is built in"),
-        ("arm.xacro", "arm.xacro is not one"),
-        (weak(95.0), "the robot is given as an object"),
+        (weak(95.0).replace(shapes=()), "the robot is given as an object; give it `shapes`"),
+        (StoredRobot("arm.urdf", weak(95.0).replace(shapes=())), "the robot is that of a stored design"),
     ],
-    ids=["built in", "xacro", "object"],
+    ids=["object", "stored"],
 )
-def test_shapes_that_were_not_looked_for_are_not_denied(given: Robot | str, reason: str) -> None:
-    shape = shape_of(excite.Task(given))
-    assert isinstance(shape, Unchecked)
-    assert shape.reason.startswith(f"shapes are taken from URDF files only, and {reason}")
+def test_shapes_that_are_missing_are_named(given: Robot | StoredRobot, reason: str) -> None:
+    task = excite.Task(given)
+    robot = given if isinstance(given, Robot) else given.robot
+    reasons = {each.limit: each.reason for each in stated_world(robot, task).unchecked}
+    assert reasons["self-collision"].startswith(f"the description has no shapes, and {reason}")
+
+
+@pytest.mark.parametrize("name", built_in_names())
+def test_built_in_robots_have_shapes(name: str) -> None:
+    robot = built_in(name)
+    stated = stated_world(robot, excite.Task(name))
+    assert stated.world is not None
+    assert stated.world.parts == robot.shapes
+    assert "self-collision" not in [each.limit for each in stated.unchecked]
+    assert robot.replace(shapes=()).sha256() == robot.sha256()
+    again = robot_from_description(json.loads(json.dumps(robot.description())))
+    assert again.shapes == robot.shapes == parse_description(robot_text(robot), name).shapes
+
+
+def test_links_that_cannot_touch_leave_the_design_as_it_is() -> None:
+    task = {"starts": 2, "harmonics": 3, "executor": "serial"}
+    ways = ({"self_collision": False, "floor": "none"}, {})
+    free, kept = (excite.design_trajectory(excite.Task("irp6", **way, **task)) for way in ways)
+    np.testing.assert_array_equal(free.trajectory.x, kept.trajectory.x)
+    assert "self-collision" not in unchecked(kept)
+    assert "distance" in {use.quantity for use in kept.limits}
 
 
 def test_nothing_to_say_is_said_plainly() -> None:
@@ -119,9 +171,9 @@ def test_what_was_checked_is_counted_by_kind() -> None:
 def test_the_verdict_says_what_the_designs_limits_are() -> None:
     made = excite.design_trajectory(excite.Task("irp6", starts=1, harmonics=2, executor="serial"))
     assert made.feasible
-    assert {use.label.split()[-1] for use in made.limits} == {"position", "velocity", "acceleration", "torque"}
+    assert {use.label for use in made.limits if use.quantity == "distance"} > {"forearm to base", "wrist_turn to floor"}
     assert checked_text(use.quantity for use in made.limits) == (
-        "position (5), velocity (4), acceleration (4), torque (5)"
+        "position (5), velocity (4), acceleration (4), torque (5), distance (12)"
     )
 
 
@@ -137,7 +189,7 @@ def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", ["slsqp", "ipopt"])
 def test_a_solver_that_cannot_keep_them_is_named_with_the_remedy(solver: str) -> None:
-    task = excite.Task(weak(60.0), **{**UR, "starts": 1}, solver=solver)
+    task = excite.Task(weak(40.0), **{**UR, "starts": 1}, solver=solver, self_collision=False)
     with pytest.raises(
         excite.NoFeasibleMotionError,
         match=rf"torque at .*solver {solver} does not take .*`solver='sqp'` keeps it, `torque_margin='none'` leaves",
@@ -169,7 +221,7 @@ def test_margins_that_cannot_be_are_refused(margin: object) -> None:
 
 
 def test_a_torque_limit_that_is_given_replaces_the_default() -> None:
-    task = excite.Task("ur10e", constraints=(excite.TorqueLimit(margin=0.3),), **UR)
+    task = excite.Task("ur10e", constraints=(excite.TorqueLimit(margin=0.3),), self_collision=False, **UR)
     made = formulate(built_in("ur10e"), task)
     assert made.stated == ()
     np.testing.assert_allclose(made.nonlinear[0].upper[1], 0.7 * 330.0)
@@ -192,3 +244,68 @@ def test_contact_of_a_urdf_with_itself_is_avoided_where_the_motion_has_it(tmp_pa
     kept.save(tmp_path)
     assert load_design(tmp_path).task.limits.self_collision
     assert [each["limit"] for each in load_design(tmp_path).content["unchecked"]] == [e.limit for e in kept.unchecked]
+
+
+@pytest.mark.parametrize(
+    ("left_out", "text"),
+    [
+        ((), "plain"),
+        (("obstacles", "jerk"), "plain"),
+        (("self-collision", "obstacles"), "limits kept; collisions NOT checked (self-collision)"),
+        (("self-collision", "floor"), "limits kept; collisions NOT checked (self-collision, floor)"),
+        (("ceiling",), "limits kept; collisions NOT checked (ceiling)"),
+    ],
+)
+def test_nothing_is_said_to_hold_plainly_where_collisions_were_not_checked(
+    left_out: tuple[str, ...], text: str
+) -> None:
+    assert kept_headline(left_out, "plain") == text
+    if text != "plain":
+        assert kept_text([Unchecked(each, "why") for each in left_out]).startswith(f"{text}; not checked: ")
+
+
+@pytest.mark.slow
+def test_every_view_of_a_design_without_a_check_of_collisions_says_so(tmp_path: Path) -> None:
+    options = {"joints": ("1", "2"), "starts": 1, "harmonics": 2, "executor": "serial"}
+    safe = excite.design_trajectory(excite.Task("irp6", **options))
+    bold = excite.design_trajectory(excite.Task("irp6", self_collision=False, **options))
+    title = "limits kept; collisions NOT checked (self-collision)"
+    for design, caution in ((safe, False), (bold, True)):
+        summary = design_summary(design, ())
+        assert summary.caution is caution
+        assert (title in summary.verdict.replace("Limits", "limits")) is caution
+        assert ("within all" in summary.verdict) is not caution
+        assert (title in " ".join(motion_figure(design).get_suptitle().split())) is caution
+        design.save(tmp_path / design.robot.name / str(caution))
+        section = design_section(excite.load_design(tmp_path / design.robot.name / str(caution)), "s")
+        assert section.caution is caution
+        assert section.verdict.startswith("Limits kept; collisions NOT") is caution
+        page = page_text([section])
+        assert ("<strong>Caution</strong>" in page, "<strong>Holds</strong>" in page) == (caution, not caution)
+    judged = excite.compare([safe, bold])
+    assert [title in text for text in compared(judged)] == [False, True]
+
+
+def test_meshes_that_cannot_be_read_are_capsules_and_the_others_stay(tmp_path: Path) -> None:
+    text = URDF.replace("MESH", "there.obj")
+    corners = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.05, 0.05) for z in (0.0, 0.5)])
+    (tmp_path / "there.obj").write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners))
+    whole, part = tmp_path / "whole.urdf", tmp_path / "part.urdf"
+    whole.write_text(text)
+    part.write_text(text.replace('"there.obj"', '"gone.dae"', 1))
+    made = {}
+    for path in (whole, part):
+        task = excite.Task(str(path), velocity=(1.0,), acceleration=(3.0,))
+        made[path.stem] = stated_world(installed_robot(task), task)
+    worlds = {name: each.world for name, each in made.items()}
+    assert worlds["whole"] is not None
+    assert worlds["part"] is not None
+    kept = [each for each in worlds["part"].parts if each.link != "b"]
+    assert kept == [each for each in worlds["whole"].parts if each.link != "b"]
+    robot = installed_robot(excite.Task(str(part)))
+    assert [each for each in worlds["part"].parts if each.link == "b"] == list(
+        skeleton(robot, assumed_radius(robot), ["b"])
+    )
+    assert "self-collision" not in [each.limit for each in made["part"].unchecked]
+    assert made["whole"].notes == tuple(note for note in made["part"].notes if "assumed" not in note)
+    assert any(re.match(r"shape of b assumed: a capsule of radius .*gone\.dae", note) for note in made["part"].notes)

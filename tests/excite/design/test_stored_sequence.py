@@ -27,6 +27,7 @@ LIMITS = excite.LimitChoice(
 
 
 @pytest.mark.parametrize("name", OUTPUTS)
+@pytest.mark.slow
 def test_stored_and_made_sequences_are_the_same(name: str, tmp_path: Path) -> None:
     design = excite.design_trajectory(
         "irp6",

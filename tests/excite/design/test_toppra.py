@@ -136,6 +136,7 @@ def test_the_designed_timing_is_possible_in_the_peers_own_terms(name: str) -> No
     assert np.all((b + c) @ F.T <= g + 1e-9)
 
 
+@pytest.mark.slow
 def test_what_breaks_a_limit_is_found_out() -> None:
     """The same path under limits that the design does not keep takes longer than its duration."""
     design = designed("panda")

@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -65,8 +66,9 @@ def _identified() -> Any:
         (lambda: plan_campaign("irp6"), "the campaign will take about "),
         (lambda: repetitions(_identified(), 2, 0), "the repetitions will take about "),
         (lambda: study_over_time("irp6", [log()], points=5), "the study will take about "),
+        (lambda: excite.design_payload_motion("ur10e", 0.3), "the search will take about "),
     ],
-    ids=["identify", "verify", "plan", "repeat", "study"],
+    ids=["identify", "verify", "plan", "repeat", "study", "payload"],
 )
 def test_work_announces_itself(
     work: Callable[[], object], first: str, said: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
@@ -74,6 +76,17 @@ def test_work_announces_itself(
     monkeypatch.setattr(long_work, "LONG", -1.0)
     work()
     assert [line for line in said.messages if line.startswith(first)]
+
+
+def test_reading_announces_itself(
+    tmp_path: Path, said: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time,a.position,a.effort\n" + "".join(f"{k},{k % 7},1\n" for k in range(100)))
+    monkeypatch.setattr(long_work, "LONG", 0.0)
+    excite.read_log(path)
+    (line,) = said.messages
+    assert line.startswith(f"reading {path} will take about ")
 
 
 def test_the_command_line_prints_it(
@@ -92,7 +105,8 @@ def many(rows: int, joints: int, logs: int = 1) -> list[Log]:
     """Logs of which only the size counts."""
     columns = np.broadcast_to(np.zeros((1, joints)), (rows, joints))
     names = tuple("abcdefg"[:joints])
-    return [Log(f"log {k}", "", names, np.broadcast_to(0.0, rows), columns, effort=columns) for k in range(logs)]
+    time = 1e-6 * np.arange(rows)  # a short log is simulated as a whole
+    return [Log(f"log {k}", "", names, time, columns, effort=columns) for k in range(logs)]
 
 
 def lasting(log: Log, seconds: float) -> Log:

@@ -6,7 +6,6 @@ import pytest
 from excite.design.campaign_memory import campaign_prediction
 from excite.design.design_memory import check_richness, design_prediction, search_seconds
 from excite.errors import InputError, TooLargeError
-from excite.estimates.cap import memory_cap, value_cap
 from excite.estimates.work_prediction import BASE, MemoryPart, WorkPrediction, in_time
 from excite.friction.plan.plan_memory import plan_prediction
 from excite.friction.plan.schedule import Schedule
@@ -18,6 +17,7 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation_memory import simulation_prediction
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
+from regressors.memory_cap import memory_cap, value_cap
 from regressors.readers.library import built_in, built_in_names
 
 

@@ -62,3 +62,21 @@ def test_without_the_package_the_message_says_how_to_get_it(tmp_path: Path, monk
     monkeypatch.setitem(__import__("sys").modules, "collada", None)
     with pytest.raises(MeshError, match=r"pip install 'excite-trajectories\[meshes\]'"):
         collada_triangles(tmp_path / "m.dae")
+
+
+def test_nodes_that_stand_for_too_many_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each node stands for two of the one before it."""
+    pytest.importorskip("collada")
+    nodes = '<node id="n0"><instance_geometry url="#g"/></node>' + "".join(
+        f'<node id="n{k}"><instance_node url="#n{k - 1}"/><instance_node url="#n{k - 1}"/></node>' for k in range(1, 40)
+    )
+    text = DAE.replace("<library_visual", f"<library_nodes>{nodes}</library_nodes><library_visual")
+    geometry, node = '</translate><instance_geometry url="#g"/>', '</translate><instance_node url="#n{}"/>'
+    (tmp_path / "m.dae").write_text(text.replace(geometry, node.format(4)))
+    assert len(collada_triangles(tmp_path / "m.dae")) == 32
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.000005")
+    with pytest.raises(MeshError, match=r"m\.dae: its triangles take more than the cap of 5 kB"):
+        collada_triangles(tmp_path / "m.dae")
+    (tmp_path / "m.dae").write_text(text.replace(geometry, node.format(39)))
+    with pytest.raises(MeshError, match=r"m\.dae: its nodes stand for more than 10000 nodes"):
+        collada_triangles(tmp_path / "m.dae")

@@ -34,13 +34,13 @@ def test_a_plan_that_is_played_shows_the_friction_that_was_there(here: Here) -> 
     write_log(later.rows(slice(37, None)), here.cwd / "runs.csv")
     ended = here.run("friction", "fit", "irp6", "runs.csv", "ramps.csv", *FIT, "--out", "fit")
     assert ended.returncode == 0, ended.stderr
-    (drive,) = json.loads(ended.stdout)["drives"]
-    best = next(one for one in drive["compared"] if one["model"].startswith("asymmetric"))
+    (drive,) = json.loads(ended.stdout)["characteristics"]
+    best = next(one for one in drive["others"] if one["form"]["name"].startswith("asymmetric"))
     for side, truth in (("forward", TRUTH.forward), ("backward", TRUTH.backward)):
         for name in ("coulomb", "viscous", "stiction", "stribeck"):
             found = best["parameters"][f"{side}.{name}"]
             assert abs(found["value"] - getattr(truth, name)) < found["interval99"], (side, name)
-    assert drive["fit"]["model"] == best["model"]
+    assert drive["fit"]["form"] == best["form"]
     assert len(drive["points"]) == 10
     assert [mean["count"] for mean in drive["break_away"]] == [2, 2]
     for mean, stiction in zip(drive["break_away"], (16.8, -10.6), strict=True):

@@ -241,7 +241,7 @@ def test_a_fit_s_file_widens_the_intervals_of_what_is_identified_with_it(
     here = Here(tmp_path, monkeypatch, capfd)
     write_log(friction_run(), tmp_path / "run.csv")
     fitted = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit", "--format", "json")
-    (drive,) = json.loads(fitted.stdout)["drives"]
+    (drive,) = json.loads(fitted.stdout)["characteristics"]
     text = (tmp_path / "fit" / "friction.yaml").read_text()
     known = friction_of(text, "fit").uncertainty["z2"]
     halves = [drive["fit"]["parameters"][name]["interval99"] for name in known.parameters]

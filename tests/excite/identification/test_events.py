@@ -108,7 +108,7 @@ def test_rows_are_those_of_what_was_recorded() -> None:
 def test_the_relative_error_of_a_verification_counts_rows_about_a_blow() -> None:
     result = found(TASK, clean(), recipe=PLAIN)
     judged = verify(result, blow(clean(2)))
-    assert np.any(within(judged.time, judged.prepared.left_out))
+    assert np.any(within(judged.time, judged.log.left_out))
     assert any("about 1 impact" in remark for remark in judged.verdict.remarks)
     assert 0 < judged.event_free_error < judged.relative_error
     assert any("without these rows predictions differ by" in remark for remark in judged.verdict.remarks)

@@ -235,7 +235,7 @@ def test_the_commands_from_fit_to_verification(here: Here) -> None:
         "friction", "fit", "irp6", "run0.csv", "run1.csv", "run2.csv", "--drives", "z2", "-v", "--out", "fit"
     )
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert "coulomb_temperature" in ended.stdout
+    assert "coulomb temperature" in ended.stdout
     curve = read_friction(here.cwd / "fit" / "friction.yaml").curve("z2")
     assert isinstance(curve, Warm)
     assert curve.forward.coulomb == pytest.approx(-0.5, abs=0.02)

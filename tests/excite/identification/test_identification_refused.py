@@ -21,8 +21,8 @@ def log() -> Log:
 
 
 BAD_RECIPES = (
-    ({"delay": (0.0, 0.0)}, "`delay` must be one number, given (0.0, 0.0)"),
-    ({"cutoff": [1.0, 2.0]}, "`cutoff` must be one number, given [1.0, 2.0]"),
+    ({"delay": (0.0, 0.0)}, "delay: expected a number, given (0.0, 0.0)"),
+    ({"cutoff": [1.0, 2.0]}, "cutoff: expected a number or None, given [1.0, 2.0]"),
     ({"signals": "magic"}, "no signals named 'magic'; available: butterworth, "),
     ({"estimator": "best"}, "no estimator named 'best'; available: huber, "),
     ({"covariance": "none"}, "no covariance named 'none'; available: auto, white, robust"),

@@ -231,6 +231,7 @@ def test_information_tends_to_what_results_report(case: str) -> None:
         assert error.max() <= 1.5 / theirs + 1.5 / count
 
 
+@pytest.mark.slow
 def test_another_process_builds_the_same_problem(made: Formulation) -> None:
     problem, x = pickle.loads(pickle.dumps(made.blueprint)).problem(), motion(made.problem)
     assert problem.point(x, 8.0).value == made.problem.point(x, 8.0).value

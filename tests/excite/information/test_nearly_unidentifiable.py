@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import re
 from functools import cache
 from pathlib import Path
 
@@ -14,7 +16,7 @@ from excite.cli.design_text import print_design
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
 from excite.information.metrics import predictions
-from excite.information.nearly_unidentifiable import NearlyUnidentifiable, nearly_unidentifiable
+from excite.information.nearly_unidentifiable import NearlyUnidentifiable, hardly_excited_note, nearly_unidentifiable
 from excite.information.parameter_sizes import standard_sizes
 from excite.information.rounded_angles import rounded_angles
 from excite.information.target import IdentificationTarget, target_of
@@ -23,6 +25,8 @@ from excite.tasks.task import Task
 from regressors.errors import UnknownName
 from regressors.models.base import random_states
 from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
+from regressors.readers.library import built_in
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission
 
@@ -44,14 +48,15 @@ def arm(*, base: float = 0.0, elbow: float = np.pi / 2, drives: tuple[Drive, ...
 
 def found(robot: Robot, noise: float = 1.0, **options: object) -> dict[str, NearlyUnidentifiable]:
     """Of independent states, 500 of them."""
-    target = target_of(robot, Task(robot, friction=False, **options))
+    target = target_of(robot, Task(robot, friction=False, nearly_unidentifiable="keep", **options))
     states = random_states(target.robot, 500, seed=3)
     return {p.name: p for p in nearly_unidentifiable(target, states, np.full(2, noise))}
 
 
 @cache
 def designed() -> Design:
-    task = Task(arm(base=TILT), friction=False, period=4.0, harmonics=3, starts=1, executor="serial")
+    kept = {"friction": False, "nearly_unidentifiable": "keep"}
+    task = Task(arm(base=TILT), **kept, period=4.0, harmonics=3, starts=1, executor="serial")
     return design_trajectory(task)
 
 
@@ -62,7 +67,7 @@ def test_an_axis_that_leans_against_gravity_by_rounding_shows_a_moment_in_theory
     assert (first.what, first.together) == ("first moment of link upper", ())
     assert first.effect == pytest.approx(9.81 * TILT * first.size, rel=1e-3)  # Nm, the noise is 1 Nm
     assert first.size == pytest.approx(np.hypot(np.linalg.norm(THETA[1:4]), 0.3 * 2.0))  # m1c1x + a m2
-    target = target_of(arm(base=TILT), Task(arm(base=TILT), friction=False))
+    target = target_of(arm(base=TILT), Task(arm(base=TILT), friction=False, nearly_unidentifiable="keep"))
     predicted = {p.name: p for p in predictions(target, random_states(target.robot, 500, seed=3), np.ones(2))}
     assert first.deviation == pytest.approx(predicted["m1c1x"].standard_deviation, rel=1e-6)
     assert first.factor > FACTOR
@@ -124,12 +129,76 @@ def test_a_design_that_shows_everything_says_nothing_of_it() -> None:
     assert not any("nearly" in note for note in design.notes)
 
 
+# --- joints that are hardly excited ----------------------------------------------------------------------------------
+
+SCARA = Path(__file__).resolve().parents[2] / "arms" / "scara.urdf"
+
+
+def hardly_excited(
+    robot: Robot, noise: tuple[float, ...] | None = None, speed: float = 1.0, **options: object
+) -> str | None:
+    target = target_of(robot, Task(robot, **options))
+    states = random_states(target.robot, 200, seed=0)
+    slower = dataclasses.replace(states, dq=speed * states.dq, ddq=speed**2 * states.ddq)
+    return hardly_excited_note(target, slower, noise)
+
+
+def test_the_roll_of_a_scara_is_named_and_what_helps_ends_it() -> None:
+    robot = excite.load_robot(str(SCARA))
+    note = hardly_excited(robot, speed=0.1) or ""
+    assert re.search(r"roll \(the known masses cause [\de.-]+ Nm, a tenth of its torque limit is 0.8 Nm\)", note)
+    assert all(word in note for word in ("`payload`", "`mount`", "faster", "longer"))
+    heavy = robot.replace(links=(*robot.links[:3], Link("flange", 50 * robot.links[3].theta)))
+    tilted = robot.replace(gravity=[9.81, 0.0, 0.0])
+    helped = hardly_excited(robot), hardly_excited(heavy, speed=0.1), hardly_excited(tilted, speed=0.1)
+    assert not any("roll (" in (note or "") for note in helped)
+
+
+def test_the_last_joint_of_a_ur10e_is_named_and_none_of_an_irp6() -> None:
+    note = hardly_excited(built_in("ur10e"))
+    assert note is not None
+    assert "excites wrist_3_joint (" in note
+    assert hardly_excited(built_in("irp6"), joints=("1", "2", "3")) is None
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.9, True), (1.1, False)])
+@pytest.mark.parametrize("hides", ["friction", "noise", "limit"])
+def test_two_per_cent_of_what_hides_a_torque(hides: str, share: float, named: bool) -> None:
+    """The second joint's torque against the oracle of simulated inverse dynamics: rows times the true parameters."""
+    plain = arm()
+    model = DifferentialModel(plain)
+    definition, names = model.definition()
+    known = {**dict.fromkeys(names, 0.0), **standard_values(plain)}
+    torque = model.instants(random_states(plain, 200, seed=0)) @ definition @ [known[name] for name in names]
+    size = float(np.sqrt(np.mean(torque.reshape(-1, 2)[:, 1] ** 2))) / 0.02 / share
+    robot, noise = plain, None
+    if hides == "noise":
+        noise = (1e-3, size)
+    elif hides == "friction":
+        robot = arm(drives=(Drive("d1", coulomb=1e-3), Drive("d2", coulomb=size)))
+    else:
+        robot = plain.replace(limits=dataclasses.replace(plain.limits, torque=np.array([np.inf, 10 * size])))
+    note = hardly_excited(robot, noise)
+    assert (note is not None and "excites elbow (" in note) == named
+
+
+def test_of_unknown_masses_nothing_is_said() -> None:
+    robot = arm().replace(links=(Link("upper"), Link("fore")))
+    assert hardly_excited(robot, (1e9,)) is None
+
+
+@pytest.mark.slow
+def test_a_design_names_the_joint_in_its_notes() -> None:
+    design = design_trajectory(Task(str(SCARA), starts=1, executor="serial", period=4.0, harmonics=3))
+    assert sum("hardly excites roll (" in note for note in design.notes) == 1
+
+
 # --- left out --------------------------------------------------------------------------------------------------------
 
 
 def bases(robot: Robot, **options: object) -> tuple[IdentificationTarget, IdentificationTarget]:
     """With them and without."""
-    task = Task(robot, friction=False, **options)
+    task = Task(robot, friction=False, nearly_unidentifiable="keep", **options)
     return target_of(robot, task), target_of(robot, task.changed(nearly_unidentifiable="drop"))
 
 
@@ -184,6 +253,80 @@ def test_design_and_identification_leave_out_the_same(tmp_path: Path) -> None:
     assert target_of(again.robot, again.task).base.names == design.base.names
 
 
+# --- left out by default: what rounding alone shows ------------------------------------------------------------------
+
+
+def small_and_fast(robot: Robot) -> Robot:
+    """The robot with speed limits that differ a hundred thousand times."""
+    limits = robot.limits
+    return robot.replace(limits=Limits(limits.lower, limits.upper, np.array([0.01, 1e3]), *[np.full(2, np.inf)] * 3))
+
+
+GEARED = (Drive("d1"), Drive("d2", ConstantRatio(50.0), rotor_inertia=1e-4))
+
+
+@pytest.mark.parametrize("model", ["differential", "energy"])
+@pytest.mark.parametrize("noise", [None, 1e-6])
+@pytest.mark.parametrize(
+    ("rounded", "exact", "left_out"),
+    [
+        (arm(base=TILT), arm(), ("m1c1x", "m1c1y")),
+        (arm(base=TILT), arm(base=-TILT), ("m1c1x", "m1c1y")),
+        (small_and_fast(arm(base=TILT)), small_and_fast(arm()), ("m1c1x", "m1c1y")),
+        (arm(elbow=np.pi / 2 + TILT, drives=GEARED), arm(drives=GEARED), ("Iar2",)),
+    ],
+)
+def test_what_only_rounding_shows_is_left_out(
+    rounded: Robot, exact: Robot, left_out: tuple[str, ...], noise: float | None, model: str
+) -> None:
+    options = {"friction": False, "model": model, "noise": noise}
+    found, meant = (target_of(robot, Task(robot, **options)) for robot in (rounded, exact))
+    assert found.base.by_rounding == left_out
+    assert found.base.names == meant.base.names
+    assert found.base.expressions == meant.base.expressions
+    np.testing.assert_allclose(found.base.D, meant.base.D, atol=1e-6)
+    states = random_states(found.robot, 200, seed=4)
+    W = found.model.instants(states)
+    assert np.abs(W - W[:, found.base.index] @ found.base.D).max() < 1e-3 * np.abs(W).max()
+    assert {T.shape for T in found.transforms.values()} == {(meant.base.rank,) * 2}
+
+
+@pytest.mark.parametrize("robot", [arm(), arm(base=1e-3), arm(elbow=1.5), small_and_fast(arm(base=1e-3))])
+def test_a_lean_of_a_thousandth_is_no_rounding(robot: Robot) -> None:
+    found, kept = (
+        target_of(robot, Task(robot, friction=False, nearly_unidentifiable=choice)).base
+        for choice in ("drop-rounding", "keep")
+    )
+    assert found.by_rounding == ()
+    assert found.names == kept.names
+    np.testing.assert_array_equal(found.D, kept.D)
+
+
+@pytest.mark.parametrize("name", excite.built_in_names())
+def test_built_in_robots_keep_all_their_parameters(name: str) -> None:
+    found, kept = (
+        target_of(excite.load_robot(name), Task(name, nearly_unidentifiable=choice)).base
+        for choice in ("drop-rounding", "keep")
+    )
+    assert found.by_rounding == ()
+    np.testing.assert_array_equal(found.D, kept.D)
+
+
+def test_a_design_says_what_rounding_it_left_out_and_its_identification_does_the_same(tmp_path: Path) -> None:
+    robot = arm(base=TILT)
+    design = design_trajectory(designed().task.changed(nearly_unidentifiable="drop-rounding"))
+    assert "m1c1x, m1c1y, which exist by rounding only (the axis of joint shoulder is 3.7e-06 rad" in design.notes[0]
+    assert design.condition_number < 1e-2 * designed().condition_number
+    run = excite.simulate(design, noise=0.01, seed=1)
+    found = excite.identify(robot, run, design=design)
+    assert found.estimate.names == design.base.names
+    assert any("exist by rounding only" in note for note in found.estimate.notes)
+    kept = excite.identify(robot, run, design=designed())
+    assert kept.estimate.names == designed().base.names
+
+
 def test_no_other_choice_is_known() -> None:
-    with pytest.raises(UnknownName, match=r"no nearly_unidentifiable named 'hide'; available: keep, drop"):
+    with pytest.raises(
+        UnknownName, match=r"no nearly_unidentifiable named 'hide'; available: drop-rounding, keep, drop"
+    ):
         Task("irp6", nearly_unidentifiable="hide")

@@ -232,3 +232,32 @@ def test_segments_are_the_rows_between_gaps():
     assert segments(one) == (one,)
     with pytest.raises(InputError, match="gaps leave no part of 60 s or more"):
         segments(log, shortest=60.0)
+
+
+def spoiled(channel, row, value):
+    values = getattr(good(seconds=1.0), channel).copy()
+    values[row] = value
+    return {channel: values}
+
+
+NO_LOGS = {
+    "an infinite time": (spoiled("time", -1, np.inf), "time is not finite in row 200"),
+    "reversed times": (
+        {"time": good(seconds=1.0).time[::-1]},
+        "time must increase .* row 1 has 0.995",
+    ),
+    "a repeated time": (spoiled("time", 3, 0.01), "row 3 has 0.01 s and row 4 0.01 s"),
+    "a gap in positions": (spoiled("q", 7, np.nan), "q is not finite in row 8; leave out the rows with gaps"),
+    "a gap in efforts": (spoiled("effort", 0, np.nan), "effort is not finite in row 1"),
+    "complex positions": ({"q": good(seconds=1.0).q + 0j}, "q: expected an array of real numbers"),
+    "times as a table": ({"time": good(seconds=1.0).time[:, None]}, "expected one number per instant"),
+    "a joint too few": ({"dq": good(seconds=1.0).dq[:, 1:]}, r"dq has shape \(200, 6\), not \(200, 7\)"),
+    "text": ({"temperature": np.full((200, 7), "hot")}, "temperature: expected an array of real numbers or None"),
+}
+
+
+@pytest.mark.parametrize("case", NO_LOGS)
+def test_what_is_no_log_is_refused_where_it_is_made(case):
+    change, message = NO_LOGS[case]
+    with pytest.raises(InputError, match=message):
+        replace(good(seconds=1.0), **change)

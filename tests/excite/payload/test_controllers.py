@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from excite.payload.controllers import CONTROLLERS, controller_text, frame_of
+from excite.payload.controllers import CONTROLLERS, frame_of
 from excite.payload.controllers.abb_loaddata import quaternion_of
 from excite.payload.controllers.kuka_load_data import angles_of
 from excite.payload.held_body import Frame, HeldBody
@@ -28,7 +28,7 @@ NUMBER = r"-?\d+\.\d+"
 def held() -> PayloadResult:
     none = np.zeros(0)
     estimate = LoadEstimate(PHI, 1e-9 * np.eye(10), 0 * np.eye(10), none, np.zeros((0, 0)), none, 9, none, 9.0)
-    return PayloadResult(load_robot("panda"), Frame("flange", np.eye(3), np.zeros(3)), estimate, "wrench", None, ())
+    return PayloadResult(load_robot("panda"), Frame("flange", np.eye(3), np.zeros(3)), estimate, "wrench", None)
 
 
 def numbers(text: str) -> list[float]:
@@ -36,7 +36,7 @@ def numbers(text: str) -> list[float]:
 
 
 def line(name: str) -> str:
-    lines = controller_text(name, held()).splitlines()
+    lines = held().text_for(name).splitlines()
     return next(one for one in lines if not one.startswith(("#", "//", ";", "!", "<!--")))
 
 
@@ -78,7 +78,7 @@ def test_abb() -> None:
 
 
 def test_urdf() -> None:
-    root = ET.fromstring(f"<robot>{controller_text('urdf', held())}</robot>")
+    root = ET.fromstring(f"<robot>{held().text_for('urdf')}</robot>")
     inertial = root.find("link/inertial")
     assert inertial is not None
     tensor = {name: float(value) for name, value in inertial.find("inertia").attrib.items()}  # type: ignore[union-attr]
@@ -88,12 +88,12 @@ def test_urdf() -> None:
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_every_form_says_in_which_frame_it_is(name: str) -> None:
-    assert "in: flange; expected: " + frame_of(name)[:6] in controller_text(name, held())
+    assert "in: flange; expected: " + frame_of(name)[:6] in held().text_for(name)
 
 
 def test_an_unknown_controller_is_refused() -> None:
     with pytest.raises(UnknownName, match="controller"):
-        controller_text("fanuc", held())
+        held().text_for("fanuc")
 
 
 @pytest.mark.parametrize("seed", range(20))

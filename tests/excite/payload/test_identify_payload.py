@@ -15,6 +15,7 @@ from played import LOAD
 
 import excite
 from excite.payload.gains_file import read_gains, save_gains
+from excite.payload.payload_result import load_payload
 from excite.simulation.payload import Payload
 from regressors.errors import InputError, TakenError
 from regressors.models.payload import PayloadModel
@@ -66,6 +67,7 @@ def test_the_payload_model_is_what_a_body_adds_to_the_inverse_dynamics(name: str
     np.testing.assert_allclose((K @ LOAD).reshape(-1, robot.n), extra, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_the_motion_stays_in_its_box_and_is_at_rest_at_both_ends(played: Played) -> None:
     design = played.motion.design
     assert design.feasible
@@ -126,7 +128,7 @@ def test_a_wrench_gives_the_load_and_the_frame_turns_it(played: Played) -> None:
     np.testing.assert_allclose(found.estimate.phi, PHI, atol=1e-5)
     there = excite.identify_payload("panda", played.held, without=played.bare, frame=(0, 0, 0.107), frame_name="flange")
     np.testing.assert_allclose(there.body.centre, [0.02, -0.01, 0.15 - 0.107], atol=1e-3)
-    assert there.content()["frame"]["name"] == "flange"
+    assert there.stated["frame"]["name"] == "flange"
 
 
 @pytest.mark.slow
@@ -218,7 +220,7 @@ def test_files_that_are_no_gains_are_refused(text: str, tmp_path: Path) -> None:
 def test_what_is_written(played: Played, tmp_path: Path) -> None:
     result = excite.identify_payload("panda", noisy(played.held, 1), without=noisy(played.bare, 2))
     files = result.save(tmp_path / "out")
-    content = json.loads((tmp_path / "out" / "payload.json").read_text())
+    content = json.loads((tmp_path / "out" / "payload.json").read_text())["payload"]
     for name, shape in (("mass", ()), ("centre", (3,)), ("inertia", (3, 3))):
         assert np.shape(content[name]["value"]) == shape
         low, high = np.moveaxis(np.array(content[name]["interval"]), -1, 0)
@@ -228,6 +230,12 @@ def test_what_is_written(played: Played, tmp_path: Path) -> None:
     assert {path.name for path in files} == names - {"manifest.json"}
     with pytest.raises(TakenError):
         result.save(tmp_path / "out")
+    read = load_payload(tmp_path / "out" / "payload.json")
+    assert (read.stated, read.notes, read.rated) == (result.stated, result.notes, result.rated)
+    assert (read.without, read.loaded) == (result.without, result.loaded)
+    np.testing.assert_array_equal(read.intervals, result.intervals)
+    np.testing.assert_array_equal(read.estimate.residuals, result.estimate.residuals)
+    assert read.robot.sha256() == result.robot.sha256()
 
 
 @pytest.mark.slow

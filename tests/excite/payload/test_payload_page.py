@@ -28,7 +28,7 @@ def test_every_command_of_the_page_works(tmp_path: Path, monkeypatch: pytest.Mon
         beyond = "simulate" in command and "--load" in command  # the simulated controller does not know the load
         assert ended.value.code in ((0, None, 1) if beyond else (0, None)), command
     for folder, height in (("payload", 0.15 - 0.107), ("by-wrench", 0.15)):
-        content = json.loads((tmp_path / folder / "payload.json").read_text(encoding="utf-8"))
+        content = json.loads((tmp_path / folder / "payload.json").read_text(encoding="utf-8"))["payload"]
         low, high = content["mass"]["interval"]
         assert low <= 2.0 <= high
         assert abs(content["mass"]["value"] - 2.0) < 0.06

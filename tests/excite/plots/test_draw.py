@@ -29,7 +29,7 @@ def result(design: excite.Design) -> excite.Identification:
 def test_a_design_is_drawn(design: excite.Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     figures = excite.draw(design)
-    assert list(figures) == list(FIGURES)
+    assert list(figures) == [*FIGURES, "workspace"]
     assert all(isinstance(figure, Figure) for figure in figures.values())
     assert list(tmp_path.iterdir()) == []
 

@@ -18,11 +18,9 @@ from matplotlib.transforms import Bbox
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
 from excite.identification.observations import Observations
-from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues
 from excite.information.target import IdentificationTarget, target_of
-from excite.logs.log import Log
 from excite.plots import (
     error_parts_figure,
     estimates_figure,
@@ -47,7 +45,7 @@ from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError
 from excite.verification.simulated_motion import motion_errors
 from excite.verification.verdict import Tolerances, Verdict
-from excite.verification.verification import Verification
+from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.errors import InputError
 from regressors.readers.library import built_in, load_robot
 from regressors.samples import Samples
@@ -523,22 +521,21 @@ def made_verification(outcome: Outcome = Outcome.DONE) -> Verification:
         TorqueError(name, unit, 7.0, 0.5, 0.5 / 7.0, 1.0, 3.5, *part)
         for (name, unit), part in zip(EQUATIONS, parts, strict=True)
     )
-    log = Log("/logs/new.csv", "", ("q1", "q2", "slide"), time, q)
     motions = motion_errors(replay, samples, {"q1": "rad", "q2": "rad", "slide": "m"}) if replay.ok else None
     return Verification(
         robot=built_in("irp6"),
+        log=VerifiedLog("/logs/new.csv", "", time.size, float(time[0]), float(time[-1])),
         tolerances=Tolerances(),
-        prepared=PreparedLog(log, samples, measured, ()),
-        equations=EQUATIONS,
         time=time,
         measured=measured,
         predicted=measured + 0.5,
         torques=torques,
         relative_error=0.07,
         training_error=0.05,
+        motion=MeasuredMotion(("q1", "q2", "slide"), time, q),
         replay=replay,
         motions=motions,
-        verdict=Verdict(True, (), ()),
+        verdict=Verdict(),
     )
 
 
@@ -565,7 +562,7 @@ def test_simulated_motion_breaks_where_it_starts_anew(verification: Verification
     assert len(figure.axes) == 6
     for j in range(3):
         over, beside = figure.axes[2 * j : 2 * j + 2]
-        np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.prepared.samples.q[:, j])
+        np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion.q[:, j])
         np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), replay.q[:, j])
         (line,) = [line for line in beside.lines if line.get_color() == VERMILLION]
         broken = np.flatnonzero(np.isnan(np.asarray(line.get_ydata())))
@@ -587,7 +584,7 @@ def test_windows_that_are_not_simulated_stay_empty(verification: Verification) -
     figure = simulated_motion_figure(dataclasses.replace(verification, replay=some))
     over = figure.axes[0]
     np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), every.q[rows, 0])
-    np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.prepared.samples.q[:, 0])
+    np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion.q[:, 0])
     assert "starts at the measured state, every 0.50 s where it is simulated" in legend_texts(figure)
 
 
@@ -598,8 +595,8 @@ def test_long_curves_are_drawn_by_their_extremes(verification: Verification) -> 
     assert verification.replay is not None
     starts = tuple(range(0, 40_000, 500))
     replay = dataclasses.replace(verification.replay, time=time, q=q, dq=q, starts=starts)
-    prepared = dataclasses.replace(verification.prepared, samples=Samples(time, q, q, q, q))
-    figure = simulated_motion_figure(dataclasses.replace(verification, replay=replay, prepared=prepared))
+    motion = dataclasses.replace(verification.motion, time=time, q=q)
+    figure = simulated_motion_figure(dataclasses.replace(verification, replay=replay, motion=motion))
     for colour in (MEASURED_COLOUR, PREDICTED_COLOUR):
         drawn = curve(figure.axes[0], colour)
         assert drawn.size < 4000

@@ -53,6 +53,7 @@ def test_bounds_are_those_of_joints_and_drives_the_tighter_ones(figure: Figure) 
         assert np.all(curve[:, 1] <= ax.get_ylim()[1])
 
 
+@pytest.mark.slow
 def test_a_bound_far_away_does_not_flatten_the_motion() -> None:
     limits = LimitChoice(velocity=(50.0,), acceleration=(1.0,))
     design = design_trajectory(

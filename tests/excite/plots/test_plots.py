@@ -230,13 +230,14 @@ def test_axes_are_labelled_with_units(motion: Figure) -> None:
 def test_motion_title_says_what_rests_and_whether_limits_hold(design: Design, motion: Figure) -> None:
     assert motion.get_suptitle() == "irp6: motion of 10 s, every limit that was checked is kept"
     said = notes(motion)
-    assert said[:1] == ["checked, with the number of limits: position (5), velocity (4), acceleration (4), torque (5)"]
-    assert "not checked: jerk (no limit is stated), self-collision (" in said[1]
+    kinds = "position (5), velocity (4), acceleration (4), torque (5), distance (12)"
+    assert said[:1] == [f"checked, with the number of limits: {kinds}"]
+    assert "not checked: jerk (no limit is stated), obstacles (" in said[1]
     assert "at rest: q4, q5" in said
     first = design.limits[0]
     broken = dataclasses.replace(first, extreme=first.bound * 1.05, margin=-0.05 * abs(first.bound), use=1.05)
     figure = motion_figure(dataclasses.replace(design, limits=(broken, *design.limits[1:])))
-    assert "1 of 18 limits BROKEN" in figure.get_suptitle()
+    assert "1 of 30 limits BROKEN" in figure.get_suptitle()
     (note,) = [text for text in figure.axes[0].findobj(Text) if "used" in text.get_text()]
     assert note.get_text().endswith("105.0 % used, BROKEN")
     assert note.get_color() == VERMILLION
@@ -331,6 +332,7 @@ def coupled_robot() -> Robot:
         limits=dataclasses.replace(Limits.none(2), lower=np.array([-2.0, -2.0]), upper=np.array([2.0, 2.0])),
         transmission=Transmission(coupling, drives, limits, np.array([1.5, 0.25, -0.25, 0.0])),
         structure=type(robot.structure)(),
+        shapes=(),
     )
 
 
@@ -548,7 +550,13 @@ def test_a_criterion_that_is_not_positive_stands_on_a_linear_scale(design: Desig
 
 def test_written_figures_open_and_are_not_blank(design: Design, tmp_path: Path) -> None:
     paths = write_figures(design, tmp_path)
-    assert [path.name for path in paths] == ["motion.png", "phase.png", "spectrum.png", "convergence.png"]
+    assert [path.name for path in paths] == [
+        "motion.png",
+        "phase.png",
+        "spectrum.png",
+        "convergence.png",
+        "workspace.png",
+    ]
     assert sorted(tmp_path.iterdir()) == sorted(paths)
     for path in paths:
         image = imread(path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.posterior.possible_set import PossibleSet
+from excite.identification.estimators.possible_set import PossibleSet
 from excite.posterior.posterior_coordinates import PosteriorCoordinates
 from excite.posterior.reflected_paths import ReflectedPaths, next_points
 

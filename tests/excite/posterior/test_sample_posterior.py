@@ -201,7 +201,7 @@ def _without_covariance(result: StoredResult) -> Any:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda _: 3, "expected a result of `identify` or its folder"),
+        (lambda _: 3, "result: expected a result of `identify`, text or a path"),
         (lambda _: "nowhere", "nowhere holds no result"),
         (_without_covariance, "states no covariance"),
         (_singular, "not positive definite"),

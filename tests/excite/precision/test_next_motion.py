@@ -115,6 +115,7 @@ def test_the_runs_are_the_fewest_that_are_expected_to_be_enough(result: excite.I
     )
 
 
+@pytest.mark.slow
 def test_a_sequence_ends_where_it_is_expected_to(result: excite.Identification) -> None:
     step = excite.next_motion("irp6", 0.2, after=result, period=4, search=SEARCH)
     assert step.runs == 1

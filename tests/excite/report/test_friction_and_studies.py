@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,15 +15,15 @@ from written_results import design, plan, result
 import excite
 from excite.files.friction_file import write_friction
 from excite.files.result_json import result_content
+from excite.friction.fit.friction_fit import load_friction_fit
 from excite.identification.result import StoredResult
 from excite.report.campaign_section import campaign_section
-from excite.report.friction_fit_section import StoredFrictionFit, load_friction_fit
 from excite.report.page_text import page_text
 from excite.report.player_log import Appearance
 from excite.report.restored_friction_plan import load_friction_plan
 from excite.report.result_section import result_section
-from excite.report.time_study_section import load_time_study
 from excite.report.write_report import report_text
+from excite.timecourse.time_study import load_time_study
 from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurves
 
@@ -54,6 +55,20 @@ def test_a_friction_plan(planned: Path) -> None:
     assert len(parsed.of("svg")) == 1
 
 
+def test_limits_of_a_plan_are_those_of_its_files(planned: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(planned, tmp_path / "plan")
+    (folder / "manifest.json").unlink()
+    lines = (folder / "z3.csv").read_text().splitlines(keepends=True)
+    k = lines[0].split(",").index("q3.velocity")
+    rows = (line.split(",") for line in lines[1:])
+    fast = [",".join([*row[:k], str(3 * float(row[k])), *row[k + 1 :]]) for row in rows]
+    (folder / "z3.csv").write_text("".join([lines[0], *fast]))
+    page = ParsedPage(report_text(folder))
+    verdict = next("".join(each.text) for each in page.elements if "verdict" in str(each.attributes.get("class")))
+    assert "It breaks" in verdict
+    assert "velocity" in verdict
+
+
 def test_the_motion_of_a_stored_plan_is_the_planned_one(planned: Path) -> None:
     (coordinate,), (runs,) = plan("old").coordinates, load_friction_plan(planned).runs
     s, ds, *_ = coordinate.runs.values(runs.time)[0]
@@ -70,14 +85,14 @@ def test_the_motion_of_a_stored_plan_is_the_planned_one(planned: Path) -> None:
 @pytest.mark.slow
 def test_a_fit_of_friction_curves(fit: excite.FrictionFit, tmp_path: Path) -> None:
     fit.save(tmp_path / "fit")
-    stored = load_friction_fit(tmp_path / "fit")
-    assert isinstance(stored, StoredFrictionFit)
+    stored = load_friction_fit(tmp_path / "fit" / "fit.json")
     (known,), (made,) = stored.characteristics, fit.characteristics
     assert known.fit is not None
     assert made.fit is not None
     assert (known.fit.form, known.points, known.stiction) == (made.fit.form, made.points, made.stiction)
     v = np.linspace(-1.0, 1.0, 7)
-    np.testing.assert_allclose(known.fit.band(v), made.fit.band(v), rtol=1e-9)
+    np.testing.assert_array_equal(known.fit.band(v), made.fit.band(v))
+    assert [other.form for other in known.others] == [other.form for other in made.others]
     parsed, new = (ParsedPage(report_text(each)) for each in (tmp_path / "fit", fit))
     rows = [
         [value, *([] if name in made.fit.held else [value - half, value + half])]
@@ -94,16 +109,19 @@ def test_a_fit_of_friction_curves(fit: excite.FrictionFit, tmp_path: Path) -> No
 def test_a_study(tmp_path: Path) -> None:
     study = excite.study_over_time("irp6", designs=[design("old")], points=10, repeats=2, rate=100.0)
     study.save(tmp_path / "s")
-    stored = load_time_study(tmp_path / "s" / "study.json").study
+    stored = load_time_study(tmp_path / "s" / "study.json")
     (known,), (made,) = stored.courses, study.courses
     np.testing.assert_array_equal(known.time_below(0.05), made.time_below(0.05))
     seen = np.isfinite(made.half_width)
-    np.testing.assert_allclose(known.half_width[seen], made.half_width[seen], rtol=1e-9)
+    np.testing.assert_array_equal(known.half_width[seen], made.half_width[seen])
+    np.testing.assert_array_equal(known.scatter, made.scatter)
+    np.testing.assert_allclose(known.repeated, made.repeated, rtol=1e-6)
     parsed = ParsedPage(report_text(tmp_path / "s"))
     assert [row[0] for row in parsed.numbers("course")] == made.values[-1].tolist()
     assert len(parsed.of("svg")) == 1
 
 
+@pytest.mark.slow
 def test_repetitions() -> None:
     rows = [
         {
@@ -149,7 +167,7 @@ def test_a_campaign_lists_its_designs(tmp_path: Path) -> None:
     [
         ("plan.json", {"trajectories": [{}]}, "not a complete friction plan"),
         ("plan.json", {"trajectories": []}, "not a complete friction plan"),
-        ("fit.json", {"drives": [{"name": "z9"}]}, "not a complete fit"),
+        ("fit.json", {"drives": [{"name": "z9"}]}, "not a complete friction fit"),
         ("study.json", {"courses": [{}]}, "not a complete study"),
     ],
 )

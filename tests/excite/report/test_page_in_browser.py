@@ -14,7 +14,7 @@ from reported import reported_design
 from written_results import result
 
 import excite
-from excite.plots.workspace_plot import link_poses
+from constraints.collision.frames import link_poses
 from excite.report.dark_colours import dark
 
 pytestmark = [

@@ -11,13 +11,12 @@ import pytest
 from reported import HOSTILE, reported_design
 
 import excite
+from constraints.collision.frames import link_poses
 from excite.files.mesh import mesh_triangles
 from excite.files.urdf_meshes import urdf_meshes
-from excite.plots.workspace_plot import link_poses
 from excite.report.decimation import decimated
 from excite.report.player_motion import FRAMES, player_motion
-from excite.report.restored_design import law_of_jerks
-from excite.trajectories.scurve import time_optimal
+from excite.trajectories.scurve import SCurve, time_optimal
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -94,7 +93,7 @@ def test_objects_and_capsules_are_those_of_the_world(motion: dict[str, Any]) -> 
 
 def test_a_law_is_that_of_its_jerks() -> None:
     law = time_optimal(0.7, 1.3, 6.0).stretched(3.0)
-    again = law_of_jerks(law.breaks, law.derivative(3)[0])
+    again = SCurve.of_jerks(law.breaks, law.derivative(3)[0])
     time = np.linspace(0.0, 3.0, 50)
     np.testing.assert_allclose(again.values(time), law.values(time), atol=1e-9)
 

@@ -13,12 +13,12 @@ from written_results import design, result, verification
 
 import excite
 from excite.files.result_curves import CURVES, result_curves
-from excite.files.verification_curves import verification_curves
 from excite.report.player_log import Appearance
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
-from excite.report.verification_section import load_verification, verification_section
+from excite.report.verification_section import verification_section
 from excite.report.write_report import report_text
+from excite.verification.verification import load_verification
 from regressors.errors import InputError
 
 LOOKS = Appearance()
@@ -104,15 +104,6 @@ def test_curves_that_were_edited_are_refused(folder: Path, tmp_path: Path) -> No
 
 def test_long_logs_are_stored_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("excite.files.result_curves.every", lambda _: 4)
-    monkeypatch.setattr("excite.files.verification_curves.every", lambda *_: 4)
     observations, arrays = result("old").observations, result_curves(result("old"))
     np.testing.assert_array_equal(arrays["time"], np.repeat(np.unique(observations.time)[::4], 3))
     np.testing.assert_allclose(arrays["measured"][:3], observations.y[:3], rtol=1e-6)
-    arrays = verification_curves(verification("old"))
-    bounds = verification("old").replay.bounds
-    kept = [
-        (arrays["replay_time"][a], arrays["replay_time"][b - 1])
-        for a, b in zip(arrays["replay_starts"], arrays["replay_stops"], strict=True)
-    ]
-    whole = verification("old").replay.time
-    assert kept == [(whole[a], whole[b - 1]) for a, b in bounds]

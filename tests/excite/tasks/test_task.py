@@ -162,3 +162,14 @@ def test_angles_as_printed_are_an_option_of_a_task(tmp_path: Path) -> None:
     content = {name: value for name, value in task_content(Task("arm.urdf")).items() if name != "snap_angles"}
     assert task_from_options(content).snap_angles is True
     assert task_from_options(content, stored=True).snap_angles is False
+
+
+def test_expanding_a_file_is_an_option_of_a_task(tmp_path: Path) -> None:
+    """It is written where it is asked for, and not asked for by what is stored without it."""
+    (tmp_path / "task.yaml").write_text("robot: arm.urdf\nxacro: true\n")
+    task = task_from_options(read_task_file(tmp_path / "task.yaml"))
+    assert (task.xacro, task.changed(period=20).xacro) == (True, True)
+    assert task_from_options(task_content(task), stored=True).xacro is True
+    assert "xacro" not in task_content(Task("arm.urdf"))
+    with pytest.raises(InputError, match="`xacro=True` says how to read the file of a robot, but no file is named"):
+        excite.identify(excite.load_robot("irp6"), [], xacro=True)

@@ -12,12 +12,12 @@ from played import TASK, found, irp6, noisy, played, three_joints
 
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
-from excite.files.time_study_json import time_study_content
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.plots.time_course_plot import estimates_over_time_figure
 from excite.simulation.simulate import simulate
+from excite.storage.records import json_of
 from excite.timecourse.estimates_over_time import estimates_over_time, values_over_time
 from excite.timecourse.growing_factors import growing_factors
 from excite.timecourse.measured_again import measured_again
@@ -123,9 +123,9 @@ def test_logs_and_designs_stand_side_by_side() -> None:
     assert measured.repeated is None
     assert "torque noise of 1 %" in simulated.notes[0]
     assert len(estimates_over_time_figure(study).axes) == 2 + len(simulated.names)
-    content = time_study_content(study)
+    content = json_of(study)
     assert [one["repetitions"] for one in content["courses"]] == [3, 0]
-    assert np.shape(content["courses"][1]["values"]) == (10, len(measured.names))
+    assert [tuple(end["parameters"]) for end in content["ends"]] == [simulated.names, measured.names]
 
 
 @pytest.mark.slow
@@ -195,7 +195,7 @@ def test_several_logs_are_no_single_motion() -> None:
 
 def test_a_study_is_not_replaced_unasked(tmp_path: Path) -> None:
     study = study_over_time("irp6", [log()], points=3)
-    assert [path.name for path in study.save(tmp_path / "s")] == ["study.json"]
+    assert [path.name for path in study.save(tmp_path / "s")] == ["study.json", "study_curves.npz"]
     with pytest.raises(InputError, match="already holds a study"):
         study.save(tmp_path / "s")
     study.save(tmp_path / "s", replace=True)

@@ -9,11 +9,11 @@ import pytest
 from played import EXACT, found, noisy, played, three_joints
 
 from excite.files.result_json import load_result
-from excite.files.verification_json import verification_content
 from excite.identification.result import StoredResult
 from excite.logs.log import Log
 from excite.signals.measurement_noise import measurement_noise
 from excite.simulation.replay import Outcome, Replay
+from excite.storage.records import json_of
 from excite.tasks.task import Task
 from excite.verification.corrected_error import corrected_errors, corrected_total
 from excite.verification.judged_motion import JudgedMotion, judged_motion
@@ -77,10 +77,10 @@ def test_noise_of_the_measurement_does_not_speak_against_a_result(result: Stored
     assert v.corrected_total is not None
     assert v.corrected_total.relative < 0.1
     assert any("most of which is their own noise" in remark for remark in v.verdict.remarks)
-    content = verification_content(v)
+    content = json_of(v)
     assert content["relative_error"] == v.relative_error
     assert content["corrected_error"] == v.corrected_total.relative
-    assert [torque["corrected"]["noise"] for torque in content["torques"]] == pytest.approx([40.0] * 3, rel=0.1)
+    assert [part["noise"] for part in content["corrected"]] == pytest.approx([40.0] * 3, rel=0.1)
 
 
 @pytest.mark.parametrize(("factor", "but"), [(1.4, ""), (0.0, "masses")])

@@ -11,13 +11,13 @@ from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joi
 from recordings import real_log
 
 from excite.files.result_json import load_result
-from excite.files.verification_json import verification_content
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result import StoredResult
 from excite.logs.log import Log
 from excite.simulation.replay import Outcome, Replay
+from excite.storage.records import json_of
 from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError, torque_errors
 from excite.verification.simulated_motion import failure, motion_errors
@@ -366,7 +366,7 @@ def test_a_long_log_is_simulated_in_windows_all_over_it(result: StoredResult, mo
         "predicted in all of its rows"
     ) in some.verdict.remarks
     assert not [remark for remark in every.verdict.remarks if remark.startswith("simulated motion: ")]
-    assert verification_content(some)["windows"] == {"simulated": 60, "of": len(every.replay.starts)}
+    assert json_of(some)["windows"] == {"simulated": 60, "of": len(every.replay.starts)}
     assert (some.verdict.holds, some.torques, some.corrected) == (every.verdict.holds, every.torques, every.corrected)
     np.testing.assert_array_equal(some.predicted, every.predicted)
     for one, other in zip(some.motions, every.motions, strict=True):
@@ -381,5 +381,5 @@ def test_a_log_of_a_minute_is_simulated_as_a_whole(result: StoredResult, monkeyp
     assert v.replay is not None
     assert v.replay.left_out == 0
     monkeypatch.setattr("excite.verification.verify.most_windows", lambda duration, horizon: None)
-    assert verification_content(v) == verification_content(verify(result, log))
+    assert json_of(v) == json_of(verify(result, log))
     np.testing.assert_array_equal(np.isfinite(v.replay.q), True)

@@ -125,6 +125,7 @@ def test_importing_the_twin_leaves_numbers_as_they_were() -> None:
 
 
 @pytest.mark.parametrize(("kind", "name"), CASES)
+@pytest.mark.slow
 def test_rows_are_those_of_the_model(kind: str, name: str) -> None:
     model = MODELS[kind](ROBOTS[name]())
     states = random_states(model.robot, 40, seed=3)

@@ -188,7 +188,8 @@ def pinocchio_rank(arm: Arm, count: int = 60) -> int:
 def test_rank_equals_that_of_pinocchios_regressor(arm: Arm) -> None:
     model = DifferentialModel(read_urdf(arm.path, base=arm.base, tip=arm.tip, snap_angles=False), INERTIAL)
     rank = pinocchio_rank(arm)
-    assert {choice: base_parameters(model, choice).rank for choice in CHOICES} == dict.fromkeys(CHOICES, rank)
+    ranks = {choice: base_parameters(model, choice, rounding=0.0).rank for choice in CHOICES}
+    assert ranks == dict.fromkeys(CHOICES, rank)
 
 
 # --- expressions -----------------------------------------------------------------------------------------------------

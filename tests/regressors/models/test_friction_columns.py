@@ -180,7 +180,7 @@ UNKNOWN = built_in("iiwa7")
 KNOWN = standard_values(built_in("ur10e"))
 REFUSED = {
     "a drive that is none": (lambda: Terms(load_share=(0,)), "numbers of drives from 1 on"),
-    "a name for a number": (lambda: Terms(root=("q1",)), "numbers of drives from 1 on"),  # type: ignore[arg-type]
+    "a name for a number": (lambda: Terms(root=("q1",)), "a list of whole numbers"),  # type: ignore[arg-type]
     "a stribeck speed of zero": (lambda: Terms(stribeck_speed=0.0), "greater than zero"),
     "a drive that the robot lacks": (
         lambda: DifferentialModel(built_in("ur10e"), Terms(root=(7,))),

@@ -25,6 +25,8 @@ READ_BY_PATTERNS = {
     "regressors/readers/description_schema.py",
     "regressors/readers/dh_table.py",
     "regressors/readers/documents.py",
+    "regressors/readers/xacro_expansion.py",
+    "regressors/readers/xacro_expressions.py",
     "excite/design/start_results.py",
     "excite/files/design_folder.py",
     "excite/files/friction_file.py",
@@ -46,7 +48,7 @@ READ_BY_PATTERNS = {
     "excite/plots/parameter_labels.py",
     "excite/plots/svg_text.py",
     "excite/report/dark_colours.py",
-    "excite/report/friction_fit_section.py",
+    "excite/storage/migrations.py",
     "excite/report/page_text.py",
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -64,7 +65,8 @@ def assert_equal(actual: np.ndarray, expected: np.ndarray) -> None:
 @pytest.mark.parametrize("arm", SOME_ARMS, ids=str)
 def test_regressor_and_torques_equal_those_of_the_urdf_of_pinocchio_and_of_mujoco(arm: Arm, tmp_path: Path) -> None:
     expected, path = reference(arm), written(tmp_path, chain_xml(reference(arm)))
-    robot, of_urdf = load_robot(path), read_urdf(arm.path, base=arm.base, tip=arm.tip, snap_angles=False)
+    robot = load_robot(path, snap_angles=False)
+    of_urdf = read_urdf(arm.path, base=arm.base, tip=arm.tip, snap_angles=False)
     samples, inertial = motion(robot), Terms.inertial_only()
     W = DifferentialModel(robot, inertial).assemble(samples)
     assert_equal(W, DifferentialModel(of_urdf, inertial).assemble(samples))
@@ -89,7 +91,7 @@ def test_what_mujoco_makes_of_a_urdf_is_read_as_mujoco_moves_it(file: str, tmp_p
     urdf = urdf.replace("<collision", "<!--c").replace("</collision>", "c-->")  # meshes are not found from here
     saved = str(tmp_path / "saved.xml")
     mujoco.mj_saveLastXML(saved, mujoco.MjModel.from_xml_string(urdf))
-    robot, of_urdf = load_robot(saved), read_urdf(folder / file, snap_angles=False)
+    robot, of_urdf = load_robot(saved, snap_angles=False), read_urdf(folder / file, snap_angles=False)
     samples = motion(robot)
     assert robot.joint_names == of_urdf.joint_names
     np.testing.assert_allclose(robot.limits.torque, of_urdf.limits.torque, rtol=1e-5)  # it saves six digits
@@ -99,6 +101,57 @@ def test_what_mujoco_makes_of_a_urdf_is_read_as_mujoco_moves_it(file: str, tmp_p
 
 
 # --- what each part of a model becomes -------------------------------------------------------------------------------
+
+
+def turned_arm(turn: str, axis: str = "0 0 1") -> str:
+    return (
+        f'<mujoco><compiler angle="radian" eulerseq="XYZ"/><worldbody><body name="a" {turn}>'
+        f'<joint name="j" axis="{axis}"/><geom type="box" size=".1 .2 .3" pos=".1 .2 .3"/></body></worldbody></mujoco>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("turn", "taken"),
+    [
+        ('quat="0.707105 -0.707108 0 0"', "-1.570801 for -pi/2"),  # of -1.5708
+        ('quat="0.707388 0.706825 0 0"', "1.57"),
+        ('euler="3.14 0 0"', "3.14 for pi"),
+        ('euler="0 0 0.785"', "0.785 for pi/4"),
+        ('euler="3.14 1.57 1.57"', "axes that are 0.0011 rad off right angles"),
+        ('quat="0.500003 0.499998 0.5 0.500001"', "axes that are 7.2e-06 rad off right angles"),
+    ],
+)
+def test_turns_that_are_off_right_angles_by_rounding_are_right_angles(turn: str, taken: str, tmp_path: Path) -> None:
+    path = written(tmp_path, turned_arm(turn))
+    robot, raw = load_robot(path), load_robot(path, snap_angles=False)
+    (note,) = [note for note in robot.notes if note.kind == "snapped"]
+    assert note.where == "link 'a'"
+    assert taken in note.what
+    assert not [note for note in raw.notes if note.kind == "snapped"]
+    rotation = robot.joints[0].rotation
+    np.testing.assert_allclose(rotation, raw.joints[0].rotation, atol=3e-3)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)
+    if "pi/4" not in taken:
+        assert set(np.abs(rotation).ravel()) == {0.0, 1.0}
+
+
+@pytest.mark.parametrize(
+    "turn", ['euler="1.5718 0 0"', 'euler="1.5718 0 1.5708"', 'euler="0.3 0.2 0.1"', 'euler="0.7865 0 0"', ""]
+)
+def test_other_turns_stay_as_they_are(turn: str, tmp_path: Path) -> None:
+    path = written(tmp_path, turned_arm(turn))
+    robot, raw = load_robot(path), load_robot(path, snap_angles=False)
+    np.testing.assert_allclose(robot.joints[0].rotation, raw.joints[0].rotation, rtol=0, atol=1e-15)
+    assert not [note for note in robot.notes if note.kind == "snapped"]
+    if "1.5718" in turn:
+        assert any("close to a right angle" in note.what for note in robot.notes)
+
+
+def test_noise_of_rounding_leaves_axes(tmp_path: Path) -> None:
+    path = written(tmp_path, turned_arm("", "0 1 3.67e-06"))
+    assert load_robot(path).joints[0].axis.tolist() == [0.0, 1.0, 0.0]
+    assert load_robot(path, snap_angles=False).joints[0].axis[2] == pytest.approx(3.67e-6)
+
 
 HAND_WRITTEN = """
 <mujoco model="hand-written">
@@ -298,11 +351,15 @@ BROKEN = {
         "joint 'k' off the chain mimics joint 'j' on the chain",
     ),
     "mimic off the chain": (arm(further("b", 'name="k"'), after=COUPLED), {"tip": "a"}, "off the chain mimics joint"),
-    "closed loop": (arm(further("b", 'name="k"'), after=LOOP), {}, "on body 'b' and body 'world' closes a loop"),
+    "closed loop": (
+        arm(further("b", 'name="k"'), after=LOOP),
+        {},
+        "the equality <connect> on body 'b' and body 'world' closes",
+    ),
     "coupled by a tendon": (
         arm(further("b", 'name="k"'), after=TENDON + '<equality><tendon tendon1="t"/></equality>'),
         {},
-        "a constraint of tendons on joint 'j' closes a loop",
+        "the equality <tendon> on joint 'j' closes a loop",
     ),
     "no room": (arm(joint='name="j" range="0.001 0.001" limited="true"'), {}, "arm.xml: "),
 }
@@ -314,6 +371,37 @@ def test_broken_files_are_refused_in_one_line(text: str, ends: dict[str, str], m
         load_robot(written(tmp_path, text), **ends)
     assert message in str(raised.value)
     assert "\n" not in str(raised.value)
+
+
+def in_a_row(after: str) -> str:
+    names = ("upper", "fore", "wrist", "flange")
+    inside = "".join(
+        f'<body name="{name}" pos="0.3 0 0"><joint name="j{k}" axis="0 1 0"/><geom size="0.1" mass="1"/>'
+        for k, name in enumerate(names, 1)
+    )
+    return f"<mujoco><worldbody>{inside}{'</body>' * len(names)}</worldbody><equality>{after}</equality></mujoco>"
+
+
+LOOPS = {
+    "to the world": ('<connect body1="wrist" body2="world" anchor="0 0 0"/>', "<connect>", ["wrist", "flange"]),
+    "inside": ('<weld body1="fore" body2="wrist"/>', "<weld>", ["wrist", "flange", "fore", "upper"]),
+    "mimic": ('<joint joint1="j3" joint2="j2"/>', "joint 'j3' on the chain mimics joint 'j2'", ["upper", "wrist"]),
+}
+
+
+@pytest.mark.parametrize(("after", "seen", "ends"), LOOPS.values(), ids=LOOPS)
+def test_loops_are_refused_with_the_options_that_work(after: str, seen: str, ends: list[str], tmp_path: Path) -> None:
+    path = written(tmp_path, in_a_row(after))
+    with pytest.raises(InputError) as raised:
+        load_robot(path)
+    message = str(raised.value)
+    assert seen in message
+    given = [dict(re.findall(r"`(\w+)='(\w+)'`", option)) for option in message.split(", or ")]
+    given = [options for options in given if options]
+    assert given
+    assert {name for options in given for name in options.values()} <= set(ends)
+    for options in given:
+        assert load_robot(path, options.get("base_link"), options.get("tip")).n >= 1
 
 
 def test_unknown_body_is_an_unknown_name(tmp_path: Path) -> None:

@@ -484,7 +484,7 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
         ("", None, "'': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
         ("robot.txt", None, "'robot.txt': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
         ("folder.yaml", None, "cannot read 'folder.yaml'"),
-        ("nul\0.yaml", None, "no robot 'nul\\x00.yaml'"),
+        ("nul\0.yaml", None, "spec: expected text or a path that a file can have, given"),
         ("irp6", "base", "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none"),
         (
             "robot.yaml",

@@ -34,13 +34,34 @@ TAKEN = {
     "4.7124": "3 pi/2",
     "6.2832": "2 pi",
     "0.7854": "pi/4",
+    "1.57": "pi/2",
+    "-1.571": "-pi/2",
+    "3.14": "pi",
+    "3.142": "pi",
+    "4.71": "3 pi/2",
+    "0.785": "pi/4",
+    "0.524": "pi/6",
     "2.0944": "2 pi/3",
     "-0.5235988": "-pi/6",
     "4.64506e-08": "0",
     "2.7629E-18": "0",
     "0": "0",
 }
-LEFT = ["1.5721", "1.571", "1.57", "3.14", "3.142", "1.5709", "1.57081", "3.1414", "0.785", "0.2618", "0.0001", "1e-6"]
+LEFT = [
+    "1.5721",
+    "1.572",
+    "1.58",
+    "3.15",
+    "3.1",
+    "1.5709",
+    "1.57081",
+    "3.1414",
+    "0.786",
+    "0.79",
+    "0.52",
+    "0.262",
+    "1e-6",
+]
 LEFT += ["1.5708123", "1.5706", "100.53096", "1e300", "-2.5"]
 
 
@@ -56,7 +77,7 @@ def test_other_angles_are_left(text: str) -> None:
     assert multiple_of(text) is None
 
 
-@given(st.sampled_from(COUNTS), st.integers(4, 25), st.sampled_from([ROUND_DOWN, ROUND_HALF_UP]))
+@given(st.sampled_from(COUNTS), st.integers(3, 25), st.sampled_from([ROUND_DOWN, ROUND_HALF_UP]))
 @settings(derandomize=True)
 def test_every_multiple_is_found_in_its_printed_digits(count: int, digits: int, how: str) -> None:
     printed = (count * PI / 12).quantize(Decimal(1).scaleb(-digits), rounding=how)
@@ -74,7 +95,7 @@ def test_no_angle_changes_by_more_than_its_digits_leave_open(angle: float, digit
         assert abs(float(text) - count * math.pi / 12) <= max(3 * 10.0**last if last <= -5 else 10.0**last, 2e-7)
 
 
-@given(st.sampled_from(COUNTS), st.floats(1e-3, 0.1), st.sampled_from([-1, 1]), st.integers(4, 17))
+@given(st.sampled_from(COUNTS), st.floats(1.1e-3, 0.1), st.sampled_from([-1, 1]), st.integers(4, 17))
 @settings(max_examples=200, derandomize=True)
 def test_calibrated_angles_are_left(count: int, off: float, sign: int, digits: int) -> None:
     assert multiple_of(f"{count * math.pi / 12 + sign * off:.{digits}f}") is None
@@ -99,7 +120,7 @@ def test_cosines_are_exact_where_they_can_be(count: int) -> None:
 
 
 def test_angles_that_look_meant_otherwise_are_told() -> None:
-    assert [nearly(text) for text in ("1.571", "3.14", "1.57", "-3.142")] == ["pi/2", "pi", "pi/2", "-pi"]
+    assert [nearly(text) for text in ("1.572", "3.15", "1.56", "-3.143")] == ["pi/2", "pi", "pi/2", "-pi"]
     assert [nearly(text) for text in ("1.5721", "0.0", "0.01", "1.6", "3.1")] == [None] * 5
 
 
@@ -151,9 +172,9 @@ def test_the_change_is_told_and_can_be_turned_off() -> None:
 
 
 def test_angles_that_may_be_meant_otherwise_are_told() -> None:
-    notes = [str(note) for note in parse_urdf(arm("1.571 0 90")).notes if note.kind == "suspicious"]
+    notes = [str(note) for note in parse_urdf(arm("1.572 0 90")).notes if note.kind == "suspicious"]
     assert notes == [
-        "joint 'j': close to a right angle, but read as printed: 1.571 (if pi/2 is meant, write 1.5707963267948966); "
+        "joint 'j': close to a right angle, but read as printed: 1.572 (if pi/2 is meant, write 1.5707963267948966); "
         "an angle that is off by its rounding shows parameters that are none",
         "joint 'j': angles of more than a full turn: 90; rpy is in radians, not in degrees",
     ]

@@ -66,6 +66,47 @@ def test_limits_and_gravity_equal_pinocchio(arm: Arm) -> None:
         assert span == ((-np.inf, np.inf) if unlimited else pinocchio), name
 
 
+PROPOSED = {
+    "tiago.urdf": ("torso_lift_link", "arm_7_link"),
+    "tiago_dual.urdf": ("torso_lift_link", "arm_left_7_link"),
+    "tiago_no_hand.urdf": ("torso_lift_link", "arm_7_link"),
+    "tiago_pro.urdf": ("torso_lift_link", "arm_left_7_link"),
+    "pr2.urdf": ("torso_lift_link", "r_wrist_roll_link"),
+    "baxter.urdf": (None, "right_wrist"),
+    "talos_full_v2.urdf": ("torso_2_link", "arm_left_7_link"),
+    "talos_reduced.urdf": ("torso_2_link", "arm_left_7_link"),
+    "icub.urdf": ("chest", "l_hand"),
+    "romeo.urdf": ("torso", "l_wrist"),
+    "centauro.urdf": ("torso_2", "arm1_6"),
+    "alex_psyonic_hands.urdf": ("Torso", "LeftWristRollLink"),
+    "g1_29dof_with_hand_rev_1_0.urdf": ("torso_link", "left_wrist_yaw_link"),
+    "human.urdf": ("middle_thorax", "left_hand"),
+    "anymal-kinova.urdf": (None, "j2s6s200_link_6"),
+    "b1-z1.urdf": (None, "link06"),
+    "go2.urdf": (None, "FL_calf"),
+    "solo12.urdf": (None, "FL_LOWER_LEG"),
+    "hyq_no_sensors.urdf": (None, "lf_lowerleg"),
+}
+
+
+@pytest.mark.parametrize("name", PROPOSED)
+def test_the_arm_of_a_tree_is_proposed_with_options_that_read_it(name: str) -> None:
+    folder = robots_folder()
+    if folder is None:
+        pytest.skip("example-robot-data is not installed")
+    (path,) = folder.rglob(name)
+    with pytest.raises(InputError) as caught:
+        read_urdf(path)
+    message = str(caught.value)
+    given = dict(re.findall(r"`(base_link|tip)='(\w+)'`", message.split("give ")[1]))
+    assert (given.get("base_link"), given["tip"]) == PROPOSED[name]
+    ends = message.split("the chains end at: ")[1].split(", ")
+    assert ends[0] == given["tip"]
+    assert not [end for end in ends if "finger" in end.lower() or "thumb" in end.lower()]
+    robot = read_urdf(path, base=given.get("base_link"), tip=given["tip"])
+    assert f"of {robot.n} joints" in message
+
+
 def test_every_public_file_is_read_or_refused_in_one_line() -> None:
     folder = robots_folder()
     if folder is None:
@@ -248,13 +289,17 @@ BROKEN = {
     "MuJoCo": ("<mujoco><worldbody/></mujoco>", "line 1: <mujoco>: a MuJoCo model (MJCF), not a URDF"),
     "anything": ("<html/>", "line 1: <html>: expected <robot> as the outermost element, as of a URDF"),
     "prefixed root": ("<u:robot xmlns:u='x'/>", "expected <robot> as the outermost element, as of a URDF"),
-    "xacro": (document('<xacro:arm name="left"/>'), "expand it first: xacro arm.urdf > arm-expanded.urdf"),
+    "xacro": (document('<xacro:arm name="left"/>'), "rename the file to arm.urdf.xacro, or give `xacro=True`"),
     "xacro inside": (
         document(links("a") + '<link name="b"><xacro:mass m="1"/></link>'),
         "line 3: link 'b': a xacro macro",
     ),
     "xacro expression": (document(links("${prefix}a")), "line 3: link '${prefix}a': an expression of xacro: the text"),
     "no robot name": (f"<robot>{TWO}{joint('j', 'a', 'b')}</robot>", "<robot> needs the attribute 'name'"),
+    "too many elements": (
+        document("<a/>" * 200_001),
+        "arm.urdf: it has about 100002 elements, more than the 100000 that a robot may have; remove those that",
+    ),
     "no link": (document(""), "expected at least one <link>"),
     "link without name": (document("<link/>"), "arm.urdf, line 3: <link>: <link> needs the attribute 'name'"),
     "two links of one name": (document(links("a", "a")), "line 4: link 'a': two links share this name"),
@@ -323,16 +368,22 @@ BROKEN = {
     "no moving joint": (document(links("a")), "arm.urdf: no moving joint below link 'a'"),
     "fixed joints only": (chain(kind="fixed"), "no moving joint below link 'a'"),
     "floating on the chain": (chain(kind="floating"), "joint 'j' on the chain is floating, expected revolute"),
-    "planar on the chain": (chain(kind="planar"), "start below it with `base='b'`"),
+    "planar on the chain": (chain(kind="planar"), "no joint of the other kinds moves before or behind it"),
+    "floating before the arm": (
+        document(THREE + joint("j", "a", "b", "floating") + joint("k", "b", "c")),
+        "joint 'j' on the chain is floating, expected revolute, continuous, prismatic or fixed; what works is "
+        "`base_link='b'`",
+    ),
     "quaternion": (chain('<origin quat_xyzw="0 0 0 1"/>'), "<origin> quat_xyzw: rotations are read from 'rpy' only"),
     "several tips": (
         document(TWO_TIPS),
         "2 moving chains start from link 'a'; choose the last link with `tip` (`tip='w'` ends where they part); "
-        "the chains end at: l, r",
+        "for the limb of 1 joint give `base_link='w'` and `tip='l'`; the chains end at: l, r",
     ),
     "several tips from the base": (
         document(THREE + joint("j", "a", "b") + joint("k", "a", "c")),
-        "2 moving chains start from link 'a'; choose the last link with `tip`; the chains end at: b, c",
+        "2 moving chains start from link 'a'; choose the last link with `tip`; for the limb of 1 joint give "
+        "`tip='b'`; the chains end at: b, c",
     ),
 }
 
@@ -370,11 +421,25 @@ def test_chains_that_are_not_there(choice: dict[str, str], error: type[InputErro
 
 def test_a_mimic_joint_must_not_be_on_the_chain() -> None:
     text = document(THREE + joint("j", "a", "b") + joint("k", "b", "c", inside=MIMIC))
-    message = (
-        "joint 'k' on the chain mimics joint 'j', expected joints that move on their own; end before it with `tip='b'`"
-    )
+    message = "joint 'k' on the chain mimics joint 'j', expected joints that move on their own; switch the coupling off"
     with pytest.raises(InputError, match=re.escape(message)):
         parse_urdf(text, tip="c")
+
+
+def test_a_mimic_joint_in_the_middle_is_refused_with_the_options_that_work() -> None:
+    names = [f"l{k}" for k in range(6)]
+    row = "".join(
+        joint(f"j{k}", f"l{k - 1}", f"l{k}", inside='<mimic joint="j2"/>' if k == 3 else "") for k in range(1, 6)
+    )
+    text = document(links(*names) + row)
+    with pytest.raises(InputError) as caught:
+        parse_urdf(text)
+    assert str(caught.value).endswith(
+        "joint 'j3' on the chain mimics joint 'j2', expected joints that move on their own; what works is "
+        "`base_link='l3'`, or `tip='l1'`"
+    )
+    assert parse_urdf(text, base="l3").joint_names == ("j4", "j5")
+    assert parse_urdf(text, tip="l1").joint_names == ("j1",)
 
 
 def test_a_mimic_joint_off_the_chain_must_not_follow_the_chain() -> None:

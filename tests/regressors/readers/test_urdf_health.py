@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from public_arms import ARMS
+from public_arms import ARMS, Arm
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters
@@ -336,6 +336,52 @@ def test_a_centre_of_mass_outside_is_told() -> None:
     ]
 
 
+def limited(kind: str = "revolute", axis: str = "1 0 0", **limit: float) -> str:
+    stated = {"lower": -1, "upper": 1, "velocity": 1, "effort": 30} | limit
+    attributes = " ".join(f'{name}="{value}"' for name, value in stated.items())
+    inside = f'<axis xyz="{axis}"/><limit {attributes}/>'
+    return document(links("a") + body("b", 10.0, xyz="0 0 0.3") + joint("j", "a", "b", kind, inside))
+
+
+PLACEHOLDERS = {
+    "slow": (limited(velocity=0.001), "joint j: a velocity limit of 0.001 rad/s; it may be a placeholder"),
+    "slow slide": (limited("prismatic", velocity=0.0001), "a velocity limit of 0.0001 m/s"),
+    "narrow": (limited(lower=-0.001, upper=0.001), "joint j: a range of 0.002 rad; it may be a placeholder"),
+    "degrees": (limited(lower=-0.035, upper=0.035), "a range of 0.07 rad; it may be a placeholder, or in another unit"),
+    "weak": (
+        limited(effort=0.001),
+        "joint j: an effort limit of 0.001 Nm, but what it carries weighs on it with 29 Nm; masses may be in grams",
+    ),
+    "grams": (limited().replace('"10.0"', '"10000.0"'), "but what it carries weighs on it with 2.9e+04 Nm"),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), PLACEHOLDERS.values(), ids=PLACEHOLDERS)
+def test_limits_that_leave_hardly_anything_are_told(text: str, message: str) -> None:
+    (found,) = told(parse_urdf(text), "suspicious")
+    assert message in found
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        limited(),
+        limited("prismatic", velocity=0.01, lower=0, upper=0.02),
+        limited(effort=5),
+        limited(axis="0 0 1", effort=0.01),  # upright: nothing weighs on it
+        limited(effort=0, velocity=0),
+    ],
+)
+def test_limits_that_leave_something_are_not_told(text: str) -> None:
+    assert not told(parse_urdf(text), "suspicious")
+
+
+@pytest.mark.parametrize("arm", ARMS, ids=str)
+def test_no_limit_of_a_public_robot_is_taken_for_a_placeholder(arm: Arm) -> None:
+    notes = told(read_urdf(arm.path, base=arm.base, tip=arm.tip), "suspicious")
+    assert not [note for note in notes if "a velocity limit of" in note or "a range of" in note or "an effort" in note]
+
+
 def test_placeholders_are_told() -> None:
     def arm(*masses: float) -> Robot:
         names = [f"l{k}" for k in range(len(masses))]
@@ -404,5 +450,6 @@ EXPECTED = {  # base parameters, twelve or fourteen of them of friction, with an
 def test_public_arms(name: str) -> None:
     (arm,) = (arm for arm in ARMS if arm.id == name)
     robots = [read_urdf(arm.path, base=arm.base, tip=arm.tip, snap_angles=snap) for snap in (True, False)]
-    ranks = [base_parameters(DifferentialModel(robot.replace(transmission=None))).rank for robot in robots]
+    models = [DifferentialModel(robot.replace(transmission=None)) for robot in robots]
+    ranks = [base_parameters(model, rounding=0.0).rank for model in models]
     assert (*ranks, read_urdf(arm.path).n) == EXPECTED[name]

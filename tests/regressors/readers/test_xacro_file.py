@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +61,7 @@ def package(root: Path, text: str = ARM, name: str = "arm.urdf.xacro") -> str:
 
 @pytest.mark.parametrize("name", ["arm.urdf.xacro", "arm.xacro", "arm.urdf", "arm.xml"])
 def test_robot_is_that_of_the_expanded_text(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    robot = load_robot(package(tmp_path, name=name), tip="l2")
+    robot = load_robot(package(tmp_path, name=name), tip="l2", xacro=not name.endswith(".xacro"))
     assert robot.sha256() == parse_urdf(EXPANDED).sha256()
     assert robot.source == f"URDF {name}"
     assert capfd.readouterr() == ("", "")
@@ -117,6 +116,7 @@ def test_broken_files_are_refused_in_one_line(text: str, message: str, tmp_path:
 
 
 def test_missing_xacro_is_told_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "xacro", None)
+    (tmp_path / "xacro.py").write_text("raise ImportError", encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(InputError, match=r"not installed; pip install 'excite-trajectories\[xacro\]'"):
         load_robot(package(tmp_path))

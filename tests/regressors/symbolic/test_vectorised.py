@@ -237,6 +237,24 @@ def test_where_llvm_is_missing_arrays_are_used(monkeypatch: pytest.MonkeyPatch) 
     machine_code._target.cache_clear()
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_arrays_and_machine_code_round_alike(seed: int, machine: str) -> None:
+    if machine == "arrays":
+        pytest.skip("compares both")
+    rng, x = np.random.default_rng(seed), symbols()
+    expression = random_expression(x, {**SMOOTH, **KINKED, **POWER}, rng)
+    inputs = random_inputs(rng, 101)
+    compiled = VectorisedFunction(x, expression)(*inputs)
+    assert vectorised.evaluation().startswith("expressions compiled by llvmlite ")
+    assert vectorised.interpreted_note() == ()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(vectorised, "MachineCode", refused)
+        np.testing.assert_array_equal(VectorisedFunction(x, expression)(*inputs), compiled)
+        said = vectorised.evaluation()
+        assert said.startswith(f"expressions interpreted by NumPy {np.__version__}: llvmlite is missing")
+        assert vectorised.interpreted_note() == (f"{said}; the numbers are the same, but take longer",)
+
+
 @pytest.mark.parametrize("name", ["add", "divide", "root", "sign", "fabs", "smaller", "larger", "exponential"])
 def test_not_a_number_and_infinity_are_numpys(name: str) -> None:
     x = [ca.SX.sym("x"), ca.SX.sym("y")]

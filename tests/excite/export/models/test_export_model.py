@@ -223,7 +223,7 @@ def test_a_format_of_ones_own(result: StoredResult, tmp_path: Path, monkeypatch:
 
 BAD: tuple[tuple[dict[str, Any], str], ...] = (
     ({"format": "sdf"}, "no model format named 'sdf'"),
-    ({"format": 3}, "expected a ModelFormat"),
+    ({"format": 3}, "format: expected text or a ModelFormat, given 3"),
     ({"format": "csv", "robot_file": "a.urdf"}, "takes none"),
     ({"format": "urdf", "robot_file": "a.yaml"}, "takes one that ends in .urdf, .xml"),
     ({"format": "urdf", "robot_file": "missing.urdf"}, "cannot read"),

@@ -168,9 +168,9 @@ def test_franka_rows_are_seven_positions(tmp_path: Path) -> None:
 
 
 def test_krl_keeps_the_grammar_the_positions_and_the_time(tmp_path: Path) -> None:
-    path, _ = exported(tmp_path, ur10e(), "krl")
+    path, written = exported(tmp_path, ur10e(), "krl")
     program = krl_program(path.read_bytes().decode())
-    expected = motion(ur10e(), 10.0)
+    expected = motion(ur10e(), written.facts["rate"])
     assert program.name == "motion"
     assert program.start == program.points[0]
     assert np.abs(np.radians(program.points) - expected.q).max() < 1e-10
@@ -195,9 +195,10 @@ def test_fri_rows_are_radians_of_seven_joints(tmp_path: Path) -> None:
 
 
 def test_rapid_keeps_the_grammar_the_positions_and_the_times(tmp_path: Path) -> None:
-    moves = rapid_moves(exported(tmp_path, ur10e(), "rapid")[0].read_text())
-    expected = motion(ur10e(), 10.0)
-    assert np.abs(np.radians([move.axes for move in moves]) - expected.q).max() < 1e-8
+    path, written = exported(tmp_path, ur10e(), "rapid")
+    moves = rapid_moves(path.read_text())
+    expected = motion(ur10e(), written.facts["rate"])
+    assert np.abs(np.radians([move.axes for move in moves]) - expected.q).max() < 1e-10
     assert moves[0].time is None
     assert [move.time for move in moves[1:]] == pytest.approx(np.diff(expected.time))
     assert [move.zone for move in moves] == ["fine", *["z1"] * (len(moves) - 2), "fine"]
@@ -295,6 +296,7 @@ def test_mappings_read_the_recording_that_they_describe(form: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", ["a\nEND\nb", 'q"1 --> ---', "\u00e9\U0001f916 # b: c"])
+@pytest.mark.slow
 def test_names_of_folders_stay_in_comments(name: str, tmp_path: Path) -> None:
     from dataclasses import replace as changed
 

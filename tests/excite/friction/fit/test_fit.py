@@ -353,11 +353,11 @@ def test_the_command_writes_curves_that_read_back(here: Here) -> None:
     ended = here.run("friction", "fit", "irp6", "run.csv", "-v", "--out", "fit")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "asymmetric stribeck (exponent 1)" in ended.stdout
-    written = {"fit.json", "friction.yaml", "friction.png", "manifest.json"}
+    written = {"fit.json", "fit_curves.npz", "friction.yaml", "friction.png", "manifest.json"}
     assert {path.name for path in (here.cwd / "fit").iterdir()} == written
     curve = read_friction(here.cwd / "fit" / "friction.yaml").curve("z2")
     content = json.loads((here.cwd / "fit" / "fit.json").read_text())
-    (drive,) = content["drives"]
+    (drive,) = content["characteristics"]
     assert isinstance(curve, Stribeck)
     assert curve.forward.coulomb == drive["fit"]["parameters"]["forward.coulomb"]["value"]
     write_friction(read_friction(here.cwd / "fit" / "friction.yaml"), here.cwd / "again.yaml")
@@ -368,7 +368,7 @@ def test_the_command_writes_curves_that_read_back(here: Here) -> None:
     asked = here.run(
         "friction", "fit", "irp6", "run.csv", "--out", "table", "--drives", "2", "--model", "table", "--format", "json"
     )
-    assert json.loads(asked.stdout)["drives"][0]["fit"] is None
+    assert json.loads(asked.stdout)["characteristics"][0]["fit"] is None
 
 
 @pytest.mark.slow
@@ -388,7 +388,7 @@ def test_the_command_takes_the_windows_of_a_plan(here: Here) -> None:
     plan.with_name("manifest.json").unlink()
     ended = here.run("friction", "fit", "irp6", "run.csv", "--plan", "plan", "--out", "fit", "--format", "json")
     assert ended.returncode == 0, ended.stderr
-    speeds = [abs(point["speed"]) for point in json.loads(ended.stdout)["drives"][0]["points"]]
+    speeds = [abs(point["speed"]) for point in json.loads(ended.stdout)["characteristics"][0]["points"]]
     assert len(speeds) > 4
     assert max(speeds) < 0.25
     wrong = here.run("friction", "fit", "irp6", "run.csv", "--plan", "plan", "--drives", "1", "--out", "other")

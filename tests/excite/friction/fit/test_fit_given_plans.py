@@ -53,6 +53,7 @@ def test_a_plan_is_simulated_without_its_folder(played: tuple[Any, Path, Any], t
         plan.motion("q1")
 
 
+@pytest.mark.slow
 def test_what_is_no_plan_is_refused(played: tuple[Any, Path, Any]) -> None:
     plan, _, simulation = played
     design = excite.design_trajectory(excite.Task("irp6", harmonics=2, starts=1, executor="serial"))

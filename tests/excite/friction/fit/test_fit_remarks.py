@@ -96,7 +96,7 @@ def test_means_of_break_aways_are_at_the_reference_temperature(asymmetric: bool)
     at = Conditions(np.array([0.0, 0.0, -0.0]), np.array([1.0, 1.0, -1.0]), np.array([-10.0, 15.0, 15.0]), np.zeros(3))
     torque = form.values(values, at)[0]
     found = tuple(away(x, 30.0 + w) for x, w in zip(torque.tolist(), at.temperature_rise.tolist(), strict=True))
-    one = Characteristic("z1", "Nm", "none", (), (), best.form.curve(values), best, (best,), {}, found, ())
+    one = Characteristic("z1", "Nm", "none", (), (), best, (best,), {}, found, ())
     ahead, behind = mean_break_aways(one.break_aways)
     assert (ahead.torque, behind.torque) == pytest.approx((14.0, -14.0))
     assert one.stiction[0].torque == pytest.approx(15.0)

@@ -129,6 +129,7 @@ def test_limits_hold_at_every_sample_and_certificates_bound_them(name: str) -> N
 
 
 @pytest.mark.parametrize("name", ["irp6", "panda"])
+@pytest.mark.slow
 def test_torques_as_pinocchio_sees_them_are_within_what_is_certified(name: str) -> None:
     plan = plan_of(name)
     model = chain_model(plan.robot)

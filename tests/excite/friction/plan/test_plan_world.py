@@ -52,6 +52,7 @@ def passed(c: CoordinatePlan, count: int) -> Array:
     return c.place.pose + np.linspace(s.min(), s.max(), count)[:, None] * c.motion.matrix[:, 0]
 
 
+@pytest.mark.slow
 def test_every_run_keeps_the_distances_that_coal_measures() -> None:
     plan = among_all()
     world = plan.world

@@ -94,7 +94,7 @@ def test_what_repeats_itself_is_fitted_by_a_series(tmp_path) -> None:
     assert stored.recipe == result.recipe
     unseen = log_of("not repeated", coarse=False, seed=3)
     judged = excite.verify(stored, unseen)  # the cutoff is kept for such logs
-    assert any("does not repeat itself: positions are low-passed instead" in note for note in judged.prepared.notes)
+    assert any("does not repeat itself: positions are low-passed instead" in note for note in judged.log.notes)
     assert judged.relative_error < 0.05
 
 
@@ -102,7 +102,7 @@ def test_logs_without_velocities_are_low_passed() -> None:
     judged = excite.verify(
         found("not repeated", coarse=True, velocities=True), log_of("not repeated", coarse=True, seed=4)
     )
-    assert any("no velocities were measured: positions are low-passed" in note for note in judged.prepared.notes)
+    assert any("no velocities were measured: positions are low-passed" in note for note in judged.log.notes)
 
 
 @pytest.mark.parametrize(

@@ -338,6 +338,7 @@ def test_pull_on_an_unknown_parameter() -> None:
         solved_with(pull=Quadratic({"m99": 1.0}, {"m99": 1.0}))
 
 
+@pytest.mark.slow
 def test_described_values_are_those_of_the_robot_with_its_locked_joints() -> None:
     """What a locked joint carries belongs to the link that carries it: the pull aims there, not at the bare link."""
     task = excite.Task("ur10e", joints=("1", "2", "3"), friction=False, rotor=False)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import os
 
-from regressors.errors import InputError
+from regressors.errors import InputError, TooLargeError
+from regressors.input_files import in_bytes
 from regressors.quoting import shortened
 
 MEMORY_CAP = 4.0  # GB
@@ -38,3 +39,29 @@ def memory_cap() -> float:
 def value_cap() -> float:
     """Numbers that the largest table of a piece of work may have, 10^8 by default; it rises with `memory_cap`."""
     return memory_cap() / BYTES_PER_VALUE
+
+
+def check_memory(source: str, size: float, what: str, remedy: str) -> None:
+    """Refuse to read what would take more memory than it may.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file.
+    size : float
+        Predicted memory [bytes].
+    what : str
+        What takes it.
+    remedy : str
+        What to change.
+
+    Raises
+    ------
+    TooLargeError
+    """
+    cap = memory_cap()
+    if size > cap:
+        raise TooLargeError(
+            f"{source}: it would take about {in_bytes(size)} of memory, more than the cap of {in_bytes(cap)}: {what}; "
+            f"{remedy}, or raise the cap with {CAP_VARIABLE} [GB]"
+        )

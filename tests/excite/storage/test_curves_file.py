@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from excite.files.curves_file import chosen, every, read_curves, write_curves
 from excite.files.result_curves import read_result_curves
-from excite.files.verification_curves import read_verification_curves
+from excite.storage.curves_file import chosen, every, read_curves, write_curves
 from regressors.errors import InputError
 
 ROWS: dict[str, Any] = {
@@ -26,7 +25,6 @@ ROWS: dict[str, Any] = {
     "motion_log": np.zeros(3, dtype=np.int16),
     "motion_q": np.zeros((3, 2)),
 }
-COLUMNS: dict[str, Any] = {**ROWS, "measured": np.ones((4, 2)), "predicted": np.ones((4, 2))}
 
 
 def test_arrays_are_read_as_written(tmp_path: Path) -> None:
@@ -54,25 +52,6 @@ def test_arrays_that_do_not_fit_are_named(change: dict[str, Any], message: str, 
     write_curves(tmp_path / "c.npz", {**ROWS, **change})
     with pytest.raises(InputError, match=message):
         read_result_curves(tmp_path / "c.npz", 1, 2)
-
-
-@pytest.mark.parametrize("name", ["starts", "stops", "end", "q"])
-def test_windows_that_do_not_fit_are_named(name: str, tmp_path: Path) -> None:
-    replay = {
-        "replay_time": np.arange(6.0), "replay_q": np.zeros((6, 2)), "replay_measured": np.zeros((6, 2)),
-        "replay_starts": np.array([0, 3]), "replay_stops": np.array([3, 6]), "replay_end": np.array([0.0, np.nan, 0.0]),
-    }  # fmt: skip
-    write_curves(tmp_path / "c.npz", {**COLUMNS, **replay})
-    assert read_verification_curves(tmp_path / "c.npz", 2)["replay_stops"].tolist() == [3, 6]
-    wrong = {
-        "starts": np.array([3, 3]),
-        "stops": np.array([3, 9]),
-        "end": np.array([9.0, 0.0, 0.0]),
-        "q": np.zeros((5, 2)),
-    }
-    write_curves(tmp_path / "c.npz", {**COLUMNS, **replay, f"replay_{name}": wrong[name]})
-    with pytest.raises(InputError, match="expected"):
-        read_verification_curves(tmp_path / "c.npz", 2)
 
 
 def _archive(member: bytes) -> bytes:

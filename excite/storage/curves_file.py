@@ -47,8 +47,8 @@ def chosen(count: int, most: int = INSTANTS) -> Index:
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
 
 
-def short(values: Array) -> np.ndarray[Any, np.dtype[np.float32]]:
-    """Values with seven digits, half the size."""
+def short(values: Array) -> Any:
+    """Values with seven digits, of single precision: half the size."""
     return np.asarray(values, dtype=np.float32)
 
 

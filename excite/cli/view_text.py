@@ -1,0 +1,69 @@
+"""A view in a terminal: the few columns of a summary, or every table."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from excite.cli.literal_console import console
+from excite.cli.messages import in_options
+from excite.cli.summary import compact_table
+from excite.views.view import Column, Format, View, ViewTable
+
+if TYPE_CHECKING:
+    import rich.table
+
+_NUMBERS = (Format.NUMBER, Format.PERCENT)
+_BRIEF, _WHOLE = 3, 6  # significant digits of numbers
+
+
+def brief_table(table: ViewTable, left: int = 1) -> list[str | rich.table.Table]:
+    """The brief columns of a table, for a summary; numbers stand with their unit."""
+    short = table.brief
+    units = [column.format is Format.UNIT for column in short.columns]
+    headings = [column.heading for column, is_unit in zip(short.columns, units, strict=True) if not is_unit]
+    return compact_table(*headings, rows=[_with_units(short.columns, row) for row in short.rows], left=left)
+
+
+def _with_units(columns: tuple[Column, ...], row: tuple[Any, ...]) -> list[str]:
+    """Texts of a row, with the unit that stands beside a number behind it."""
+    texts: list[str] = []
+    for column, value in zip(columns, row, strict=True):
+        if column.format is Format.UNIT:
+            texts[-1] = f"{texts[-1]} {value}"
+        else:
+            texts.append(_text(column, value, _BRIEF))
+    return texts
+
+
+def _text(column: Column, value: Any, digits: int) -> str:
+    if column.format not in _NUMBERS:
+        return str(value)
+    if value is None or not math.isfinite(value):
+        return column.missing or "-"
+    return f"{value:.{digits}g}" if column.format is Format.NUMBER else f"{100 * value:.3g} %"
+
+
+def print_verdict(view: View) -> None:
+    """Print what a view is of, and its verdict."""
+    from rich.text import Text
+
+    console().print(Text(f"\n{view.title}", style="bold"), soft_wrap=True)
+    style = {True: "bold green", False: "bold red", None: "bold"}[view.holds]
+    console().print(Text(in_options(view.verdict), style=style), soft_wrap=True)
+
+
+def print_view(view: View) -> None:
+    """Print all of a view but its verdict, which stands above, and its figures."""
+    from rich.table import Table
+
+    out = console()
+    for sentence in (*view.summary, *(f"note: {remark}" for remark in view.remarks)):
+        out.print(in_options(sentence), soft_wrap=True)
+    for table in (each for each in view.tables if not each.folded):
+        drawn = Table(title=table.title, title_justify="left")
+        for column in table.columns:
+            drawn.add_column(column.heading, justify="right" if column.format in _NUMBERS else "left")
+        for row in table.rows:
+            drawn.add_row(*(_text(column, value, _WHOLE) for column, value in zip(table.columns, row, strict=True)))
+        out.print(drawn)

@@ -1,0 +1,60 @@
+"""The section of a page that shows a view."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from excite.report.provenance_facts import facts
+from excite.report.sections import ReportCell, ReportFigure, ReportSection, ReportTable, number, percent, unit
+from excite.views.view import Column, Format, View, ViewTable
+
+_CELLS: dict[Format, Callable[[Any], ReportCell]] = {
+    Format.TEXT: lambda value: ReportCell(str(value)),
+    Format.UNIT: unit,
+    Format.NUMBER: number,
+    Format.PERCENT: percent,
+}
+
+
+def section_of(
+    view: View, kind: str, figures: tuple[ReportFigure, ...], missing: tuple[str, ...] = ()
+) -> ReportSection:
+    """The section of a view.
+
+    Parameters
+    ----------
+    view : View
+    kind : str
+    figures : tuple of ReportFigure
+    missing : tuple of str
+        Figures and motions that are left out, and why.
+    """
+    return ReportSection(
+        kind=kind,
+        title=view.title,
+        verdict=view.verdict,
+        holds=view.holds,
+        asked=view.asked,
+        assumed=view.remarks,
+        notes=(*view.against, *missing),
+        tables=tuple(map(_page_table, view.tables)),
+        figures=figures,
+        facts=facts({}, **view.facts),
+    )
+
+
+def _page_table(table: ViewTable) -> ReportTable:
+    """The table with all of its columns that say something."""
+    shown = [k for k in range(len(table.columns)) if any(row[k] is not None for row in table.rows)]
+    columns = tuple(table.columns[k] for k in shown)
+    rows = tuple(tuple(_cell(column, row[k]) for k, column in zip(shown, columns, strict=True)) for row in table.rows)
+    return ReportTable(
+        table.title, tuple(column.heading for column in columns), rows, name=table.name, folded=table.folded
+    )
+
+
+def _cell(column: Column, value: Any) -> ReportCell:
+    cell = _CELLS[column.format](value)
+    numbers = column.format in (Format.NUMBER, Format.PERCENT)
+    return ReportCell(column.missing) if numbers and cell.value is None and column.missing else cell

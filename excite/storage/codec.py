@@ -1,0 +1,216 @@
+"""The one codec of records: a frozen dataclass to the content of a JSON file and the arrays beside it, and back.
+
+A record's fields are the file's entries, under their own names. Numbers keep every bit, also ``inf``, ``-inf`` and
+``nan``, which are written as these words; an array becomes ``{"array": NAME}`` and stands under NAME in the file of
+arrays; a robot is its whole description with its hash; an enumeration is the name of its member.
+
+An entry whose arrays are not there when the record is read is its field's default. A record may state three things
+more:
+
+- ``metadata=INLINE`` of a field: the fields of that part stand beside those of the record;
+- ``beside``, a class attribute: functions of the record by name, for readers of the file. They follow from the other
+  entries, and are not read;
+- ``stored()``: the record that is written in its place, such as one with fewer instants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import cache
+from types import MappingProxyType
+from typing import Any, TypeVar, get_origin, get_type_hints
+
+import cattrs
+import numpy as np
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
+
+from regressors.errors import InputError
+from regressors.robot.archive import robot_from_description
+from regressors.robot.robot import Robot
+
+INLINE: Mapping[str, bool] = MappingProxyType({"inline": True})
+_ARRAY = "array"
+_WORDS = {"inf": np.inf, "-inf": -np.inf, "nan": np.nan}
+Arrays = dict[str, Any]
+Record = TypeVar("Record")
+
+
+def content_of(record: object) -> tuple[dict[str, Any], Arrays]:
+    """Content of the JSON file of a record, and its arrays by name.
+
+    Parameters
+    ----------
+    record : dataclass
+    """
+    arrays: Arrays = {}
+    return _without_arrays(_converter().unstructure(record), "", arrays), arrays
+
+
+def record_of(kind: type[Record], content: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
+    """The record that a content and its arrays hold; entries that the record does not have are not looked at.
+
+    Parameters
+    ----------
+    kind : type
+        Dataclass.
+    content : mapping
+    arrays : mapping of str to ndarray
+
+    Raises
+    ------
+    InputError
+        An entry is missing or of another type; the message has its place, such as ``torques[2].unit``.
+    """
+    try:
+        whole = {name: each for name, each in content.items() if _names(each) <= arrays.keys()}
+        return _converter().structure(_with_arrays(whole, arrays), kind)
+    except cattrs.BaseValidationError as error:
+        raise InputError(_first(error)) from error
+
+
+def _without_arrays(value: Any, place: str, arrays: Arrays) -> Any:
+    """The same with references in the place of arrays, which are collected."""
+    if isinstance(value, np.ndarray):
+        arrays[place] = value
+        return {_ARRAY: place}
+    if isinstance(value, dict):
+        return {name: _without_arrays(each, f"{place}.{name}".lstrip("."), arrays) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_arrays(each, f"{place}.{k}", arrays) for k, each in enumerate(value)]
+    return value
+
+
+def _names(value: Any) -> set[str]:
+    """Names of the arrays that an entry refers to."""
+    if isinstance(value, dict) and value.keys() != {_ARRAY}:
+        value = list(value.values())
+    if isinstance(value, list):
+        return set().union(*map(_names, value))
+    return {str(value[_ARRAY])} if isinstance(value, dict) else set()
+
+
+def _with_arrays(value: Any, arrays: Mapping[str, Any]) -> Any:
+    """The same with arrays in the place of references."""
+    if isinstance(value, dict):
+        if value.keys() == {_ARRAY}:
+            return arrays[str(value[_ARRAY])]
+        return {name: _with_arrays(each, arrays) for name, each in value.items()}
+    return [_with_arrays(each, arrays) for each in value] if isinstance(value, list) else value
+
+
+@cache
+def _converter() -> cattrs.Converter:
+    made = cattrs.Converter()
+    for kind in (int, bool, str):
+        made.register_structure_hook(kind, _exactly)
+    made.register_unstructure_hook(float, lambda value: float(value) if np.isfinite(value) else str(float(value)))
+    made.register_structure_hook(float, _number)
+    made.register_unstructure_hook_func(lambda kind: _is(kind, np.ndarray), lambda array: array)
+    made.register_structure_hook_func(lambda kind: _is(kind, np.ndarray), _numbers)
+    made.register_unstructure_hook_func(lambda kind: _is(kind, Enum), lambda member: member.name)
+    made.register_structure_hook_func(lambda kind: _is(kind, Enum), lambda name, kind: kind[_exactly(name, str)])
+    made.register_unstructure_hook(Robot, _described)
+    made.register_structure_hook(Robot, _robot)
+    made.register_unstructure_hook_factory(_is_record, lambda kind: _writer(kind, made))
+    made.register_structure_hook_factory(_is_record, lambda kind: _reader(kind, made))
+    return made
+
+
+def _is(kind: Any, base: type) -> bool:
+    kind = get_origin(kind) or kind
+    return isinstance(kind, type) and issubclass(kind, base)
+
+
+def _is_record(kind: Any) -> bool:
+    return isinstance(kind, type) and is_dataclass(kind) and kind is not Robot
+
+
+def _exactly(value: Any, kind: type) -> Any:
+    """A value of the very type: ``true`` is no number, and a number no text."""
+    if type(value) is not kind:
+        raise TypeError(f"expected {kind.__name__}, given {value!r:.40}")
+    return value
+
+
+def _number(value: Any, _: type) -> float:
+    if isinstance(value, str) and value in _WORDS:
+        return float(_WORDS[value])
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"expected a number, given {value!r:.40}")
+    return float(value)
+
+
+def _numbers(value: Any, _: type) -> Any:
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
+        raise TypeError("expected an array of numbers")
+    return value.astype(float) if value.dtype == np.float32 else value
+
+
+def _described(robot: Robot) -> dict[str, Any]:
+    return {"name": robot.name, "sha256": robot.sha256(), "description": robot.description()}
+
+
+def _robot(content: Any, _: type) -> Robot:
+    robot = robot_from_description(content["description"])
+    if robot.sha256() != content["sha256"]:
+        raise ValueError("the robot's description does not have the hash that the file states")
+    return robot
+
+
+def _inline(kind: type) -> dict[str, type]:
+    """Types of the parts whose fields stand beside those of the record."""
+    hints = get_type_hints(kind)
+    return {each.name: hints[each.name] for each in fields(kind) if each.metadata.get("inline")}
+
+
+def _writer(kind: type, converter: cattrs.Converter) -> Callable[[Any], dict[str, Any]]:
+    plain: Callable[[Any], dict[str, Any]] = make_dict_unstructure_fn(kind, converter)
+    inline = _inline(kind)
+    beside: Mapping[str, Callable[[Any], Any]] = getattr(kind, "beside", {})
+
+    def write(record: Any) -> dict[str, Any]:
+        record = record.stored() if hasattr(record, "stored") else record
+        content = plain(record)
+        for name in inline:
+            content |= content.pop(name)
+        return {**{name: converter.unstructure(follows(record)) for name, follows in beside.items()}, **content}
+
+    return write
+
+
+def _reader(kind: type, converter: cattrs.Converter) -> Callable[[Any, Any], Any]:
+    plain: Callable[[Any, Any], Any] = make_dict_structure_fn(kind, converter)
+    inline = _inline(kind)
+
+    def read(content: Any, _: Any) -> Any:
+        if not isinstance(content, Mapping):
+            raise TypeError(f"expected an object, given {content!r:.40}")
+        content = dict(content)
+        for name, part in inline.items():
+            content[name] = {each.name: content[each.name] for each in fields(part) if each.name in content}
+        return plain(content, kind)
+
+    return read
+
+
+def _first(error: BaseException, place: str = "") -> str:
+    """Place and reason of the first entry that is wrong."""
+    if isinstance(error, cattrs.BaseValidationError):
+        part = error.exceptions[0]
+        return _first(part, place + _step(part))
+    if isinstance(error, KeyError):
+        inside = place.removesuffix(f".{error.args[0]}").lstrip(".")
+        return f"{inside}: {error} is missing" if inside else f"{error} is missing"
+    return f"{place.lstrip('.')}: {error}" if place else str(error)
+
+
+def _step(error: BaseException) -> str:
+    """The entry that an error is about, as cattrs notes it: ``.name``, or ``[2]``."""
+    for note in getattr(error, "__notes__", ()):
+        if isinstance(note, cattrs.AttributeValidationNote):
+            return f".{note.name}"
+        if isinstance(note, cattrs.IterableValidationNote):
+            return f"[{note.index}]"
+    return ""

@@ -1,0 +1,228 @@
+"""Schema numbers of records, and what makes the content of an older file that of today's schema.
+
+A migration takes the content and the arrays of a file of its number, and the folder, and gives those of the next.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.storage.atomic import read_json
+from regressors.errors import InputError
+
+SCHEMAS = {"accuracy": 2, "bound": 2, "friction-fit": 2, "payload": 2, "study": 2, "verification": 2}
+Content = dict[str, Any]
+Migration = Callable[[Content, Content, Path], tuple[Content, Content]]
+
+
+def schema_of(kind: str) -> str:
+    """Schema that is written today, such as ``excite.verification/2``."""
+    return f"excite.{kind}/{SCHEMAS[kind]}"
+
+
+def is_of_kind(kind: str, schema: object) -> bool:
+    """Whether a schema is one of a kind that can be read."""
+    return schema in [f"excite.{kind}/{number}" for number in range(1, SCHEMAS[kind] + 1)]
+
+
+def migrated(kind: str, content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """Content and arrays in today's schema.
+
+    Parameters
+    ----------
+    kind : str
+        Of the record.
+    content, arrays : dict
+        As read.
+    folder : Path
+        That they were read from.
+    """
+    for number in range(int(str(content["schema"]).rpartition("/")[2]), SCHEMAS[kind]):
+        content, arrays = _MIGRATIONS[kind, number](content, arrays, folder)
+    return content, arrays
+
+
+_OUTCOMES = ("DONE", "NOT_POSITIVE", "RAN_AWAY")
+
+
+def _verification_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """Not finite numbers were null, the robot was in the result alone, and curves had names of their own."""
+    log, whole = content["log"], content.get("corrected_error")
+    corrected = [torque.get("corrected") for torque in content["torques"]]
+    motions = content["motions"]
+    arrays, entries = _verification_arrays(arrays)
+    return {
+        **content,
+        "robot": _robot_of_result(folder, content["robot"]["sha256"]),
+        "log": {**log, "start": log["from"], "end": log["to"], "left_out": []},
+        "relative_error": _infinite(content["relative_error"]),
+        "event_free_error": content.get("event_free_error"),
+        "horizon": content.get("horizon"),
+        "torques": [_entries_infinite(torque) for torque in content["torques"]],
+        "corrected": [] if None in corrected else [_entries_infinite(part) for part in corrected],
+        "corrected_total": whole and {"noise": "nan", "error": "nan", "relative": whole, "least": "nan"},
+        "motions": None if motions is None else [_entries_infinite(motion) for motion in motions],
+        **entries,
+    }, arrays
+
+
+def _verification_arrays(arrays: Content) -> tuple[Content, Content]:
+    """The arrays under the names of the fields, and the entries that refer to them."""
+    if not arrays:
+        return {}, {}
+    named = {name: arrays[name] for name in ("time", "measured", "predicted")}
+    simulated = "replay_time" in arrays
+    of_motion = ("replay_time", "replay_measured") if simulated else ("motion_time", "motion_q")
+    named |= {"motion.time": arrays[of_motion[0]], "motion.q": arrays[of_motion[1]]}
+    entries: Content = {name: {"array": name} for name in ("time", "measured", "predicted")}
+    joints = [str(name) for name in arrays["joints"]]
+    entries["motion"] = {"joints": joints, "time": {"array": "motion.time"}, "q": {"array": "motion.q"}}
+    entries["step"] = int(arrays["every"])
+    if simulated:
+        q = arrays["replay_q"]
+        named |= {"replay.time": arrays["replay_time"], "replay.q": q, "replay.dq": np.full_like(q, np.nan)}
+        outcome, failed, left_out = arrays["replay_end"].tolist()
+        entries["replay"] = {
+            "outcome": _OUTCOMES[int(outcome)],
+            **{name: {"array": f"replay.{name}"} for name in ("time", "q", "dq")},
+            "starts": arrays["replay_starts"].tolist(),
+            "stops": arrays["replay_stops"].tolist(),
+            "failed_at": failed if np.isfinite(failed) else None,
+            "sign_width": "nan",
+            "left_out": int(left_out),
+        }
+    return named, entries
+
+
+def _infinite(value: Any) -> Any:
+    return "inf" if value is None else value
+
+
+def _entries_infinite(entry: Mapping[str, Any]) -> Content:
+    return {name: _infinite(value) for name, value in entry.items()}
+
+
+def _robot_of_result(folder: Path, sha256: str) -> Content | None:
+    """The robot of the folder's identification, where that is the one that was verified."""
+    try:
+        robot = read_json(folder / "result.json")["robot"]
+    except (InputError, KeyError):
+        return None
+    return robot if robot.get("sha256") == sha256 else None
+
+
+def _study_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """Curves were lists, with null where they are not finite."""
+    courses = []
+    for k, course in enumerate(content["courses"]):
+        values, deviation, half = (_floats(course[name]) for name in ("values", "deviation", "half_width_99"))
+        if values.shape != deviation.shape or values.shape != half.shape:
+            raise ValueError("expected a deviation for every value")
+        seen = deviation > 0
+        curves = {
+            "time": _floats(course["time"]),
+            "values": values,
+            "deviation": np.where(np.isnan(deviation), np.inf, deviation),
+            "condition_number": np.nan_to_num(_floats(course["condition_number"]), nan=np.inf),
+            "reference": _floats(course["reference"]["values"]),
+        }
+        if course["scatter"] is not None:
+            curves["scatter"] = _floats(course["scatter"])
+        arrays |= {f"courses.{k}.{name}": array for name, array in curves.items()}
+        courses.append(
+            {
+                **{name: course[name] for name in ("name", "names", "units", "repetitions", "notes")},
+                **{name: {"array": f"courses.{k}.{name}"} for name in curves},
+                "quantile": float(np.median(half[seen] / deviation[seen])) if seen.any() else "nan",
+                "reference_kind": course["reference"]["kind"],
+            }
+        )
+    robot = content["robot"]
+    return {**content, "robot": robot["name"], "sha256": robot["sha256"], "courses": courses}, arrays
+
+
+def _floats(values: Any) -> Any:
+    return np.array(values, dtype=float)
+
+
+def _accuracy_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    return {**content, "name": content["design"], "count": content["samples"]}, arrays
+
+
+def _bound_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    return {**content, "name": folder.name, "sensitivity": content.get("sensitivity")}, arrays
+
+
+def _payload_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    raise InputError("schema 1 has intervals, but not the covariance that they are from: identify the payload again")
+
+
+_EXPONENT = re.compile(r"exponent ([\d.]+)")
+_NORMAL = 2.5758  # half a 99 % interval over the standard deviation, where the file does not tell
+
+
+def _friction_fit_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """The form of a curve was in its name, covariances were lists, and the curves that were not taken had none."""
+    drives = []
+    for k, drive in enumerate(content["drives"]):
+        fit = drive["fit"]
+        drives.append(
+            {
+                **{name: drive[name] for name in ("unit", "gravity", "points", "stiction", "notes")},
+                "drive": drive["name"],
+                "rests": drive["points_at_rest"],
+                "fit": None if fit is None else _curve_fit_2(fit, f"characteristics.{k}.fit", arrays),
+                "others": [],
+                "failed": drive["not_fitted"],
+            }
+        )
+    robot = content["robot"]
+    return {
+        **{name: content[name] for name in ("logs", "settings", "provenance")},
+        "robot": robot["name"],
+        "sha256": robot["sha256"],
+        "characteristics": drives,
+        "gravity_source": content["subtracted"],
+    }, arrays
+
+
+def _curve_fit_2(fit: Content, place: str, arrays: Content) -> Content:
+    parameters, name = fit["parameters"], str(fit["model"])
+    covariance = _floats(fit["covariance"])
+    halves = _floats([each["interval99"] for each in parameters.values()])
+    deviations, exponent = np.sqrt(np.diag(covariance)), _EXPONENT.search(name)
+    ratio = halves[deviations > 0] / deviations[deviations > 0]
+    arrays[f"{place}.values"] = _floats([each["value"] for each in parameters.values()])
+    arrays[f"{place}.covariance"] = covariance
+    return {
+        "form": {
+            "name": name,
+            "stribeck": "stribeck" in name,
+            "asymmetric": name.startswith("asymmetric"),
+            "exponent": 1.0 if exponent is None else float(exponent[1]),
+            "offset": "offset" in parameters,
+            "temperature": fit["reference_temperature"],
+            "load": "load" in name.partition(", ")[2],
+        },
+        **{each: {"array": f"{place}.{each}"} for each in ("values", "covariance")},
+        "scatter": fit["scatter"],
+        "quantile": float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else _NORMAL,
+        "bic": fit["bic"],
+        "aicc": _infinite(fit["aicc"]),
+        "held": [each for each, value in parameters.items() if value["interval99"] is None],
+    }
+
+
+_MIGRATIONS: dict[tuple[str, int], Migration] = {
+    ("accuracy", 1): _accuracy_2,
+    ("bound", 1): _bound_2,
+    ("friction-fit", 1): _friction_fit_2,
+    ("payload", 1): _payload_2,
+    ("study", 1): _study_2,
+    ("verification", 1): _verification_2,
+}

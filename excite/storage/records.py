@@ -1,0 +1,157 @@
+"""Records in result folders: ``STEM.json``, and ``STEM_curves.npz`` with the arrays, written together and read back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from excite.storage.atomic import read_json, write_json
+from excite.storage.codec import Arrays, content_of, record_of
+from excite.storage.commit import read_settled
+from excite.storage.curves_file import read_curves, write_curves
+from excite.storage.destination import Destination
+from excite.storage.figure_names import figure_names
+from excite.storage.manifest import check_files, read_manifest
+from excite.storage.migrations import is_of_kind, migrated, schema_of
+from excite.storage.result_folder import replace_result, result_folder
+from regressors.errors import InputError
+
+CURVES = "_curves.npz"  # after the stem of the record
+Record = TypeVar("Record")
+
+
+def write_record(
+    record: object,
+    kind: str,
+    folder: Path,
+    stem: str,
+    figures: Collection[str] = (),
+    further: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),
+    entry: str = "",
+) -> list[Path]:
+    """Write a record into a folder, made if it does not exist; one of the same stem is replaced.
+
+    Parameters
+    ----------
+    record : dataclass
+    kind : str
+        As in `excite.storage.migrations.SCHEMAS`.
+    folder : Path
+    stem : str
+    figures : collection of str
+        Stems of its figures: those of the record that is replaced leave.
+    further : mapping of str to callable
+        What writes each further file of the record, by its name.
+    entry : str
+        Of the manifest; the stem if not given.
+
+    Returns
+    -------
+    list of Path
+        Files that were written.
+
+    Raises
+    ------
+    InputError
+        Another process writes to the folder, or it cannot be written to.
+    """
+    file = f"{stem}.json"
+    content, arrays = content_of(record)
+    names = [*further, file, *([f"{stem}{CURVES}"] if arrays else ())]
+    with result_folder(folder) as run:
+        older = figure_names(figures) if (folder / file).exists() else []
+        with replace_result(folder, entry or stem, run=run, older=older) as staged:
+            for name, write in further.items():
+                write(staged / name)
+            if arrays:
+                write_curves(staged / f"{stem}{CURVES}", arrays)
+            write_json(staged / file, {"schema": schema_of(kind), **content})
+    return [folder / name for name in names]
+
+
+def check_replaceable(folder: Path, kind: str, stem: str) -> None:
+    """Raise `InputError` where a file has the name of a record, but is the user's own."""
+    path = folder / f"{stem}.json"
+    if path.exists() and stem not in read_manifest(folder) and not _is_ours(path, kind):
+        raise InputError(f"{path} is already there, and is not a {kind}; choose another `folder`")
+
+
+def _is_ours(path: Path, kind: str) -> bool:
+    try:
+        return is_of_kind(kind, read_json(path).get("schema"))
+    except InputError:
+        return False
+
+
+def read_record(path: Path, record: type[Record], kind: str) -> Record:
+    """Read a record, also of an older schema.
+
+    Parameters
+    ----------
+    path : Path
+        ``STEM.json``; the arrays beside it may be missing.
+    record : type
+        Its dataclass.
+    kind : str
+
+    Raises
+    ------
+    InputError
+        Another schema, entries that are missing or of another type, or a file that is not the one that was written.
+    """
+    return read_settled(Destination(path.parent), lambda: _read(path, record, kind))
+
+
+def _read(path: Path, record: type[Record], kind: str) -> Record:
+    content = read_json(path)
+    if not is_of_kind(kind, content.get("schema")):
+        raise InputError(f"{path}: expected schema {schema_of(kind)}, given {content.get('schema')!r}")
+    curves = path.with_name(f"{path.stem}{CURVES}")
+    entry = path.stem if path.stem in read_manifest(path.parent) else kind
+    check_files(path.parent, entry, (path.name, curves.name))
+    arrays: Arrays = read_curves(curves) if curves.is_file() else {}
+    what = kind.replace("-", " ")
+    with complete(path, what):
+        content, arrays = migrated(kind, content, arrays, path.parent)
+    try:
+        return record_of(record, content, arrays)
+    except InputError as error:
+        raise InputError(f"{path}: not a complete {what}: {error}") from error
+
+
+@contextmanager
+def complete(path: Path, what: str) -> Iterator[None]:
+    """Turn errors from using a file's entries into one error that names the file.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        Kind of content, such as ``design``.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except KeyError as error:
+        raise InputError(f"{path}: not a complete {what}: {error} is missing") from error
+    except (ArithmeticError, AttributeError, IndexError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not a complete {what}: {error}") from error
+
+
+def json_of(record: object) -> dict[str, Any]:
+    """Content of a record for a terminal: without arrays, and of robots without their descriptions."""
+    content, _ = content_of(record)
+    return _short(content)
+
+
+def _short(content: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {}
+    for name, value in content.items():
+        if name == "description" or (isinstance(value, dict) and value.keys() == {"array"}):
+            continue
+        kept[name] = _short(value) if isinstance(value, dict) else value
+    return kept

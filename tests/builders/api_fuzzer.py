@@ -1,0 +1,296 @@
+"""Calls of the public API with wrong and odd arguments: each must end in a result or in an `ExciteError`.
+
+A case is a public callable with arguments that work, of which one or two are replaced: by values of other types, by
+numbers of any size, or, where the right value is an array, by one that is spoiled in one place.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import io
+import os
+import random
+import signal
+import tempfile
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from short_designs import short
+
+import excite
+from constraints.collision.geometry import Capsule, Part, World
+from regressors.friction.curves import CoulombViscous, FrictionCurves
+
+Arguments = Mapping[str, Any]
+NOISY = excite.SimulationSettings(torque_noise=0.5)
+PATIENCE = 0.1  # seconds of processor time after which a call that is at work is stopped
+_STUCK = 120  # seconds after which a call waits for something
+
+
+def plain_values() -> list[Any]:
+    """Values of any type, most of them wrong for any argument."""
+    numbers = [0, 1, -1, 3, 2**70, 0.0, -0.5, 0.05, 1e-300, 1e300, np.nan, np.inf, -np.inf, 1j, True, False]
+    odd_numbers = [np.float64(1.5), np.int64(3), np.bool_(True), Decimal("1.5"), Fraction(1, 3), np.datetime64("2026")]
+    texts = ["", "x", "auto", "all", "1", "\0", "\u00e9" * 300, b"x", Path("missing"), Path("/")]
+    lists = [[], (), [1.0], [1.0, 2.0], (1.0,) * 6, ["1"], ["x", "x"], [None], [[1.0]], [np.nan], range(3), [1, "x"]]
+    several = [{}, {"x": 1.0}, {1: "x"}, set(), {"x"}, iter([1.0]), slice(3)]
+    arrays = [np.array(2.0), np.array([1.0, 2.0]), np.array([1j]), np.array(["x"]), np.zeros((2, 2)), np.zeros(0)]
+    more = [np.full(3, np.nan), np.full(6, 1e300), np.array([None]), np.arange(3)]
+    kinds = [None, object(), lambda *_: None, int, excite.Task, ValueError("x"), NotImplemented, ...]
+    return [*numbers, *odd_numbers, *texts, *lists, *several, *arrays, *more, *kinds]
+
+
+def spoiled(array: Any) -> list[Any]:
+    """An array with one thing wrong."""
+    one_nan, one_inf = array.astype(float), array.astype(float)
+    if array.size:
+        one_nan.flat[array.size // 2], one_inf.flat[-1] = np.nan, np.inf
+    return [
+        one_nan, one_inf, array[::-1], array + 0j, array.astype(object), array.astype(str), array.T, array[:-1],
+        array[..., None], array.tolist(), np.repeat(array, 2, axis=0), np.zeros_like(array), 1e300 * array, array[:0],
+    ]  # fmt: skip
+
+
+class Api:
+    """Public callables with arguments that work, in a folder of their own.
+
+    Parameters
+    ----------
+    folder : Path
+        Where results lie and are written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.design = short()
+        self.simulation = excite.simulate(self.design, noise=0.5, seed=1, rate=200.0)
+        self.log = self.simulation.measured
+        self.result = excite.identify(self.design.task, self.log, design=self.design, choose=False)
+        self.objects = [*self._saved(), self.design, self.log, self.result, self.design.robot, self.design.task]
+
+    def _saved(self) -> list[str]:
+        self.design.save(self.folder / "design")
+        self.simulation.save(self.folder / "run.csv")
+        self.result.save(self.folder / "result")
+        return [str(self.folder / name) for name in ("design", "run.csv", "result")]
+
+    def values(self) -> dict[str, Arguments]:
+        """Classes whose objects users make."""
+        robot, q = self.design.robot, np.linspace(0.0, 1.0, 12).reshape(4, 3)
+        time = np.arange(4.0)
+        motion = excite.TaskMotion("m", ("a", "b", "c"), q, q, q)
+        window, curves = excite.Window(), FrictionCurves({"1": CoulombViscous(1.0, 1.0)})
+        gains = {"factor": np.ones(2), "covariance": np.eye(2), "origin": "here", "logs": ()}
+        families = {name: {"period": 4.0, "harmonics": 5} for name in ("Cosine", "Fourier", "FourierQuintic", "Sines")}
+        parts = ("Installation", "LimitChoice", "ModelChoice", "Objective", "Output", "Search", "TrajectoryChoice")
+        settings = ("Degradation", "FitSettings", "LogChoice", "Recipe", "Schedule", "SimulationSettings", "Terms")
+        return {
+            **families,
+            **{name: defaults_of(name) for name in (*parts, *settings, "PrecisionTarget", "Tolerances", "Window")},
+            "BSpline": {"period": 4.0, "intervals": 9, "order": 6},
+            "Waypoints": {"period": 4.0, "intervals": 9},
+            "Belief": {"name": "m1", "value": 1.0, "deviation": 0.1},
+            "Collisions": {"world": World((Part("1", Capsule((0.0,) * 3, (0.1, 0.0, 0.0), 0.05)),), ())},
+            "Column": {"name": "m1", "unit": "kg", "kind": "mass", "owner": 1},
+            "DifferentialModel": {"robot": robot, "terms": excite.Terms(), "sign_width": 0.0, "carried": None},
+            "EnergyModel": {"robot": robot, "terms": None, "window": window, "sign_width": 0.0},
+            "ImpactPulse": {"joint": "1", "time": 1.0, "torque": 5.0, "duration": 0.01},
+            "KnownGains": {"drives": ("1", "2"), **gains},
+            "LoadIntegralModel": {"robot": robot, "sensor": excite.Sensor(), "window": window},
+            "LoadModel": {"robot": robot, "sensor": excite.Sensor()},
+            "Log": {
+                "source": "x", "sha256": "", "joints": ("a", "b", "c"), "time": time, "q": q, "dq": q, "effort": q,
+                "wrench": np.ones((4, 6)), "temperature": q, "left_out": (), "truth": None, "saturated": (),
+                "numbers": np.arange(1, 5), "removed": (),
+            },
+            "NonlinearConstraint": {
+                "joints": 3, "expression": lambda q, dq, ddq: q, "lower": -np.ones(3), "upper": np.ones(3),
+                "scale": np.ones(3), "labels": ("a", "b", "c"), "units": ("rad",) * 3, "quantity": "other",
+            },
+            "Payload": {"phi": [1.0, 0.0, 0.0, 0.1, 0.02, 0.0, 0.0, 0.02, 0.0, 0.02]},
+            "PayloadModel": {"robot": robot},
+            "PlausibleTorqueLimit": {"uncertainty": 0.2, "friction": curves},
+            "Robot": {field: getattr(robot, field) for field in robot.__dataclass_fields__},
+            "Samples": {"time": time, "q": q, "dq": q, "ddq": q, "dddq": q},
+            "Sensor": {"link": None, "rotation": np.eye(3), "translation": np.zeros(3), "equations": ("fx", "nz")},
+            "Task": {"robot": "irp6", "base_link": None, "tip": None, "snap_angles": True, "period": 4.0, "noise": 1.0,
+                     "gravity": (0.0, 0.0, -9.81), "friction": True, "friction_curves": curves},
+            "TaskMotion": {"name": "m", "joints": ("a", "b", "c"), "q": q, "dq": q, "ddq": q},
+            "TaskTorques": {"share": 0.1, "motion": motion},
+            "ToolBox": {"lower": (-1.0,) * 3, "upper": (1.0,) * 3, "point": (0.0,) * 3},
+            "ToolSpeed": {"speed": 1.0, "point": (0.0,) * 3},
+            "TorqueLimit": {"margin": 0.1, "friction": curves},
+        }  # fmt: skip
+
+    def files(self) -> dict[str, Arguments]:
+        """What reads files and small things."""
+        run, design, robot = self.folder / "run.csv", self.folder / "design", self.design.robot
+        (self.folder / "friction.yaml").write_text("drives:\n  '1': {coulomb: 1.0, viscous: 1.0}\n")
+        (self.folder / "world.yaml").write_text("robot: []\nobjects: {}\n")
+        return {
+            "load_robot": {"spec": "irp6", "base": None, "tip": None, "snap_angles": True},
+            "load_design": {"folder": design, "part": ()},
+            "load_result": {"folder": self.folder / "result", "part": ()},
+            "load_campaign": {"folder": design},
+            "load_posterior": {"path": design},
+            "read_log": {"path": run, "joints": None, "mapping": None, "drop": (), "only": (1, 90), "robot": robot},
+            "read_mapping": {"path": self.folder / "friction.yaml"},
+            "read_recording": {"path": run, "columns": None},
+            "read_friction": {"path": self.folder / "friction.yaml"},
+            "read_world": {"path": self.folder / "world.yaml", "robot": "", "base": None, "tip": None},
+            "guess_mapping": {"path": run, "robot": robot},
+            "degrade": {"log": self.log, "degradation": excite.Degradation(hold=0.1), "seed": 0, "friction": None},
+            "measured_noise": {"result": self.result, "log": 0},
+            "base_parameters": {"model": excite.DifferentialModel(robot), "choice": "gautier", "tolerance": 1e-8},
+        }
+
+    def designs(self) -> dict[str, Arguments]:
+        """What plans motions."""
+        search, task = excite.Search(starts=1, executor="serial"), self.design.task
+        return {
+            "design_trajectory": {
+                "robot_or_model": "irp6", "trajectory": None, "criterion": "condition", "constraints": (),
+                "limits": None, "search": search, "output": None, "folder": None, "fresh": False, "period": 4.0,
+                "noise": 1.0, "joints": None, "progress": None,
+            },
+            "design_for_precision": {"robot_or_model": task, "precision": 0.5, "folder": None, "fresh": False},
+            "next_motion": {"robot_or_model": task, "precision": 0.5, "of": "measured", "after": (self.result,)},
+            "plan_campaign": {"robot_or_model": "irp6", "at_once": 1, "period": 4.0, "search": search},
+            "design_payload_motion": {
+                "robot": "irp6", "box": 0.2, "sensor": "torque", "pose": None, "centre": None, "swing": None,
+                "period": 4.0, "harmonics": 3, "starts": 1, "seed": 0, "rate": 100.0, "limits": None,
+                "installation": None, "frame": None,
+            },
+            "plan_friction": {
+                "robot": "irp6", "schedule": None, "joints": ("1",), "drives": None, "limits": None, "pose": None,
+                "balanced": False, "world": None, "torque_ramp": None, "seed": 0,
+            },
+            "run_campaign": {"cells": {"a": task}, "folder": self.folder / "o", "executor": "serial", "workers": None},
+            "compare": {"designs": [self.design], "model": None, "window": None},
+            "bound": {"design": self.design, "criteria": ("condition",), "rounds": 1, "seed": 0},
+        }  # fmt: skip
+
+    def measurements(self) -> dict[str, Arguments]:
+        """What computes with logs and results."""
+        log, design, result, task = self.log, self.design, self.result, self.design.task
+        return {
+            "simulate": {
+                "source": design, "settings": None, "noise": 1.0, "friction": None, "load": None, "trajectory": None,
+                "approach_and_return": True, "beyond_limits": False, "rate": 200.0,
+            },
+            "identify": {
+                "model": task, "logs": log, "design": design, "friction_curves": None, "recipe": None,
+                "estimator": "weighted", "mapping": None, "drop": (), "loaded": (), "known_mass": None,
+                "gains": "each", "each": False, "seed": 0, "choose": False,
+            },
+            "verify": {
+                "result": result, "log": log, "mapping": None, "drop": (), "rows": None, "tolerances": None,
+                "horizon": 0.5, "signals": None, "temperature": None, "training_too": True,
+            },
+            "identify_payload": {
+                "robot": "irp6", "loaded": log, "without": log, "result": None, "wrench": False, "gains": None,
+                "gain_deviation": None, "logs": None, "frame": None, "frame_name": None, "rated": None,
+            },
+            "calibrate_gains": {"robot": "irp6", "loaded": log, "without": log, "mass": 1.0, "kind": "each"},
+            "fit_friction": {"robot": "irp6", "logs": log, "settings": None, "plan": None, "drives": None, "drop": ()},
+            "predict_accuracy": {"design": design, "settings": NOISY, "noise": None, "recipe": None, "count": 4},
+            "sample_posterior": {"result": result, "samples": 3, "seed": 0, "prior": 0.3},
+            "study_over_time": {
+                "model": task, "logs": (log,), "designs": (), "repeats": 0, "below": 0.05, "points": 3,
+                "executor": "serial", "workers": None,
+            },
+        }  # fmt: skip
+
+    def outputs(self) -> dict[str, Arguments]:
+        """What draws and writes."""
+        out = self.folder / "o"
+        model = {"result": self.result, "format": "csv", "out": out / "m.csv", "robot_file": None, "replace": True}
+        motion = {"format": "npz", "out": out / "m.npz", "rate": None, "replace": True}
+        made = {
+            "draw": {"result": self.design, "width": "screen"},
+            "write_figures": {"design": self.design, "folder": out, "formats": ("png",), "width": "screen"},
+            "write_report": {"paths_or_objects": self.design, "out": out / "r.html", "replace": True, "part": ()},
+            "export_model": model,
+            "export_ensemble": {**model, "format": "npz", "out": out / "e", "samples": 3, "seed": 0, "level": 0.9},
+            "export_motion": {"design": self.design, **motion},
+        }
+        out.mkdir(exist_ok=True)
+        return made
+
+
+def defaults_of(name: str) -> dict[str, Any]:
+    """Arguments of a class that has a default for each."""
+    made = getattr(excite, name)()
+    return {parameter: getattr(made, parameter) for parameter in inspect.signature(getattr(excite, name)).parameters}
+
+
+def cases(api: Api, calls: Mapping[str, Arguments], count: int, seed: int) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Calls by the name of what is called, with one or two arguments that are others than in the right call."""
+    draw = random.Random(seed)
+    names = sorted(calls)
+    for k in range(count):
+        name = names[k % len(names)]
+        arguments = dict(calls[name])
+        for changed in draw.sample(sorted(arguments), k=min(len(arguments), draw.choice((1, 1, 2)))):
+            right = arguments[changed]
+            values = spoiled(right) if isinstance(right, np.ndarray) and draw.random() < 0.6 else plain_values()
+            arguments[changed] = draw.choice([*values, *api.objects] if draw.random() < 0.9 else api.objects)
+        yield name, arguments
+
+
+def problem(name: str, arguments: Arguments) -> str | None:
+    """What must not be about the way in which a call ends; None where all is well."""
+    silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
+    try:
+        with warnings.catch_warnings(), silent[0], silent[1]:
+            warnings.simplefilter("error")
+            warnings.filterwarnings("ignore", category=DeprecationWarning)
+            called(getattr(excite, name), arguments)
+    except excite.ExciteError:
+        return None
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        return f"{type(error).__name__}: {str(error)[:150]} ({Path(place.filename).name}:{place.lineno})"
+    return None
+
+
+def problem_of_child(name: str, arguments: Arguments) -> str | None:
+    """The same of a call in a process of its own, which ends where the call is at work: it took its arguments."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            signal.signal(signal.SIGPROF, signal.SIG_DFL)
+            signal.setitimer(signal.ITIMER_PROF, PATIENCE)
+            signal.alarm(_STUCK)
+            os.write(write, (problem(name, arguments) or "").encode())
+            os._exit(0)
+        os._exit(1)
+    os.close(write)
+    with os.fdopen(read, "rb") as pipe:
+        found = pipe.read().decode()
+    ended = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    return found or (None if ended in (0, -signal.SIGPROF) else f"the process ended with {ended}")
+
+
+def called(function: Callable[..., Any], arguments: Arguments) -> Any:
+    """What a function returns for arguments by name, of which some can be given by position only."""
+    parameters = inspect.signature(function).parameters.values()
+    first = [p.name for p in parameters if p.kind is p.POSITIONAL_ONLY and p.name in arguments]
+    several = [p.name for p in parameters if p.kind is p.VAR_POSITIONAL]
+    named = {name: value for name, value in arguments.items() if name not in (*first, *several)}
+    return function(*(arguments[name] for name in first), **named)
+
+
+@contextlib.contextmanager
+def public_api() -> Iterator[Api]:
+    """The public callables, in a temporary folder."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name, contextlib.chdir(name):
+        yield Api(Path(name))

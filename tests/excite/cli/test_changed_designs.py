@@ -1,0 +1,159 @@
+"""Stored designs whose files were changed by someone who also mended the hashes: no command believes them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import Here
+
+import excite
+from excite.report.write_report import report_text
+from excite.storage.content_hash import entry_sha256
+from excite.storage.manifest import FileHash, read_manifest, write_manifest
+
+Content = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("saved") / "design"
+    design = excite.design_trajectory(
+        "irp6",
+        trajectory=excite.TrajectoryChoice(harmonics=3, period=4.0),
+        search=excite.Search(starts=1, executor="serial"),
+    )
+    design.save(folder)
+    return folder
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+def tripled(content: Content) -> None:
+    motion = content["trajectory"]
+    motion |= {name: [[3 * x for x in row] for row in motion[name]] for name in ("cosine", "sine")}
+
+
+def said_to_break(content: Content) -> None:
+    content["limits"] = [{**use, "use": 2.0, "margin": -1.0, "holds": False} for use in content["limits"]]
+    content["feasible"] = False
+
+
+def without_limits(content: Content) -> None:
+    tripled(content)
+    content["limits"] = []
+
+
+def better(content: Content) -> None:
+    content["criteria"] = dict.fromkeys(content["criteria"], 1.234)
+    content["base"]["rank"] = 99
+    content["predicted"]["parameters"] = [
+        {**each, "standard_deviation": 1.234} for each in content["predicted"]["parameters"]
+    ]
+
+
+BREAKING: tuple[Callable[[Content], None], ...] = (tripled, without_limits)
+KEEPING: tuple[Callable[[Content], None], ...] = (said_to_break, better)
+# Words of each command after the design's folder; its status and a text where the motion breaks its limits.
+COMMANDS: dict[str, tuple[tuple[str, ...], int, str]] = {
+    "compare": (("--verbose",), 0, "BROKEN"),
+    "export": (("--format", "npz", "--out", "motion.npz"), 1, "the motion breaks a limit: "),
+    "simulate": (("--out", "run.csv"), 1, "the motion breaks a limit: "),
+    "predict": (("--torque-noise", "0.5", "--count", "10"), 1, "the motion breaks a limit: "),
+    "bound": ((), 1, "), and a bound holds for motions within the limits only"),
+}
+
+
+def changed(saved: Path, folder: Path, change: Callable[[Content], None], *, manifest: bool) -> Path:
+    """A copy of the design with another ``design.json``, whose hashes are mended, or with none."""
+    shutil.copytree(saved, folder)
+    path = folder / "design.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    change(content)
+    if manifest:
+        content["sha256"]["trajectory"] = entry_sha256(content["trajectory"])
+    else:
+        del content["sha256"]
+    path.write_text(json.dumps(content), encoding="utf-8")
+    known = read_manifest(folder)
+    known["design"].files["design.json"] = FileHash.of(path)
+    write_manifest(folder / "manifest.json", known)
+    if not manifest:
+        (folder / "manifest.json").unlink()
+    return folder
+
+
+@pytest.mark.parametrize(("change", "manifest"), [(tripled, True), (without_limits, False)], ids=["mended", "absent"])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_motion_that_breaks_limits_is_not_believed(
+    saved: Path, here: Here, command: str, change: Callable[[Content], None], manifest: bool
+) -> None:
+    words, status, text = COMMANDS[command]
+    changed(saved, here.cwd / "design", change, manifest=manifest)
+    ended = here.run(command, "design", *words)
+    assert (ended.returncode, text in ended.stdout + ended.stderr) == (status, True), ended
+    assert not {"motion.npz", "run.csv"} & {path.name for path in here.cwd.iterdir()}
+
+
+@pytest.mark.parametrize("change", BREAKING, ids=lambda change: change.__name__)
+@pytest.mark.slow
+def test_a_page_says_that_a_motion_breaks_limits(
+    saved: Path, tmp_path: Path, change: Callable[[Content], None]
+) -> None:
+    page = report_text(changed(saved, tmp_path / "design", change, manifest=True))
+    assert "The motion breaks " in page
+    assert "joint q2 position" in page
+    assert "checked is kept" not in page
+    assert "every limit is kept" not in page
+
+
+@pytest.mark.parametrize("change", KEEPING, ids=lambda change: change.__name__)
+@pytest.mark.slow
+def test_what_a_file_says_of_a_motion_within_limits_is_computed(
+    saved: Path, here: Here, change: Callable[[Content], None]
+) -> None:
+    changed(saved, here.cwd / "design", change, manifest=True)
+    true, read = excite.load_design(saved), excite.load_design(here.cwd / "design")
+    stated = json.loads((saved / "design.json").read_text())["criteria"]
+    assert true.criteria == {name: pytest.approx(value, rel=1e-9) for name, value in stated.items()}
+    assert (read.broken, read.believed) == ((), ())
+    assert read.criteria == true.criteria
+    assert read.limits == true.limits
+    assert read.recomputed_content["predicted"] == true.recomputed_content["predicted"]
+    for command in ("compare", "export", "simulate"):
+        ended = here.run(command, "design", *COMMANDS[command][0])
+        assert ended.returncode == 0, ended
+    assert json.loads((here.cwd / "run.json").read_text())["design"]["condition_number"] == true.condition_number
+    page = report_text(here.cwd / "design")
+    assert "checked is kept" in page
+    assert f"condition number {true.condition_number:.4g}" in page
+    assert ">1.234<" not in page
+
+
+def test_what_cannot_be_computed_is_said_to_be_the_word_of_the_file(saved: Path, here: Here) -> None:
+    def name_a_part(content: Content) -> None:
+        content["task"]["constraints"] = ["mine:Mine"]
+        content["limits"].append({**content["limits"][0], "label": "mine", "quantity": "mine", "method": "enclosed"})
+
+    changed(saved, here.cwd / "design", name_a_part, manifest=True)
+    design = excite.load_design(here.cwd / "design")
+    (said,) = design.believed
+    assert said.startswith("limits of torque, distance and mine are those that its file states: ")
+    assert "mine:Mine" in said
+    assert said.partition(": ")[0] in report_text(design)
+    assert "are those that its file states" in here.run("compare", "design").stdout
+
+
+def test_an_approach_to_another_motion_is_refused(saved: Path, tmp_path: Path) -> None:
+    home = excite.load_design(saved).task.changed(home=(0.0, 0.1, -0.1, 0.0, 0.0))
+    excite.design_trajectory(home).save(tmp_path / "home")
+    folder = changed(tmp_path / "home", tmp_path / "design", tripled, manifest=True)
+    with pytest.raises(excite.InputError, match="the approach does not meet the motion, by"):
+        excite.load_design(folder)

@@ -1,0 +1,154 @@
+"""The codec: what is read is what was written, whatever it holds, and what does not fit is named with its place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from excite.storage.codec import INLINE, content_of, record_of
+from regressors.errors import InputError
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+
+class Colour(Enum):
+    """Two members with long values."""
+
+    RED = "as a rose"
+    BLUE = "as the sky"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part whose fields stand beside those of the whole."""
+
+    against: tuple[str, ...] = ()
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve."""
+
+    joints: tuple[str, ...]
+    q: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """A record with everything that records have."""
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"holds": lambda whole: not whole.part.against}
+
+    name: str
+    number: float
+    count: int
+    colour: Colour
+    part: Part = field(metadata=INLINE)
+    spans: tuple[tuple[float, float], ...] = ()
+    parts: tuple[Part, ...] = ()
+    shares: dict[str, float] = field(default_factory=dict)
+    maybe: Part | None = None
+    robot: Robot | None = None
+    curve: Curve | None = None
+
+
+WHOLE = Whole(
+    "a", 0.1, 3, Colour.BLUE, Part(("x",), 2.0), ((0.0, 1.0),), (Part(), Part(("y",))), {"z": 0.25}, Part(("m",))
+)  # fmt: skip
+
+
+def again(whole: Whole) -> Whole:
+    """Written to text and read back."""
+    content, arrays = content_of(whole)
+    return record_of(Whole, json.loads(json.dumps(content, allow_nan=False)), arrays)
+
+
+def test_a_record_is_read_as_written() -> None:
+    read = again(WHOLE)
+    for name in Whole.__dataclass_fields__:
+        assert getattr(read, name) == getattr(WHOLE, name)
+
+
+def test_entries_are_the_fields_with_what_follows_from_them() -> None:
+    content, arrays = content_of(WHOLE)
+    assert arrays == {}
+    assert content["holds"] is False
+    assert (content["against"], content["weight"], content["colour"]) == (["x"], 2.0, "BLUE")
+    assert "part" not in content
+
+
+@given(st.floats(), st.text(), st.integers(-(10**12), 10**12))
+def test_values_keep_every_bit(number: float, name: str, count: int) -> None:
+    read = again(Whole(name, number, count, Colour.RED, Part()))
+    assert (read.name, read.count) == (name, count)
+    np.testing.assert_array_equal([read.number, np.copysign(1.0, read.number)], [number, np.copysign(1.0, number)])
+
+
+def test_arrays_stand_beside_under_the_names_of_their_fields() -> None:
+    q = np.random.default_rng(0).normal(size=(5, 2))
+    q[2, 1] = np.nan
+    content, arrays = content_of(Whole("a", 1.0, 1, Colour.RED, Part(), curve=Curve(("j", "k"), q)))
+    assert content["curve"] == {"joints": ["j", "k"], "q": {"array": "curve.q"}}
+    read = record_of(Whole, content, arrays)
+    assert read.curve is not None
+    np.testing.assert_array_equal(read.curve.q, q)
+
+
+def test_without_its_arrays_an_entry_is_its_default() -> None:
+    content, _ = content_of(Whole("a", 1.0, 1, Colour.RED, Part(), curve=Curve(("j",), np.zeros((2, 1)))))
+    assert record_of(Whole, content, {}).curve is None
+
+
+@pytest.mark.parametrize("name", ["irp6", "panda"])
+def test_robots_are_whole(name: str) -> None:
+    robot = again(Whole("a", 1.0, 1, Colour.RED, Part(), robot=built_in(name))).robot
+    assert robot is not None
+    assert robot.sha256() == built_in(name).sha256()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"name": 3}, "^name: expected str, given 3"),
+        ({"count": True}, "^count: expected int, given True"),
+        ({"count": 1.5}, "^count: expected int, given 1.5"),
+        ({"number": "much"}, "^number: expected a number, given 'much'"),
+        ({"number": None}, "^number: expected a number, given None"),
+        ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
+        ({"weight": "heavy"}, "^part.weight: expected a number"),
+        ({"parts": [{"against": []}, {"against": [1]}]}, r"^parts\[1\].against\[0\]: expected str, given 1"),
+        ({"parts": 3}, "^parts: "),
+        ({"maybe": 3}, "^maybe: expected an object, given 3"),
+        ({"curve": {"joints": ["j"], "q": [1.0]}}, "^curve.q: expected an array of numbers"),
+        ({"robot": {}}, "^robot: 'description' is missing"),
+    ],
+)
+def test_what_does_not_fit_is_named_with_its_place(change: dict[str, Any], message: str) -> None:
+    content, arrays = content_of(WHOLE)
+    with pytest.raises(InputError, match=message):
+        record_of(Whole, {**content, **change}, arrays)
+
+
+@pytest.mark.parametrize("name", ["name", "number", "colour"])
+def test_an_entry_that_is_missing_is_named(name: str) -> None:
+    content, arrays = content_of(WHOLE)
+    del content[name]
+    with pytest.raises(InputError, match=f"'{name}' is missing"):
+        record_of(Whole, content, arrays)
+
+
+def test_an_array_of_text_is_refused() -> None:
+    content, arrays = content_of(Whole("a", 1.0, 1, Colour.RED, Part(), curve=Curve(("j",), np.zeros((2, 1)))))
+    with pytest.raises(InputError, match="expected an array of numbers"):
+        record_of(Whole, content, {"curve.q": np.array(["x"])})
+    assert set(arrays) == {"curve.q"}

@@ -1,0 +1,71 @@
+"""Calls of everything public with wrong and odd arguments end in a result or an `ExciteError`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import is_dataclass
+
+import numpy as np
+import pytest
+from api_fuzzer import Api, called, cases, problem, problem_of_child, public_api
+
+import excite
+
+KINDS = ("values", "files", "designs", "measurements", "outputs")
+CALLS = 1000  # of each kind, and of each class
+RESULTS = {
+    "AccuracyPrediction", "CalibratedGains", "CampaignTable", "Design", "DesignBound", "EarlierInformation", "Estimate",
+    "Exported", "Identification", "LogGuess", "NextMotion", "PayloadMotion", "PayloadResult", "PosteriorSamples",
+    "PrecisionInHand", "Simulation", "TimeCourse", "TimeStudy", "Verification",
+}  # fmt: skip
+INTERFACES = {
+    "Criterion", "Estimator", "Family", "Limit", "LinearFamily", "ModelFormat", "MotionFormat", "RegressorModel",
+    "Solver", "SpectralCriterion", "TorqueNoise",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def api() -> Iterator[Api]:
+    with public_api() as made:
+        yield made
+
+
+@pytest.mark.slow
+def test_every_public_callable_is_fuzzed(api: Api) -> None:
+    fuzzed = {name for kind in KINDS for name in getattr(api, kind)()}
+    errors = {name for name in excite.__all__ if name.endswith("Error")}
+    assert fuzzed | errors | RESULTS | INTERFACES | {"built_in_names"} == set(excite.__all__)
+    assert all(is_dataclass(getattr(excite, name)) for name in RESULTS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_thousand_calls(kind: str, api: Api) -> None:
+    calls = getattr(api, kind)()
+    count = CALLS * (len(calls) if kind == "values" else 1)
+    judge = problem if kind == "values" else problem_of_child
+    ended = ((name, arguments, judge(name, arguments)) for name, arguments in cases(api, calls, count, seed=0))
+    wrong = [(name, found, repr(arguments)[:500]) for name, arguments, found in ended if found]
+    assert wrong == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["values", "measurements"])
+def test_the_right_calls_work(kind: str, api: Api) -> None:
+    skipped = {"identify_payload", "calibrate_gains", "fit_friction"}  # need logs of other experiments
+    for name, arguments in getattr(api, kind)().items():
+        if name not in skipped:
+            called(getattr(excite, name), arguments)
+
+
+def test_the_fuzzer_sees_what_must_not_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(seed: int) -> None:
+        raise KeyError(seed)
+
+    monkeypatch.setattr(excite, "degrade", fails)
+    for judge in (problem, problem_of_child):
+        assert str(judge("degrade", {"seed": 1})).startswith("KeyError: 1")
+    monkeypatch.setattr(excite, "degrade", lambda seed: os._exit(3))
+    assert problem_of_child("degrade", {"seed": 1}) == "the process ended with 3"
+    assert problem("Tolerances", {"torque": np.array([1j])}) is None
