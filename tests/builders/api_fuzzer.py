@@ -9,9 +9,11 @@ from __future__ import annotations
 import contextlib
 import inspect
 import io
+import json
 import os
 import random
 import signal
+import sys
 import tempfile
 import traceback
 import warnings
@@ -245,6 +247,16 @@ def cases(api: Api, calls: Mapping[str, Arguments], count: int, seed: int) -> It
         yield name, arguments
 
 
+def problems(kind: str, count: int, seed: int) -> list[list[str]]:
+    """Callable, problem and arguments of each call of a kind that ends as it must not, in this process's children."""
+    with public_api() as api:
+        ended = (
+            [name, problem_of_child(name, arguments) or "", repr(arguments)[:500]]
+            for name, arguments in cases(api, getattr(api, kind)(), count, seed)
+        )
+        return [call for call in ended if call[1]]
+
+
 def problem(name: str, arguments: Arguments) -> str | None:
     """What must not be about the way in which a call ends; None where all is well."""
     silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
@@ -264,7 +276,9 @@ def problem(name: str, arguments: Arguments) -> str | None:
 def problem_of_child(name: str, arguments: Arguments) -> str | None:
     """The same of a call in a process of its own, which ends where the call is at work: it took its arguments."""
     read, write = os.pipe()
-    child = os.fork()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "os.fork", RuntimeWarning)  # JAX, where an earlier test has loaded it
+        child = os.fork()
     if child == 0:
         with contextlib.suppress(BaseException):
             signal.signal(signal.SIGPROF, signal.SIG_DFL)
@@ -294,3 +308,7 @@ def public_api() -> Iterator[Api]:
     """The public callables, in a temporary folder."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name, contextlib.chdir(name):
         yield Api(Path(name))
+
+
+if __name__ == "__main__":  # KIND COUNT SEED: a process of its own, without the threads of what tests have loaded
+    print(json.dumps(problems(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))))

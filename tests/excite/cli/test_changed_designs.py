@@ -124,7 +124,7 @@ def test_what_a_file_says_of_a_motion_within_limits_is_computed(
     stated = json.loads((saved / "design.json").read_text())["criteria"]
     assert true.criteria == {name: pytest.approx(value, rel=1e-9) for name, value in stated.items()}
     assert (read.broken, read.believed) == ((), ())
-    assert read.criteria == true.criteria
+    assert read.criteria == pytest.approx(true.criteria, rel=1e-12)  # BLAS rounds by the alignment of memory
     assert read.limits == true.limits
     assert read.recomputed_content["predicted"] == true.recomputed_content["predicted"]
     for command in ("compare", "export", "simulate"):
