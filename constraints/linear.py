@@ -19,19 +19,7 @@ _UNITS = ("", "/s", "/s^2", "/s^3")
 
 
 class LinearConstraint(Constraint):
-    """``lower <= A q^(d) + a0 <= upper`` for one order of derivative d.
-
-    Parameters
-    ----------
-    derivative : int
-        0 for position to 3 for jerk; ``a0`` counts for positions only.
-    matrix : ndarray, shape (k, n)
-        ``A``.
-    offset : ndarray, shape (k,)
-        ``a0`` [rad or m].
-    lower, upper : ndarray, shape (k,)
-    labels, units : tuple of str
-    """
+    """``lower <= A q^(d) + a0 <= upper`` for one order of derivative d."""
 
     def __init__(
         self,
@@ -107,15 +95,7 @@ def linear_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
 
 
 def spanned(limits: Sequence[LinearConstraint], n: int, derivatives: tuple[int, ...]) -> list[bool]:
-    """Whether each of n coordinates is bounded in one of the derivatives: lies in the span of the limited functions.
-
-    Parameters
-    ----------
-    limits : sequence of LinearConstraint
-    n : int
-    derivatives : tuple of int
-        1 for velocity to 3 for jerk.
-    """
+    """Whether each of n coordinates is bounded in one of the derivatives: lies in the span of the limited functions."""
     rows = [limit.matrix for limit in limits if limit.derivative in derivatives]
     A = np.concatenate([np.zeros((0, n)), *rows])
     projector = np.linalg.pinv(A) @ A if A.size else np.zeros((n, n))

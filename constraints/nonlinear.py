@@ -191,13 +191,7 @@ class NonlinearConstraint(Constraint):
 
 
 class StackedConstraint(NonlinearConstraint):
-    """The functions of several constraints on the same coordinates, which share the robot's kinematics.
-
-    Parameters
-    ----------
-    parts : sequence of NonlinearConstraint
-        At least one.
-    """
+    """The functions of several constraints on the same coordinates, which share the robot's kinematics."""
 
     def __init__(self, parts: Sequence[NonlinearConstraint]) -> None:
         self.parts = tuple(parts)

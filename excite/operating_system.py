@@ -24,24 +24,13 @@ _SYNCHRONIZE, _STILL_RUNNING = 0x00100000, 0x102  # of the Windows API
 
 
 def known_signals(*names: str) -> tuple[signal.Signals, ...]:
-    """Those of the named signals that this system has: Windows has no SIGHUP.
-
-    Parameters
-    ----------
-    *names : str
-        Such as ``SIGHUP``.
-    """
+    """Those of the named signals that this system has: Windows has no SIGHUP."""
     return tuple(getattr(signal, name) for name in names if hasattr(signal, name))
 
 
 @contextmanager
 def signals_held(*signals: signal.Signals) -> Iterator[None]:
-    """Block signals until the block ends; processes started in it inherit that. Nothing where signals have no mask.
-
-    Parameters
-    ----------
-    *signals : signal.Signals
-    """
+    """Block signals until the block ends; processes started in it inherit that. Nothing where signals have no mask."""
     mask: Any = getattr(signal, "pthread_sigmask", None)
     if mask is None:
         yield
@@ -54,17 +43,7 @@ def signals_held(*signals: signal.Signals) -> Iterator[None]:
 
 
 def replace_file(source: str | Path, destination: str | Path) -> None:
-    """Rename a file onto another; where another program has that open, which Windows refuses, try for two seconds.
-
-    Parameters
-    ----------
-    source, destination : path
-
-    Raises
-    ------
-    OSError
-        As `os.replace`.
-    """
+    """Rename a file onto another; where another program has that open, which Windows refuses, try for two seconds."""
     until = time.monotonic() + _RENAME_SECONDS
     while True:
         try:
@@ -83,17 +62,7 @@ def _refuses_open_files() -> bool:
 
 
 def sync_folder(folder: Path) -> None:
-    """Put the names in a folder on disk; nothing where the system or the file system has no call for it.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Raises
-    ------
-    OSError
-        The disk cannot take them.
-    """
+    """Put the names in a folder on disk; nothing where the system or the file system has no call for it."""
     try:
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -137,12 +106,7 @@ def _threads_of_openblas() -> int:
 
 
 def is_running(process: int) -> bool:
-    """True if a process exists; `os.kill` with 0, which asks that elsewhere, ends the process on Windows.
-
-    Parameters
-    ----------
-    process : int
-    """
+    """True if a process exists; `os.kill` with 0, which asks that elsewhere, ends the process on Windows."""
     if sys.platform == "win32":
         return _runs_on_windows(process)
     try:

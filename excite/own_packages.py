@@ -60,13 +60,7 @@ def _explanation(package: str) -> str:
 
 
 def check_packages() -> None:
-    """Refuse to run with packages of others in place of ours.
-
-    Raises
-    ------
-    ImportError
-        `regressors` or `constraints` is missing, or is that of another distribution or a file of the user's.
-    """
+    """Refuse to run with packages of others in place of ours."""
     for package in ("regressors", "constraints"):
         try:
             of = getattr(import_module(package), "DISTRIBUTION", None)

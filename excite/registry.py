@@ -223,19 +223,7 @@ class OwnPart:
 
 
 def built_in(kind: str, name: str) -> Any:
-    """Class or function that a name stands for.
-
-    Parameters
-    ----------
-    kind : str
-        One of `BUILT_IN`.
-    name : str
-
-    Raises
-    ------
-    UnknownName
-        No such built-in part.
-    """
+    """Class or function that a name stands for."""
     if name not in BUILT_IN[kind]:
         raise UnknownName(kind, name, BUILT_IN[kind])
     return _attribute(BUILT_IN[kind][name])
@@ -280,19 +268,7 @@ def _is_part(given: Any, interface: type) -> bool:
 
 
 def own(kind: str, name: str) -> Any:
-    """Object that ``module:Name`` stands for; the module may lie in the current folder.
-
-    Parameters
-    ----------
-    kind : str
-        What it is to be, for messages.
-    name : str
-
-    Raises
-    ------
-    InputError
-        No such module, or nothing of that name in it.
-    """
+    """Object that ``module:Name`` stands for; the module may lie in the current folder."""
     module, _, attribute = name.partition(":")
     here = str(Path.cwd())
     if here not in sys.path:
@@ -311,21 +287,7 @@ def own(kind: str, name: str) -> Any:
 
 
 def part(kind: str, given: Any) -> Any:
-    """The object that a part was given as, or that its name stands for.
-
-    Parameters
-    ----------
-    kind : str
-    given : object
-        An object, returned as it is; a built-in name; or ``module:Name``.
-
-    Raises
-    ------
-    UnknownName
-        No such built-in part.
-    InputError
-        No such module, nothing of that name in it, or a part that a file of results names.
-    """
+    """The object that a part was given as, or that its name stands for."""
     if isinstance(given, OwnPart):
         raise given.missing()
     if not isinstance(given, str):
@@ -340,13 +302,7 @@ def part(kind: str, given: Any) -> Any:
 
 
 def instance(kind: str, given: Any) -> Any:
-    """As `part`; a class is called without arguments.
-
-    Raises
-    ------
-    InputError
-        As `part`, or a class that cannot be called without arguments.
-    """
+    """As `part`; a class is called without arguments."""
     attribute = part(kind, given)
     if not isinstance(attribute, type):
         return attribute

@@ -40,10 +40,6 @@ def checked(public: T) -> T:
     """Check the arguments of a function, or of a class's constructor, against their annotations at each call.
 
     Lists become tuples, and lists of numbers arrays, where that is what the annotation says.
-
-    Parameters
-    ----------
-    public : function or class
     """
     if isinstance(public, type):
         public.__init__ = _checked(public.__init__)  # type: ignore[misc]
@@ -89,12 +85,7 @@ def _checks(function: Callable[..., Any]) -> dict[str, tuple[Check, str]]:
 
 
 def evaluated(thing: Any) -> dict[str, Any]:
-    """Annotations of a function, or of a class and its bases, evaluated: names that are imported for them only too.
-
-    Parameters
-    ----------
-    thing : function or class
-    """
+    """Annotations of a function, or of a class and its bases, evaluated: names that are imported for them only too."""
     try:
         for kind in thing.__mro__ if isinstance(thing, type) else (inspect.unwrap(thing),):
             if kind.__module__.partition(".")[0] in _OWN:

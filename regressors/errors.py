@@ -23,13 +23,7 @@ class NumericalError(ExciteError, ArithmeticError):
 
 
 class TakenError(InputError):
-    """The destination of a write exists already.
-
-    Parameters
-    ----------
-    what : str
-        Description of what exists there.
-    """
+    """The destination of a write exists already."""
 
     def __init__(self, what: str) -> None:
         super().__init__(f"{what}; `replace` replaces it, or choose another `folder`")
@@ -40,19 +34,7 @@ class TooLargeError(InputError):
 
 
 class UnknownName(InputError):
-    """A name that does not exist where it was looked up.
-
-    Parameters
-    ----------
-    what : str
-        Kind of thing, such as ``"joint"``.
-    given : str
-        The name that was asked for.
-    available : iterable of str
-        The names that exist.
-    near : sequence of str
-        Those of them that may be meant.
-    """
+    """A name that does not exist where it was looked up."""
 
     def __init__(self, what: str, given: str, available: Iterable[str], near: Sequence[str] = ()) -> None:
         meant = f"did you mean {' or '.join(map(shortened, near))}? " if near else ""

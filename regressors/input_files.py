@@ -31,12 +31,7 @@ _KINDS = (
 
 
 class UnreadableFile(OSError):
-    """A file that is not opened, or not read to its end; `strerror` says why.
-
-    Parameters
-    ----------
-    why : str
-    """
+    """A file that is not opened, or not read to its end; `strerror` says why."""
 
     def __init__(self, why: str) -> None:
         super().__init__(errno.EINVAL, why)
@@ -44,22 +39,7 @@ class UnreadableFile(OSError):
 
 @contextmanager
 def opened(path: str | Path, most: int = FILE) -> Iterator[BinaryIO]:
-    """Open a file for reading; its content can be sought in, that of a pipe too.
-
-    Parameters
-    ----------
-    path : str or Path
-    most : int
-        Largest size [bytes].
-
-    Raises
-    ------
-    OSError
-        It does not exist, may not be read, is a folder, a device or a socket, is larger than ``most``, or is a pipe
-        that nobody writes.
-    ValueError
-        No file can have this name.
-    """
+    """Open a file for reading; its content can be sought in, that of a pipe too."""
     handle = _handle(path)
     _LOGGER.debug("reading %s ...", path)
     try:
@@ -85,13 +65,7 @@ def read_bytes(path: str | Path, most: int = FILE) -> bytes:
 
 
 def regular_size(path: str | Path, most: int = FILE) -> int:
-    """Size of a file [bytes] that another library opens by its name: no pipe, no device; see `opened`.
-
-    Raises
-    ------
-    OSError
-        See `opened`; or it is a pipe.
-    """
+    """Size of a file [bytes] that another library opens by its name: no pipe, no device; see `opened`."""
     status = os.stat(path)
     _check(status, most)
     if stat.S_ISFIFO(status.st_mode):
@@ -100,13 +74,7 @@ def regular_size(path: str | Path, most: int = FILE) -> int:
 
 
 def read_text(path: str | Path, most: int = DOCUMENT, encoding: str = "utf-8") -> str:
-    """Text of a file, whose lines all end as on Unix; see `opened`.
-
-    Raises
-    ------
-    UnicodeDecodeError
-        Not in this encoding.
-    """
+    """Text of a file, whose lines all end as on Unix; see `opened`."""
     text = read_bytes(path, most).decode(encoding)
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
@@ -164,13 +132,7 @@ def _larger(most: int) -> str:
 
 
 def in_bytes(size: float) -> str:
-    """A size in words, such as ``5.3 GB``.
-
-    Parameters
-    ----------
-    size : float
-        [bytes]
-    """
+    """A size in words, such as ``5.3 GB``."""
     for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if size >= 0.9995 * scale:
             return f"{size / scale:.3g} {unit}" if size < 1e15 else f"{size / scale:.1e} {unit}"

@@ -15,13 +15,7 @@ BYTES_PER_VALUE = 40.0  # 10^8 values at the default cap
 
 
 def memory_cap() -> float:
-    """Memory that one piece of work may take [bytes]: that of the environment variable, else 4 GB.
-
-    Raises
-    ------
-    InputError
-        The variable is not a number of GB.
-    """
+    """Memory that one piece of work may take [bytes]: that of the environment variable, else 4 GB."""
     text = os.environ.get(CAP_VARIABLE, "")
     if not text.strip():
         return 1e9 * MEMORY_CAP
@@ -42,23 +36,7 @@ def value_cap() -> float:
 
 
 def check_memory(source: str, size: float, what: str, remedy: str) -> None:
-    """Refuse to read what would take more memory than it may.
-
-    Parameters
-    ----------
-    source : str
-        Name of the file.
-    size : float
-        Predicted memory [bytes].
-    what : str
-        What takes it.
-    remedy : str
-        What to change.
-
-    Raises
-    ------
-    TooLargeError
-    """
+    """Refuse to read what would take more memory than it may."""
     cap = memory_cap()
     if size > cap:
         raise TooLargeError(

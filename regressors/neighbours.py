@@ -39,13 +39,7 @@ def _owners(folder: str) -> Iterator[tuple[str, str, str]]:
 
 
 def check_neighbours() -> None:
-    """Refuse to run where another distribution's files are among ours.
-
-    Raises
-    ------
-    ImportError
-        A distribution that is called like one of our packages is installed in the same folder.
-    """
+    """Refuse to run where another distribution's files are among ours."""
     folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     if not _names_beside(folder):
         return

@@ -22,13 +22,6 @@ def numerical_work(what: str, cause: str) -> Iterator[None]:
 
     An overflow, a division by zero or an invalid operation of NumPy in the block is such a failure too; where one is
     harmless, the code around it says so with ``np.errstate``.
-
-    Parameters
-    ----------
-    what : str
-        The work, such as ``the simulation``.
-    cause : str
-        What usually makes it fail, and what to change; options in backticks.
     """
     try:
         with np.errstate(over="raise", invalid="raise", divide="raise"):

@@ -22,28 +22,14 @@ _DIGITS = 4000  # that Python converts
 
 @dataclass(frozen=True)
 class Quantity:
-    """What one number may be.
+    """What one number may be."""
 
-    Parameters
-    ----------
-    unit : str
-        Empty for plain numbers.
-    least, most : float
-        Both are allowed.
-    whole : bool
-        Only whole numbers.
-    zero : bool
-        Zero too, although it is below the least.
-    infinite : bool
-        Infinity too, for no bound.
-    """
-
-    unit: str
-    least: float
+    unit: str  # empty for plain numbers
+    least: float  # both are allowed
     most: float
-    whole: bool = False
-    zero: bool = False
-    infinite: bool = False
+    whole: bool = False  # only whole numbers
+    zero: bool = False  # zero too, although it is below the least
+    infinite: bool = False  # infinity too, for no bound
 
     def holds(self, number: float) -> bool:
         """Whether it may be this number."""
@@ -215,41 +201,19 @@ QUANTITIES: Mapping[str, Quantity] = {
 
 
 def check(name: str, value: object, called: str | None = None) -> None:
-    """Raise `InputError` where a number, or one of several, is not what its quantity may be.
-
-    Parameters
-    ----------
-    name : str
-        Of the quantity.
-    value : float or iterable of these, at any depth
-        None is not checked, nor is text.
-    called : str, optional
-        What messages call it; its name as an option if not given.
-    """
+    """Raise `InputError` where a number, or one of several, is not what its quantity may be."""
     if (wrong := fault(name, value)) is not None:
         raise InputError(f"{called or f'`{name}`'} {wrong}")
 
 
 def check_options(part: object, names: Iterable[str]) -> None:
-    """Check options of an object by their names.
-
-    Parameters
-    ----------
-    part : object
-    names : iterable of str
-    """
+    """Check options of an object by their names."""
     for name in names:
         check(name, getattr(part, name))
 
 
 def fault(name: str, value: object) -> str | None:
-    """What is wrong with a number, or with the first wrong one of several, as the end of a sentence; None if nothing.
-
-    Parameters
-    ----------
-    name, value
-        See `check`.
-    """
+    """What is wrong with a number, or with the first wrong one of several, as a sentence's end; None if nothing."""
     quantity = QUANTITIES[name]
     for number in _numbers(value):
         real = isinstance(number, Real) and not isinstance(number, bool)
@@ -271,12 +235,7 @@ def _numbers(value: object) -> Iterable[object]:
 
 
 def shown(value: object) -> str:
-    """A value for a message: short, on one line, printable.
-
-    Parameters
-    ----------
-    value : object
-    """
+    """A value for a message: short, on one line, printable."""
     if isinstance(value, Integral) and not isinstance(value, bool) and abs(int(value)) >= 10**_LONGEST:
         return f"a whole number of about {int(int(value).bit_length() * math.log10(2)) + 1} digits"
     if isinstance(value, float):
@@ -286,17 +245,7 @@ def shown(value: object) -> str:
 
 
 def number_of(text: str) -> float:
-    """Number that a text states in plain digits, ``inf`` or ``nan``; not ``1_0``, nor digits of other scripts.
-
-    Parameters
-    ----------
-    text : str
-
-    Raises
-    ------
-    ValueError
-        It states none.
-    """
+    """Number that a text states in plain digits, ``inf`` or ``nan``; not ``1_0``, nor digits of other scripts."""
     word = text.strip().lower()
     if word in _WORDS:
         return _WORDS[word]
@@ -306,17 +255,7 @@ def number_of(text: str) -> float:
 
 
 def whole_number_of(text: str) -> int:
-    """Whole number that a text states in plain digits.
-
-    Parameters
-    ----------
-    text : str
-
-    Raises
-    ------
-    ValueError
-        It states none, or one of thousands of digits.
-    """
+    """Whole number that a text states in plain digits."""
     word = text.strip()
     if not re.fullmatch(r"[+-]?[0-9]+", word, re.ASCII) or len(word) > _DIGITS:
         raise ValueError(f"expected a whole number, given {shown(text)}")
@@ -324,26 +263,7 @@ def whole_number_of(text: str) -> int:
 
 
 def place_of(what: str, given: str, names: Sequence[str]) -> int:
-    """Place of a thing by its name or by its number, 1 for the first.
-
-    Parameters
-    ----------
-    what : str
-        Kind of thing, such as ``"joint"``.
-    given : str
-        Name or number.
-    names : sequence of str
-
-    Returns
-    -------
-    int
-        0 for the first.
-
-    Raises
-    ------
-    UnknownName
-        No such thing.
-    """
+    """Place of a thing by its name or by its number, 1 for the first."""
     if given in names:
         return names.index(given)
     numbers = [str(number) for number in range(1, len(names) + 1)]

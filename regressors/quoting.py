@@ -12,35 +12,18 @@ _LISTED = 30  # names of a list
 
 
 def printable(text: str) -> str:
-    r"""Text whose control characters, directions of writing and lone surrogates are escaped, ``\x1b`` for ESC.
-
-    Parameters
-    ----------
-    text : str
-    """
+    r"""Text whose control characters, directions of writing and lone surrogates are escaped, ``\x1b`` for ESC."""
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def cut(text: str, most: int = LONGEST) -> str:
-    """Printable text of at most ``most`` characters; the middle of a longer one is an ellipsis.
-
-    Parameters
-    ----------
-    text : str
-    most : int
-        10 or more.
-    """
+    """Printable text of at most ``most`` characters; the middle of a longer one is an ellipsis."""
     text = printable(text if len(text) <= 2 * most else f"{text[:most]}{text[-most:]}")
     return text if len(text) <= most else f"{text[: most - 8]}...{text[-5:]}"
 
 
 def shortened(value: object) -> str:
-    """``repr`` of a value, its middle left out where it is long.
-
-    Parameters
-    ----------
-    value : object
-    """
+    """``repr`` of a value, its middle left out where it is long."""
     try:
         text = repr(value[: 2 * LONGEST] + value[-LONGEST:] if isinstance(value, str) and _long(value) else value)
     except ValueError:  # Python refuses to print integers of thousands of digits
@@ -53,24 +36,14 @@ def _long(text: str) -> bool:
 
 
 def long_name(name: str) -> str | None:
-    """What is wrong with a name that would fill a table or a figure, as a clause; None if nothing.
-
-    Parameters
-    ----------
-    name : str
-    """
+    """What is wrong with a name that would fill a table or a figure, as a clause; None if nothing."""
     if len(name) <= LONGEST_NAME:
         return None
     return f"a name has at most {LONGEST_NAME} characters, given {len(name)}: {shortened(name)}"
 
 
 def one_line(message: str) -> str:
-    """A message as one printable line of at most `LONGEST_LINE` characters; its end, with the remedy, is kept.
-
-    Parameters
-    ----------
-    message : str
-    """
+    """A message as one printable line of at most `LONGEST_LINE` characters; its end, with the remedy, is kept."""
     line = printable(" ".join(message.split()))
     if len(line) <= LONGEST_LINE:
         return line
@@ -78,12 +51,7 @@ def one_line(message: str) -> str:
 
 
 def listed_names(names: Iterable[str]) -> str:
-    """Names separated by commas, each cut, the last of many only counted; ``none`` if there are none.
-
-    Parameters
-    ----------
-    names : iterable of str
-    """
+    """Names separated by commas, each cut, the last of many only counted; ``none`` if there are none."""
     names = list(names)
     more = len(names) - _LISTED
     return ", ".join(map(cut, names[:_LISTED])) + (f" and {more} more" if more > 0 else "") if names else "none"

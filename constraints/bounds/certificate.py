@@ -75,17 +75,7 @@ class LimitUse:
 
 
 def limit_uses(constraint: Bounds, extrema: Extrema, method: str = EXACT) -> list[LimitUse]:
-    """Certificate of each bound of a constraint from the extrema of its functions.
-
-    Parameters
-    ----------
-    constraint : Bounds
-        Bounds on k functions.
-    extrema : Extrema
-        Extrema of its k functions over continuous time.
-    method : {"exact", "enclosed"}
-        Method by which the extrema were determined.
-    """
+    """Certificate of each bound of a constraint from the extrema of its functions."""
     uses = []
     for k, label in enumerate(constraint.labels):
         lower, upper = float(constraint.lower[k]), float(constraint.upper[k])

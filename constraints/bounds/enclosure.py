@@ -28,18 +28,10 @@ _MOST = 200_000
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """Bounds that hold at every instant.
+    """Bounds that hold at every instant."""
 
-    Parameters
-    ----------
-    extrema : Extrema
-        Outer bounds of every function over continuous time, and instants near which they are approached.
-    intervals : int
-        Number of time intervals that were evaluated.
-    """
-
-    extrema: Extrema
-    intervals: int
+    extrema: Extrema  # outer bounds of every function over continuous time, and instants near which they are approached
+    intervals: int  # number of time intervals that were evaluated
 
     def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
         """Certificate of each label of the constraint that was enclosed, in the quantity that is reported."""
@@ -70,18 +62,7 @@ def enclose(
 
     Within a function's scale of a limit they exceed values that occur by at most 0.01 of that scale, and near or beyond
     the limit by at most 0.001; by more only where a motion varies so fast that 9 splits do not decide.
-
-    Parameters
-    ----------
-    constraint : NonlinearConstraint
-        k functions.
-    motion : callable
-        Samples of the motion at given instants [s].
-    duration : float
-        [s]
-    jerk : ndarray, shape (n,)
-        Largest magnitude of every joint's jerk over continuous time [rad/s^3 or m/s^3].
-    """
+    """  # jerk (n,)
     half = np.full(_INTERVALS, 0.5 * duration / _INTERVALS)
     middle = (np.arange(_INTERVALS) + 0.5) * duration / _INTERVALS
     k = len(constraint.labels)

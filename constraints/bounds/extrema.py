@@ -60,19 +60,7 @@ def trigonometric_extrema(constant: Array, cosine: Array, sine: Array, omega: fl
     The derivative is a polynomial of degree 2K in ``exp(i omega t)``; its roots on the unit circle are the stationary
     instants. Each root's angle is polished by Newton's method, and a grid of 8 K instants is added, which keeps the
     result accurate where roots are nearly double.
-
-    Parameters
-    ----------
-    constant : ndarray, shape (k,)
-    cosine, sine : ndarray, shape (k, K)
-    omega : float
-        Base frequency [rad/s].
-
-    Returns
-    -------
-    Extrema
-        Times within one period.
-    """
+    """  # constant (k,); cosine, sine (k, K)
     K = cosine.shape[1]
     order = np.arange(1, K + 1)
     angle = _stationary_angles(cosine, sine)

@@ -19,19 +19,8 @@ _ROUNDING = 1e-12  # of the largest value, by which pieces may pass it without b
 
 
 def hulled_extrema(breaks: Array, coefficients: Array) -> Extrema:
-    """Extrema of piecewise polynomials, to 1e-12 of the largest value; see `piecewise_extrema`.
-
-    Parameters
-    ----------
-    breaks : ndarray, shape (m + 1,)
-        Ends of the pieces [s].
-    coefficients : ndarray, shape (d + 1, m, k)
-        Coefficients of k functions: on piece i ``sum_p coefficients[p, i] (t - breaks[i])^(d - p)``.
-
-    Returns
-    -------
-    Extrema
-    """
+    """Extrema of piecewise polynomials, to 1e-12 of the largest value; see `piecewise_extrema`."""
+    # breaks (m + 1,); coefficients (d + 1, m, k)
     hull = _bernstein(np.diff(breaks), coefficients)
     ends = np.concatenate([hull[0], hull[-1][-1:]])  # values at all breaks, shape (m + 1, k)
     low, high = ends.min(axis=0), ends.max(axis=0)

@@ -36,17 +36,10 @@ class Curve(Enum):
 
 @dataclass(frozen=True)
 class InterpolatedLimits:
-    """Use of the limits by a curve through samples.
-
-    Parameters
-    ----------
-    curve : Curve
-    uses : tuple of LimitUse
-        Of each limit the use that comes closest, the closest first.
-    """
+    """Use of the limits by a curve through samples."""
 
     curve: Curve
-    uses: tuple[LimitUse, ...]
+    uses: tuple[LimitUse, ...]  # of each limit the use that comes closest, the closest first
 
     @property
     def broken(self) -> tuple[LimitUse, ...]:
@@ -62,17 +55,7 @@ class InterpolatedLimits:
 def interpolated_limits(
     limits: Iterable[LinearConstraint], samples: Samples, curve: Curve, given: int = 2
 ) -> InterpolatedLimits:
-    """Certificate of limits for a curve through samples.
-
-    Parameters
-    ----------
-    limits : iterable of LinearConstraint
-    samples : Samples
-        As a file has them; at rest at both ends.
-    curve : Curve
-    given : int
-        Highest derivative of the positions in the file: 0, 1 or 2.
-    """
+    """Certificate of limits for a curve through samples."""
     if curve is Curve.LINES:
         extrema = [(limit, _of_lines(samples, limit)) for limit in limits]
     else:
@@ -83,16 +66,7 @@ def interpolated_limits(
 
 
 def curve_pieces(samples: Samples, curve: Curve, given: int = 2) -> Array:
-    """Coefficients of a curve between samples, shape (d + 1, N - 1, n), highest power of ``t - t_k`` first.
-
-    Parameters
-    ----------
-    samples : Samples
-    curve : Curve
-        Of degree d = 1, 3 or 5.
-    given : int
-        As of `interpolated_limits`.
-    """
+    """Coefficients of a curve between samples, shape (d + 1, N - 1, n), highest power of ``t - t_k`` first."""
     h = np.diff(samples.time)[:, None]
     q, rise = samples.q[:-1], np.diff(samples.q, axis=0)
     if curve is Curve.LINES:

@@ -10,20 +10,8 @@ from regressors.samples import Array
 
 
 def piecewise_extrema(breaks: Array, coefficients: Array) -> Extrema:
-    """Extrema of piecewise polynomials, from the roots of their derivatives and both ends of every piece.
-
-    Parameters
-    ----------
-    breaks : ndarray, shape (m + 1,)
-        Ends of the pieces [s].
-    coefficients : ndarray, shape (d + 1, m, k)
-        Coefficients of k functions: on piece i ``sum_p coefficients[p, i] (t - breaks[i])^(d - p)``, the order of
-        SciPy's PPoly.
-
-    Returns
-    -------
-    Extrema
-    """
+    """Extrema of piecewise polynomials, from the roots of their derivatives and both ends of every piece."""
+    # breaks (m + 1,); coefficients (d + 1, m, k)
     length = np.diff(breaks)
     count = coefficients.shape[2]
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
@@ -59,18 +47,7 @@ def chebyshev_extrema(values: Array, duration: float) -> Extrema:
     Through N + 1 points ``T/2 (1 - cos(pi k / N))`` passes one polynomial of degree N; the roots of its derivative are
     the eigenvalues of a colleague matrix. It equals the function where the Chebyshev coefficients vanish before degree
     N.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N + 1, k)
-        At `chebyshev_points`.
-    duration : float
-        T [s].
-
-    Returns
-    -------
-    Extrema
-    """
+    """  # values (N + 1, k)
     degree = values.shape[0] - 1
     angle = np.pi * np.arange(degree + 1) / degree
     weights = np.full(degree + 1, 2.0 / degree)

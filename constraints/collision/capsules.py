@@ -19,17 +19,7 @@ def enclosing_capsule(points: Array) -> Capsule:
     ``radius = max_k |p_k - line|`` for the line from a to b; a and b by the simplex method of Nelder and Mead on the
     outermost points, from each of their principal axes: the smallest of three local minima, which need not be the
     global one.
-
-    Parameters
-    ----------
-    points : ndarray, shape (N, 3)
-        At least one [m].
-
-    Raises
-    ------
-    InputError
-        No points, or numbers that are not finite.
-    """
+    """  # points (N, 3)
     from scipy.optimize import minimize
 
     points = np.asarray(points, dtype=float)
@@ -56,16 +46,6 @@ def enclosing_cylinder(radius: float, length: float) -> Capsule:
     """Capsule of least volume that contains a cylinder about the z axis, centred at the origin.
 
     With the line's ends a <= length / 2 from the middle, ``R^2 = radius^2 + (length / 2 - a)^2``.
-
-    Parameters
-    ----------
-    radius, length : float
-        > 0 [m].
-
-    Raises
-    ------
-    InputError
-        A size that is not positive.
     """
     from scipy.optimize import minimize_scalar
 

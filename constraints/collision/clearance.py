@@ -20,22 +20,13 @@ from regressors.symbolic.kinematics import sparse
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """A function whose bound keeps two bodies, or parts of them, apart.
+    """A function whose bound keeps two bodies, or parts of them, apart."""
 
-    Parameters
-    ----------
-    value : SX
-        Distance from a plane [m]; or squared distance of two points [m^2], one of them the nearest of a body.
-    reach : float
-        Sum of the bodies' radii, to be subtracted from the distance [m].
-    squared : bool
-    held : tuple of (SX, SX)
-        Symbols in the value and their expressions, which are held constant in derivatives.
-    """
-
+    # distance from a plane [m]; or squared distance of two points [m^2], one of them the nearest of a body
     value: ca.SX
-    reach: float
+    reach: float  # sum of the bodies' radii, to be subtracted from the distance [m]
     squared: bool
+    # symbols in the value and their expressions, which are held constant in derivatives
     held: tuple[tuple[ca.SX, ca.SX], ...] = field(default=())
 
 
@@ -75,17 +66,6 @@ def gaps(capsule: Capsule, pose: Pose, shape: Shape, other: Pose, tolerance: flo
 
     For a plane, and for a pair with a sphere, they are exact. Otherwise one body is covered by spheres, which reduces
     the distance by up to the tolerance.
-
-    Parameters
-    ----------
-    capsule : Capsule
-    pose : (SX, SX)
-        Pose of the frame that carries it, see `Frames.pose`.
-    shape : Capsule, HalfSpace or Box
-    other : (SX, SX)
-        Pose of the frame that carries the other body, in the same frame; the identity for a half-space or a box.
-    tolerance : float
-        [m]
     """
     ends = [capsule.start] if capsule.length == 0 else [capsule.start, capsule.end]
     if isinstance(shape, HalfSpace):

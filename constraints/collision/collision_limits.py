@@ -31,33 +31,15 @@ _STILL = 1e-9  # m: a distance that varies by less counts as independent of the 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two bodies that must stay apart.
+    """Two bodies that must stay apart."""
 
-    Parameters
-    ----------
-    link : str
-        Link that carries capsules; the one further from the base, if both do.
-    capsules : tuple of Capsule
-        In the link's frame.
-    other : str
-        The other link, or an obstacle.
-    carrier : str
-        Body that carries the other one: the link itself, or the base.
-    shapes : tuple of shapes
-        In the carrier's frame.
-    clearance : float
-        Least distance [m].
-    mounting : bool
-        Whether the robot is fastened to the other body.
-    """
-
-    link: str
-    capsules: tuple[Capsule, ...]
-    other: str
-    carrier: str
-    shapes: tuple[Shape, ...]
-    clearance: float
-    mounting: bool = False
+    link: str  # link that carries capsules; the one further from the base, if both do
+    capsules: tuple[Capsule, ...]  # in the link's frame
+    other: str  # the other link, or an obstacle
+    carrier: str  # body that carries the other one: the link itself, or the base
+    shapes: tuple[Shape, ...]  # in the carrier's frame
+    clearance: float  # least distance [m]
+    mounting: bool = False  # whether the robot is fastened to the other body
 
     @property
     def is_obstacle(self) -> bool:
@@ -76,17 +58,6 @@ class Clearance(NonlinearConstraint):
     With d the sum of radii and clearance, ``(|p - y|^2 - d^2) / (2 d) + clearance >= clearance``, which at the bound
     equals the distance between the surfaces in value and slope; for a plane ``n . p - offset - radius``. The distances
     between surfaces are reported.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    motion : PartialMotion
-        Map from the coordinates of the constraint to the robot's joints, ``q = N s + q0``.
-    pairs : sequence of Pair
-        Each has one label and one or more functions.
-    world : World
-        Supplies the clearance and the tolerance.
     """
 
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
@@ -172,20 +143,6 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
     Left out are: adjacent links; ignored pairs; constant distances that keep the clearance; what never moves away from
     the surface that the robot is fastened to; and pairs of links, or of a link and that surface, that collide in every
     one of 2000 random poses, since their capsules touch by construction: the notes of the constraints list these.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    world : World
-    motion : PartialMotion
-        Map from the moving coordinates to the joints of the robot; it labels the coordinates and gives the positions of
-        the joints that do not move.
-
-    Raises
-    ------
-    InputError
-        A world that does not fit the robot, or an obstacle that touches a body which no motion moves away from it.
     """
     world.check(robot)
     return _limits(robot, world, motion, _pairs(robot, world).values())
@@ -195,16 +152,6 @@ def limits_of_pairs(robot: Robot, world: World, motion: PartialMotion) -> list[N
     """The limits of `collision_limits`, each pair of bodies on its own: a search can do with a few of them.
 
     Heights above the surface that the robot is fastened to share most of their terms, and are one limit.
-
-    Parameters
-    ----------
-    robot, world, motion
-        As there.
-
-    Raises
-    ------
-    InputError
-        As there.
     """
     world.check(robot)
     numbers = (motion.matrix.tobytes(), motion.offset.tobytes())
@@ -270,16 +217,8 @@ def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
 
 
 def _above_mounting(pair: Pair, distance: Array, notes: list[str]) -> list[Pair]:
-    """A pair with the surface that the robot is fastened to, without ends of capsules that never leave it.
-
-    Parameters
-    ----------
-    pair : Pair
-        With a plane: one distance for every end of a capsule.
-    distance : ndarray, shape (poses, ends)
-    notes : list of str
-        Gets one on an end that moves, but is too near in every pose.
-    """
+    """A pair with the surface that the robot is fastened to, without ends of capsules that never leave it."""
+    # distance (poses, ends)
     still, near = np.ptp(distance, axis=0) < _STILL, distance.max(axis=0) < pair.clearance
     if np.any(near & ~still):
         notes.append(

@@ -18,17 +18,7 @@ _POSES = 500
 
 
 def mounting_surface(name: str, normal: Array, height: float) -> Obstacle:
-    """The half-space behind a robot's base.
-
-    Parameters
-    ----------
-    name : str
-        Such as ``floor``.
-    normal : ndarray, shape (3,)
-        Away from the surface, in the axes of the base; of any length.
-    height : float
-        Of the plane along the normal, from the base's origin [m].
-    """
+    """The half-space behind a robot's base."""  # normal (3,)
     x, y, z = (float(value) for value in normal / np.linalg.norm(normal))
     return Obstacle(name, HalfSpace((x, y, z), height), CLEARANCE, mounting=True)
 
@@ -45,14 +35,6 @@ def why_not_mounted(robot: Robot, parts: Sequence[Part], surface: Obstacle) -> s
 
     At position zero, or as near to it as the limits allow, no link reaches further below the plane than 5 cm; and in at
     least 5 % of random poses within the limits all are above it.
-
-    Parameters
-    ----------
-    robot : Robot
-    parts : sequence of Part
-        Of its links; only the lines of the capsules count.
-    surface : Obstacle
-        With a half-space.
     """
     assert isinstance(surface.shape, HalfSpace)
     low, high = (

@@ -14,14 +14,7 @@ Pose = tuple[ca.SX, ca.SX]
 
 
 class Frames:
-    """Tree of the frames of a robot's links and branches.
-
-    Parameters
-    ----------
-    robot : Robot
-    q : SX, shape (n, 1)
-        Joint positions [rad or m].
-    """
+    """Tree of the frames of a robot's links and branches."""  # q (n, 1)
 
     def __init__(self, robot: Robot, q: ca.SX) -> None:
         self.parent: dict[str, str] = {}
@@ -59,14 +52,7 @@ class Frames:
 
 
 def link_poses(robot: Robot, q: Array) -> dict[str, Array]:
-    """Pose of the base, of every link and of every branch in the base frame, shape (N, 4, 4) each.
-
-    Parameters
-    ----------
-    robot : Robot
-    q : ndarray, shape (N, n)
-        [rad or m]
-    """
+    """Pose of the base, of every link and of every branch in the base frame, shape (N, 4, 4) each."""  # q (N, n)
     poses = {BASE: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
     before = BASE
     for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):

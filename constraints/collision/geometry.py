@@ -23,21 +23,9 @@ _DEEP = 1e-3  # m: a base deeper inside an obstacle than this is an error, not a
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """All points below a plane, ``normal . p <= offset``.
+    """All points below a plane, ``normal . p <= offset``."""
 
-    Parameters
-    ----------
-    normal : tuple of float
-        Unit vector away from the solid side.
-    offset : float
-
-    Raises
-    ------
-    InputError
-        Numbers that are not finite, or a normal that is not of length 1.
-    """
-
-    normal: Vector
+    normal: Vector  # unit vector away from the solid side
     offset: float
 
     def __post_init__(self) -> None:
@@ -52,25 +40,11 @@ class HalfSpace:
 
 @dataclass(frozen=True)
 class Box:
-    """A cuboid.
-
-    Parameters
-    ----------
-    centre : tuple of float
-    size : tuple of float
-        Full lengths of its sides, > 0.
-    rpy : tuple of float
-        Orientation of its axes, ``Rz(yaw) Ry(pitch) Rx(roll)``.
-
-    Raises
-    ------
-    InputError
-        Numbers that are not finite, or a side that is not positive.
-    """
+    """A cuboid."""
 
     centre: Vector
-    size: Vector
-    rpy: Vector = (0.0, 0.0, 0.0)
+    size: Vector  # full lengths of its sides, > 0
+    rpy: Vector = (0.0, 0.0, 0.0)  # orientation of its axes, ``Rz(yaw) Ry(pitch) Rx(roll)``
 
     def __post_init__(self) -> None:
         check_finite("box", *self.centre, *self.size, *self.rpy)
@@ -101,26 +75,12 @@ def _plain(shape: Shape) -> dict[str, object]:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A solid body that does not move, in the base frame.
-
-    Parameters
-    ----------
-    name : str
-    shape : Capsule, HalfSpace or Box
-    clearance : float, optional
-        Least distance from it, > 0; that of the world if not given [m].
-    mounting : bool
-        Whether the robot is fastened to it: what no motion moves away from it stands on it, and is not checked.
-
-    Raises
-    ------
-    InputError
-        A clearance that is not positive.
-    """
+    """A solid body that does not move, in the base frame."""
 
     name: str
     shape: Shape
-    clearance: float | None = None
+    clearance: float | None = None  # least distance from it, > 0; that of the world if not given [m]
+    # whether the robot is fastened to it: what no motion moves away from it stands on it, and is not checked
     mounting: bool = False
 
     def __post_init__(self) -> None:

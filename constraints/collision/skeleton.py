@@ -15,31 +15,12 @@ _SAME = 1e-6  # m: nearer points are one
 
 
 def assumed_radius(robot: Robot) -> float:
-    """Radius that links of unknown shape are given: 5 % of the length of the robot's skeleton [m].
-
-    Parameters
-    ----------
-    robot : Robot
-    """
+    """Radius that links of unknown shape are given: 5 % of the length of the robot's skeleton [m]."""
     return max(_OF_LENGTH * sum(part.capsule.length for part in skeleton(robot, 1.0)), _SAME)
 
 
 def skeleton(robot: Robot, radius: float, links: Collection[str] | None = None) -> tuple[Part, ...]:
-    """Capsules from the origin of each body's frame to the joints that it carries; a sphere where it carries none.
-
-    Parameters
-    ----------
-    robot : Robot
-    radius : float
-        Of all capsules, > 0 [m].
-    links : collection of str, optional
-        Bodies to cover, the base among them; all if not given.
-
-    Returns
-    -------
-    tuple of Part
-        The base first, then the bodies in their order.
-    """
+    """Capsules from the origin of each body's frame to the joints that it carries; a sphere where it carries none."""
     carried: dict[str, list[Joint]] = {BASE: []}
     above = BASE
     for joint, link in zip(robot.joints, robot.links, strict=True):

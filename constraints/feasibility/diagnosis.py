@@ -80,26 +80,7 @@ def _middle(A: Array, lower: Array, upper: Array) -> Array | None:
 
 
 def interior_pose(limits: Sequence[LinearConstraint], n: int, preferred: Array | None = None) -> Array:
-    """Pose as far as possible from all position limits, relative to their ranges.
-
-    Parameters
-    ----------
-    limits : sequence of LinearConstraint
-    n : int
-        Number of joints.
-    preferred : ndarray, shape (n,), optional
-        Used for joints that no limit bounds; zero if not given.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad or m]
-
-    Raises
-    ------
-    ContradictionError
-        No pose keeps them all.
-    """
+    """Pose as far as possible from all position limits, relative to their ranges."""  # preferred (n,)
     rows = _Rows(limits, n)
     free = ~np.any(rows.A != 0.0, axis=0)
     pose = np.zeros(n) if preferred is None else np.array(preferred, dtype=float)

@@ -17,21 +17,12 @@ _NOTHING = 1e-4  # of a limit's scale
 
 @dataclass(frozen=True)
 class Relaxation:
-    """One bound, and the amount by which it must be relaxed.
-
-    Parameters
-    ----------
-    label, unit : str
-    bound : float
-        Its present value.
-    amount : float
-        > 0, outwards, in the same unit.
-    """
+    """One bound, and the amount by which it must be relaxed."""
 
     label: str
     unit: str
-    bound: float
-    amount: float
+    bound: float  # its present value
+    amount: float  # > 0, outwards, in the same unit
 
     def __str__(self) -> str:
         return f"{self.label} beyond {self.bound:.4g} {self.unit} by {self.amount:.3g} {self.unit}"
@@ -48,25 +39,7 @@ def smallest_relaxation(
 
     ``min sum e`` over poses s and ``e >= 0`` with ``lower + (room - e) scale <= g(s) <= upper - (room - e) scale`` and
     the linear position limits as they are; by sequential quadratic programming from each of the given poses.
-
-    Parameters
-    ----------
-    nonlinear : sequence of NonlinearConstraint
-    linear : sequence of LinearConstraint
-        On the moving coordinates.
-    motion : PartialMotion
-    poses : ndarray, shape (m, k)
-        Initial guesses [rad or m].
-    room : float
-        Fraction of each scale that a pose has to keep as distance from the bounds.
-
-    Returns
-    -------
-    pose : ndarray, shape (k,)
-        A pose that keeps the relaxed limits.
-    relaxations : tuple of Relaxation
-        Those that are needed, none if the pose keeps all limits; a local minimum, not necessarily the global one.
-    """
+    """  # poses (m, k); result (k,)
     from scipy.optimize import minimize
 
     sides = _Sides(nonlinear, motion)

@@ -19,33 +19,15 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class DriveFriction:
-    """Friction of d drives, or of joints.
+    """Friction of d drives, or of joints."""
 
-    Parameters
-    ----------
-    viscous : dict of str to float
-        Viscous friction by the names of the parameters, ``F1v`` ... [Nm s/rad or N s/m].
-    rest : ndarray, shape (d, 2)
-        Lower and upper bound of the remaining friction [Nm or N].
-    share : ndarray, shape (d,)
-        Fraction of the carried torque by which friction may be larger in either direction.
-    largest : ndarray, shape (d,)
-        Largest magnitude of the friction without load [Nm or N].
-    """
-
-    viscous: dict[str, float]
-    rest: Array
-    share: Array
-    largest: Array
+    viscous: dict[str, float]  # viscous friction by the names of the parameters, ``F1v`` ... [Nm s/rad or N s/m]
+    rest: Array  # (d, 2) lower and upper bound of the remaining friction [Nm or N]
+    share: Array  # (d,) fraction of the carried torque by which friction may be larger in either direction
+    largest: Array  # (d,) largest magnitude of the friction without load [Nm or N]
 
     def at_joints(self, robot: Robot) -> DriveFriction:
-        """The same friction at the joints, through the robot's coupling.
-
-        Raises
-        ------
-        InputError
-            Friction that grows with the load of drives behind a coupling, where joints have torque limits.
-        """
+        """The same friction at the joints, through the robot's coupling."""
         if robot.transmission is None:
             return self
         if np.any(self.share > 0) and np.any(np.isfinite(robot.limits.torque)):
@@ -63,25 +45,7 @@ class DriveFriction:
 def drive_friction(
     robot: Robot, known: Mapping[str, float], motion: PartialMotion, curves: FrictionCurves | None = None
 ) -> DriveFriction:
-    """Friction of every drive; only the viscous part where a drive does not move or its friction is unknown.
-
-    Parameters
-    ----------
-    robot : Robot
-    known : mapping of str to float
-        Standard parameters, see `regressors.models.nominal.standard_values`.
-    motion : PartialMotion
-        Motion of the moving joints.
-    curves : FrictionCurves, optional
-        Curves of some of the drives, which replace their parameters in `known`.
-
-    Raises
-    ------
-    UnknownName
-        A curve of a drive that the robot does not have.
-    InputError
-        A curve that has no bound.
-    """
+    """Friction of every drive; only the viscous part where a drive does not move or its friction is unknown."""
     curves = FrictionCurves({}) if curves is None else curves
     curves.check(robot)
     transmission = robot.transmission

@@ -24,22 +24,12 @@ from regressors.samples import Array
 
 @dataclass(frozen=True)
 class FrictionBound:
-    """``lower <= f(v) - viscous v <= upper`` at every speed up to a limit, in both directions and at rest.
+    """``lower <= f(v) - viscous v <= upper`` at every speed up to a limit, in both directions and at rest."""
 
-    Parameters
-    ----------
-    viscous : float
-        Viscous coefficient, which is taken as exact [Nm s/rad or N s/m].
-    lower, upper : float
-        Bounds of the rest [Nm or N].
-    share : float
-        Fraction of the carried torque by which friction may be larger in either direction.
-    """
-
-    viscous: float
-    lower: float
+    viscous: float  # viscous coefficient, which is taken as exact [Nm s/rad or N s/m]
+    lower: float  # bounds of the rest [Nm or N]
     upper: float
-    share: float = 0.0
+    share: float = 0.0  # fraction of the carried torque by which friction may be larger in either direction
 
 
 @singledispatch
@@ -52,17 +42,6 @@ def friction_bound(curve: FrictionCurve, fastest: float) -> FrictionBound:
     at its worst by itself: safe, but not the tightest. Tables are bounded with the sign of the velocity, and at rest
     between both directions. Friction that is linear in temperature is bounded at all temperatures at which it was
     measured, or at its reference temperature where these are not known.
-
-    Parameters
-    ----------
-    curve : FrictionCurve
-    fastest : float
-        Largest speed of the drive [rad/s or m/s]; may be infinite.
-
-    Raises
-    ------
-    InputError
-        A kind of curve that has no known bound, or friction that grows without bound.
     """
     kind = type(curve).__name__
     raise InputError(

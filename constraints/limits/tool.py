@@ -30,20 +30,7 @@ def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> Nonlinea
     """Position of a point of the last link within a box of the base frame.
 
     ``lower <= p + R c <= upper``; bounds may be infinite, so a plane ``z >= 0`` is a box too.
-
-    Parameters
-    ----------
-    robot : Robot
-    point : ndarray, shape (3,)
-        c, in the last link's frame [m].
-    lower, upper : ndarray, shape (3,)
-        [m]
-
-    Raises
-    ------
-    InputError
-        Bounds that leave no room, or no finite bound.
-    """
+    """  # point (3,); lower, upper (3,)
     for axis, low, high in zip(AXES, lower, upper, strict=True):
         if not low < high:
             raise InputError(f"tool box, {axis}: the lower bound {low:g} m must be below the upper one {high:g} m")
@@ -66,20 +53,7 @@ def tool_speed(robot: Robot, point: Array, speed: float) -> NonlinearConstraint:
     """Speed of a point of the last link, ``|v + omega x c| <= speed``.
 
     The bounded function is the squared speed divided by the limit, which is smooth at rest.
-
-    Parameters
-    ----------
-    robot : Robot
-    point : ndarray, shape (3,)
-        c, in the last link's frame [m].
-    speed : float
-        [m/s]
-
-    Raises
-    ------
-    InputError
-        A speed that is not positive.
-    """
+    """  # point (3,)
     if not (np.isfinite(speed) and speed > 0):
         raise InputError(f"tool speed must be a positive number, given {speed}")
 

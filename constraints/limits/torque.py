@@ -39,35 +39,6 @@ def torque_limits(
     `constraints.friction.friction_bounds.friction_bound`: ``-(1 - margin) limit - lower <= tau <= (1 - margin) limit -
     upper``, which is safe, but not the tightest. Where friction grows by a share k of the carried torque, inertial,
     gravity and rotor torques count 1 + k times.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot: torques that hold the locked joints count too.
-    known : mapping of str to float
-        Standard parameters of the robot, see `regressors.models.nominal.standard_values`; missing parameters of drives
-        count as zero.
-    margin : float
-        Fraction of each limit that is kept in reserve, 0 <= margin < 1.
-    motion : PartialMotion, optional
-        From the moving coordinates, the variables of the constraints, to the robot's joints; all joints move if not
-        given.
-    friction : FrictionCurves, optional
-        Curves of some of the drives, which replace their friction parameters.
-
-    Returns
-    -------
-    list of NonlinearConstraint
-        One for the joints and one for the drives, where these have torque limits.
-
-    Raises
-    ------
-    InputError
-        An invalid margin, a link of unknown inertia, a robot without torque limits, drives whose torques the joint
-        torques do not determine, friction without a bound or that uses up a limit, or friction that grows with the load
-        of drives behind a coupling where joints have limits.
-    UnknownName
-        A curve of a drive that the robot does not have.
     """
     if not 0 <= margin < 1:
         raise InputError(f"torque margin must be 0 or more and less than 1, given {margin}")
@@ -83,19 +54,10 @@ def torque_limits(
 
 @dataclass(frozen=True, eq=False)
 class LimitedTorques:
-    """Torques ``matrix @ tau_q`` with their limits and their friction, some of them without a limit.
+    """Torques ``matrix @ tau_q`` with their limits and their friction, some of them without a limit."""
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (k, n)
-    limits : ndarray, shape (k,)
-        Infinite where there is none [Nm or N].
-    friction : DriveFriction
-    labels, units : tuple of str
-    """
-
-    matrix: Array
-    limits: Array
+    matrix: Array  # (k, n)
+    limits: Array  # (k,) infinite where there is none [Nm or N]
     friction: DriveFriction
     labels: tuple[str, ...]
     units: tuple[str, ...]
@@ -106,13 +68,7 @@ class LimitedTorques:
         return np.flatnonzero(np.isfinite(self.limits))
 
     def allowed(self, margin: float) -> tuple[Array, Array]:
-        """Lower and upper bound of the torques that have a limit, less friction and a margin.
-
-        Raises
-        ------
-        InputError
-            Friction that uses up a limit.
-        """
+        """Lower and upper bound of the torques that have a limit, less friction and a margin."""
         rest, share = self.friction.rest[self.kept], self.friction.share[self.kept]
         most = (1 - margin) * self.limits[self.kept]
         # where friction grows with the load, it must not break the limit while the load pulls the other way
@@ -127,19 +83,7 @@ class LimitedTorques:
 
 
 def limited_torques(robot: Robot, friction: DriveFriction) -> list[LimitedTorques]:
-    """Torques of joints and of drives, where these have limits.
-
-    Parameters
-    ----------
-    robot : Robot
-    friction : DriveFriction
-        Of its drives.
-
-    Raises
-    ------
-    InputError
-        A robot without torque limits, or see `torque_limits`.
-    """
+    """Torques of joints and of drives, where these have limits."""
     limited = [rows for rows in (_joints(robot, friction), *_drives(robot, friction)) if rows.kept.size]
     if not limited:
         raise InputError(f"robot {robot.name!r} has no torque limits; its file states them (torque, effort in a URDF)")
@@ -147,28 +91,14 @@ def limited_torques(robot: Robot, friction: DriveFriction) -> list[LimitedTorque
 
 
 def check_inertias(robot: Robot, what: str) -> None:
-    """Raise `InputError` where the inertia of a link is not known.
-
-    Parameters
-    ----------
-    robot : Robot
-    what : str
-        Limits that need the inertias, such as ``torque limits``.
-    """
+    """Raise `InputError` where the inertia of a link is not known."""
     missing = [body.name for body in robot.bodies if body.theta is None]
     if missing:
         raise InputError(f"{what} need the inertias of all links; unknown: {', '.join(missing)}")
 
 
 def joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
-    """Torques at the joints [Nm or N], with viscous friction only.
-
-    Parameters
-    ----------
-    robot : Robot
-    known : mapping of str to float
-        Standard parameters, see `regressors.models.nominal.standard_values`; missing ones count as zero.
-    """
+    """Torques at the joints [Nm or N], with viscous friction only."""
     model = DifferentialModel(robot, Terms(rotor=True, coulomb=False, viscous=True, offset=False))
     definition, names = model.definition()
     parameters = np.asarray(definition @ np.array([known.get(name, 0.0) for name in names]))
@@ -195,13 +125,7 @@ def _drives(robot: Robot, friction: DriveFriction) -> list[LimitedTorques]:
 
 
 def drive_torque_matrix(robot: Robot) -> Array:
-    """``C^-T``: torques of the drives from those of the joints, shape (n, n), for a robot with a transmission.
-
-    Raises
-    ------
-    InputError
-        Drives whose torques the joint torques do not determine.
-    """
+    """``C^-T``: torques of the drives from those of the joints, shape (n, n), for a robot with a transmission."""
     assert robot.transmission is not None
     C = robot.transmission.coupling
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:

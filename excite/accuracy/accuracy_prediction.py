@@ -114,15 +114,5 @@ class AccuracyPrediction:
 
 
 def load_accuracy(path: str | Path) -> AccuracyPrediction:
-    """Load an ``accuracy.json``.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    InputError
-        Another schema, entries that are missing, or a file that is not the one that was written.
-    """
+    """Load an ``accuracy.json``."""
     return read_record(Path(path), AccuracyPrediction, KIND)

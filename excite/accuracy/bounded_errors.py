@@ -25,16 +25,7 @@ def bounded_estimates(
     """What an estimator makes of measurements whose weighted least-squares estimates are given, shape (k, p).
 
     The rows are condensed to p equations ``R beta = R values`` with ``R'R = W' V W``, of noise one.
-
-    Parameters
-    ----------
-    result : Identification
-        Gives the estimator.
-    linear : LinearEquations
-    values : ndarray, shape (k, p)
-    progress : callable
-        Called with the number of estimates done, and k.
-    """
+    """  # values (k, p)
     if result.estimate.method in FREE:
         return values
     estimator, target = result.recipe.chosen_estimator(), result.target

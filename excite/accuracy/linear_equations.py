@@ -21,21 +21,11 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class LinearEquations:
-    """Equations ``y = W beta + C c + e``, each row with a divisor, and columns C of settings that are found with beta.
+    """Equations ``y = W beta + C c + e``, each row with a divisor, and columns C of settings found with beta."""
 
-    Parameters
-    ----------
-    rows : Observations
-        With the columns [W C].
-    divisor : ndarray, shape (groups,)
-        Noise by which the rows of each group are divided.
-    count : int
-        Parameters p of beta, the first columns.
-    """
-
-    rows: Observations
-    divisor: Array
-    count: int
+    rows: Observations  # with the columns [W C]
+    divisor: Array  # (groups,) noise by which the rows of each group are divided
+    count: int  # parameters p of beta, the first columns
 
     @cached_property
     def factor(self) -> Array:
@@ -68,17 +58,7 @@ class LinearEquations:
 
 
 def linear_equations(result: Identification, part: PreparedLog, found: frozenset[str]) -> LinearEquations:
-    """Equations of a log by the settings and with the weights of an identification.
-
-    Parameters
-    ----------
-    result : Identification
-        Of one log.
-    part : PreparedLog
-        That log, or another one that differs in its noise.
-    found : frozenset of str
-        Settings that are found from the same log, see `excite.identification.stated_uncertainty`.
-    """
+    """Equations of a log by the settings and with the weights of an identification."""
     target, recipe, estimate = result.target, result.recipe, result.estimate
     rows = equations(target, [part], recipe)
     for name, column in found_columns(estimate, target, (part,), recipe, found):

@@ -20,15 +20,6 @@ def motion_errors(
     Each measured motion passes the filter and the derivatives of the identification and gives its own regressor W, so
     that parameters are also pulled towards zero, ``(W' V W)^-1 W' V (y - W beta)``. Encoders count from a random phase:
     a repeat of the motion that is not the same to within a count meets other steps.
-
-    Parameters
-    ----------
-    rehearsal : Rehearsal
-    count : int
-        Samples of the noise.
-    seed : int
-    progress : callable
-        Called with the number of samples done, and `count`.
     """
     settings, rng, errors = motion_settings(rehearsal.settings), np.random.default_rng([seed, 1]), []
     exact = rehearsal.exact.solution.values

@@ -24,19 +24,11 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
-    """A simulated experiment and its identification, whose settings and weights repeats are taken to share.
-
-    Parameters
-    ----------
-    simulation : Simulation
-    result : Identification
-        Of its log.
-    found : frozenset of str
-        Settings that every repeat finds again from its own log, see `excite.identification.stated_uncertainty`.
-    """
+    """A simulated experiment and its identification, whose settings and weights repeats are taken to share."""
 
     simulation: Simulation
-    result: Identification
+    result: Identification  # of its log
+    # settings that every repeat finds again from its own log, see `excite.identification.stated_uncertainty`
     found: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
@@ -77,15 +69,8 @@ class Rehearsal:
         return without_friction(part, result.target, result.friction, result.recipe)
 
     def log(self, settings: SimulationSettings, shift: Array) -> Log:
-        """The run as sensors measure it whose zeros are elsewhere, so that steps fall on other instants.
-
-        Parameters
-        ----------
-        settings : SimulationSettings
-            Of the sensors.
-        shift : ndarray, shape (n,)
-            [rad or m]
-        """
+        """The run as sensors measure it whose zeros are elsewhere, so that steps fall on other instants."""
+        # shift (n,)
         run, rng = self.simulation.run, np.random.default_rng(settings.seed)
         log = joint_log(self.simulation.robot, _shifted(run, shift), settings, rng)
         return replace(log, q=log.q - shift)

@@ -26,19 +26,6 @@ def torque_errors(
     """Errors ``(W' V W)^-1 W' V F n`` of an estimate, shape (count, p).
 
     F brings torques to the rows of the equations: their low-pass and decimation, and the windows of the model.
-
-    Parameters
-    ----------
-    result : Identification
-        Of one log; gives W, the weights V and F.
-    noise : TorqueNoise
-    count : int
-        Samples of the noise n.
-    seed : int
-    found : frozenset of str
-        Settings that are found from the same logs, see `excite.identification.stated_uncertainty`.
-    progress : callable
-        Called with the number of samples done, and `count`.
     """
     (part,), target, recipe = result.prepared, result.target, result.recipe
     N, n = part.measured.shape

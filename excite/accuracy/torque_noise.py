@@ -40,19 +40,11 @@ class TorqueNoise(ABC):
 
 @dataclass(frozen=True)
 class StatedNoise(TorqueNoise):
-    """White noise, and noise through a first-order low-pass, as of `excite.simulation.settings.SimulationSettings`.
+    """White noise, and noise through a first-order low-pass, as of `excite.simulation.settings.SimulationSettings`."""
 
-    Parameters
-    ----------
-    white, coloured : tuple of float
-        Standard deviations, one for all joints or one each [Nm or N].
-    corner : float
-        Corner frequency of the coloured noise [Hz]; its time constant is ``1 / (2 pi corner)``.
-    """
-
-    white: tuple[float, ...]
+    white: tuple[float, ...]  # standard deviations, one for all joints or one each [Nm or N]
     coloured: tuple[float, ...]
-    corner: float
+    corner: float  # corner frequency of the coloured noise [Hz]; its time constant is ``1 / (2 pi corner)``
 
     @classmethod
     def of(cls, settings: SimulationSettings) -> StatedNoise:

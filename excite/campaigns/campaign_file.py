@@ -34,22 +34,6 @@ def read_campaign_file(path: str | Path) -> list[Cell]:
     ``grid`` has lists of values by the names of options of a task file; or, where values are long, mappings of short
     labels to values. ``common`` has options of all cells. ``exclude`` is a list of combinations that are left out, by
     some of the options of the grid; ``include`` is a list of further cells, each with options beside ``common``.
-
-    Parameters
-    ----------
-    path : path
-        Names of files in it are relative to its folder.
-
-    Returns
-    -------
-    list of Cell
-        In the order of the file, the last option of the grid changing first.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, is malformed (with the line), has an unknown key or an invalid value, or has no cell, two of
-        the same name or more than 10,000.
     """
     path = Path(path)
     try:

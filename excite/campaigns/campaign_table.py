@@ -177,14 +177,7 @@ def _loaded(path: Path) -> CampaignTable:
 
 
 def campaign_table(cells: Iterable[Cell], folder: Path) -> CampaignTable:
-    """Table of the cells of a campaign, from their folders.
-
-    Parameters
-    ----------
-    cells : iterable of Cell
-    folder : Path
-        Of the campaign.
-    """
+    """Table of the cells of a campaign, from their folders."""
     groups: dict[Any, int] = {}
     return CampaignTable(tuple(_row(cell, folder / CELLS / cell.name, groups) for cell in cells))
 

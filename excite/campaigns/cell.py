@@ -35,25 +35,13 @@ class Cell:
 
 
 def cell_name(options: Mapping[str, str]) -> str:
-    """Name of a cell by its options, such as ``robot=irp6,seed=0``; it depends on nothing else.
-
-    Parameters
-    ----------
-    options : mapping of str to str
-        Short names of values, see `value_name`.
-    """
+    """Name of a cell by its options, such as ``robot=irp6,seed=0``; it depends on nothing else."""
     name = ",".join(f"{option}={value}" for option, value in options.items())
     return name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}-{_hash(name)}"
 
 
 def value_name(value: Any) -> str:
-    """Short name of a value in names of folders: letters, digits, and ``+ - . _`` only.
-
-    Parameters
-    ----------
-    value : object
-        Plain values. What a short name does not show is told apart by a hash.
-    """
+    """Short name of a value in names of folders: letters, digits, and ``+ - . _`` only."""
     if isinstance(value, list) and value and not any(isinstance(each, list | dict) for each in value):
         text = "+".join(map(_plain, value))
     else:

@@ -26,38 +26,20 @@ from regressors.quoting import one_line
 
 @dataclass(frozen=True)
 class CellWork:
-    """A cell that is left to design.
+    """A cell that is left to design."""
 
-    Parameters
-    ----------
-    task : bytes
-        Pickled, with executor ``serial``.
-    record : CellRecord
-    folder : str
-        Of the cell; empty where the design is sent back.
-    fresh : bool
-        Its folder holds starts of another problem, which leave.
-    """
-
-    task: bytes
+    task: bytes  # pickled, with executor ``serial``
     record: CellRecord
-    folder: str = ""
-    fresh: bool = False
+    folder: str = ""  # of the cell; empty where the design is sent back
+    fresh: bool = False  # its folder holds starts of another problem, which leave
 
 
 @dataclass(frozen=True)
 class CellResult:
-    """What came of a cell.
-
-    Parameters
-    ----------
-    record : CellRecord
-    files : mapping of str to bytes
-        Of its folder, where it was designed in a temporary one.
-    """
+    """What came of a cell."""
 
     record: CellRecord
-    files: Mapping[str, bytes] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)  # of its folder, where it was designed in a temporary one
 
 
 def pickled_task(task: Task) -> bytes:
@@ -66,21 +48,7 @@ def pickled_task(task: Task) -> bytes:
 
 
 def design_cell(versions: Mapping[str, str], work: CellWork) -> CellResult:
-    """Design a cell and write its folder, whatever comes of it.
-
-    Parameters
-    ----------
-    versions : mapping of str to str
-        Of the packages on which results depend; empty in processes of this machine.
-    work : CellWork
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Its finished starts are on disk.
-    InputError
-        The process has other versions, or the folder cannot be written to.
-    """
+    """Design a cell and write its folder, whatever comes of it."""
     check_versions(dict(versions))
     task = cloudpickle.loads(work.task)
     if work.folder:

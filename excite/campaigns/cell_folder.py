@@ -25,24 +25,12 @@ _NEW, _OLD = ".new-", ".old-"
 
 @dataclass(frozen=True)
 class CellRecord:
-    """What ``cell.json`` holds.
+    """What ``cell.json`` holds."""
 
-    Parameters
-    ----------
-    sha256 : str or None
-        Hash of the problem, see `excite.campaigns.cell_identity`.
-    search : str
-        Starts, rounds and budget that were asked for.
-    status : str
-        Empty while there is no outcome beside the design; ``infeasible`` or ``failed``.
-    reason : str
-        Why there is no design.
-    """
-
-    sha256: str | None
-    search: str
-    status: str = ""
-    reason: str = ""
+    sha256: str | None  # hash of the problem, see `excite.campaigns.cell_identity`
+    search: str  # starts, rounds and budget that were asked for
+    status: str = ""  # empty while there is no outcome beside the design; ``infeasible`` or ``failed``
+    reason: str = ""  # why there is no design
 
 
 def read_record(folder: Path) -> CellRecord | None:
@@ -73,30 +61,13 @@ def stored_design(folder: Path) -> dict[str, Any] | None:
 
 
 def packed(folder: Path) -> dict[str, bytes]:
-    """All files below a folder by their paths in it.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """All files below a folder by their paths in it."""
     files = sorted(path for path in folder.rglob("[!.]*") if path.is_file())
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def place(files: Mapping[str, bytes], folder: Path) -> None:
-    """Put a folder in place whole; an older one of the same name leaves.
-
-    Parameters
-    ----------
-    files : mapping of str to bytes
-        See `packed`.
-    folder : Path
-
-    Raises
-    ------
-    InputError
-        It cannot be written.
-    """
+    """Put a folder in place whole; an older one of the same name leaves."""
     new, old = folder.with_name(f"{_NEW}{folder.name}"), folder.with_name(f"{_OLD}{folder.name}")
     with writing(folder):
         for left in (new, old):
@@ -113,13 +84,7 @@ def place(files: Mapping[str, bytes], folder: Path) -> None:
 
 
 def clear_cells(cells: Path) -> None:
-    """Make good what an interrupted `place` has left.
-
-    Parameters
-    ----------
-    cells : Path
-        Folder of the cells' folders.
-    """
+    """Make good what an interrupted `place` has left."""
     with writing(cells):
         for old in cells.glob(f"{_OLD}*"):
             if not (there := cells / old.name.removeprefix(_OLD)).exists():

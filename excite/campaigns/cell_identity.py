@@ -26,13 +26,7 @@ class RobotLibrary:
         self._known: dict[tuple[Any, ...], tuple[Robot, str]] = {}
 
     def of(self, task: Task) -> tuple[Robot, str]:
-        """Robot of a task as installed, and the hash of its description.
-
-        Raises
-        ------
-        InputError
-            No such robot, or a file that cannot be read.
-        """
+        """Robot of a task as installed, and the hash of its description."""
         named = task.robot if isinstance(task.robot, str) else id(task.robot)
         key = (named, task.base_link, task.tip, task.snap_angles, task.xacro, repr(task.installation))
         if key not in self._known:
@@ -45,15 +39,6 @@ def cell_identities(cells: Iterable[Cell]) -> dict[str, str | None]:
     """Hashes of the problems of cells by their names: robot, task and versions, without the number of starts.
 
     None stands for a task with a part of the user's own of which a later process could not tell whether it is the same.
-
-    Parameters
-    ----------
-    cells : iterable of Cell
-
-    Raises
-    ------
-    InputError
-        A robot that cannot be read.
     """
     robots, versions = RobotLibrary(), {name: version(name) for name in PACKAGES}
     return {cell.name: _identity(cell.task, robots.of(cell.task)[1], versions) for cell in cells}

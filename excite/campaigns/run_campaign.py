@@ -162,22 +162,7 @@ def _cells(given: str | Path | Mapping[str, Task] | Sequence[Cell]) -> list[Cell
 
 
 def cells_left(cells: Sequence[Cell], folder: Path, *, replace: bool = False, shares_disk: bool = True) -> CellsLeft:
-    """Compare the cells of a campaign with those that a folder holds.
-
-    Parameters
-    ----------
-    cells : sequence of Cell
-    folder : Path
-    replace : bool
-        Allow cells of other problems.
-    shares_disk : bool
-        Whether the cells are designed in their folders.
-
-    Raises
-    ------
-    InputError
-        Cells of other problems are there under the same names.
-    """
+    """Compare the cells of a campaign with those that a folder holds."""
     identities = cell_identities(cells)
     done, others, work = [], [], []
     for cell in cells:

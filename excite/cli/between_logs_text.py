@@ -12,14 +12,7 @@ from excite.cli.messages import in_options
 
 
 def print_between_logs(out: Console, content: Mapping[str, Any]) -> None:
-    """Print what the intervals hold for; of several logs, a warning, and the table of ``--each``.
-
-    Parameters
-    ----------
-    out : Console
-    content : mapping
-        Content of ``result.json``.
-    """
+    """Print what the intervals hold for; of several logs, a warning, and the table of ``--each``."""
     between = content.get("between_logs")
     if between is not None:
         if any("each" in p for p in between["parameters"]):

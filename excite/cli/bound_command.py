@@ -116,12 +116,7 @@ def _basis(bound: CriterionBound) -> str:
 
 
 def verdict_of(bound: CriterionBound) -> str:
-    """One sentence on how far a design is from the best possible.
-
-    Parameters
-    ----------
-    bound : CriterionBound
-    """
+    """One sentence on how far a design is from the best possible."""
     times = bound.reached / bound.value
     how = "is proven" if bound.proven else f"is {bound.basis}"
     return (

@@ -20,14 +20,7 @@ _PAGE = "campaign.html"
 
 @dataclass(frozen=True)
 class CampaignRun:
-    """What a run has left.
-
-    Parameters
-    ----------
-    table : CampaignTable
-    files : tuple of Path
-    interrupted : bool
-    """
+    """What a run has left."""
 
     table: CampaignTable
     files: tuple[Path, ...]
@@ -37,19 +30,7 @@ class CampaignRun:
 def run_and_write(
     file: Path, out: Path, *, executor: str, workers: int | None, figures: FigureChoice, report: bool, force: bool
 ) -> CampaignRun:
-    """Design the cells of a campaign file that are left; write the table, the figure and the page of all.
-
-    Parameters
-    ----------
-    file, out : Path
-    executor : str
-    workers : int, optional
-    figures : FigureChoice
-    report : bool
-        Write the page.
-    force : bool
-        Replace cells with other options.
-    """
+    """Design the cells of a campaign file that are left; write the table, the figure and the page of all."""
     tell("reading the campaign")
     cells = read_campaign_file(file)
     interrupted = False

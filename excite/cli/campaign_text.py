@@ -14,15 +14,7 @@ _HEADINGS = ("group", "cond(W)", "criterion", "lasts", "limit used", "status")
 
 
 def campaign_summary(table: CampaignTable, files: Sequence[Path], out: Path) -> Summary:
-    """The verdict, the best cells of every group, and the first reasons of those without a design.
-
-    Parameters
-    ----------
-    table : CampaignTable
-    files : sequence of Path
-    out : Path
-        Folder of the campaign.
-    """
+    """The verdict, the best cells of every group, and the first reasons of those without a design."""
     made = table.counts.get(DESIGNED, 0)
     groups = table.groups
     told = ", ".join(f"{count} {status}" for status, count in table.counts.items() if status != DESIGNED)
@@ -46,13 +38,7 @@ def campaign_summary(table: CampaignTable, files: Sequence[Path], out: Path) -> 
 
 
 def print_campaign(table: CampaignTable, files: Sequence[Path]) -> None:
-    """Print every cell.
-
-    Parameters
-    ----------
-    table : CampaignTable
-    files : sequence of Path
-    """
+    """Print every cell."""
     from rich.table import Table
 
     from excite.cli.literal_console import console

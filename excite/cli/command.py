@@ -14,17 +14,7 @@ _WIDEST = 30  # characters of an option before its text begins on the next line,
 
 
 class Command(click.Command):
-    """Command with ``--quiet``, ``--verbose`` and ``--json``, whose options are listed below headings.
-
-    Parameters
-    ----------
-    *args
-        See `click.Command`.
-    groups : mapping of str to sequence of str, optional
-        Headings of the command's own, and the parameters below each; those of a task follow its parts.
-    **options
-        See `click.Command`.
-    """
+    """Command with ``--quiet``, ``--verbose`` and ``--json``, whose options are listed below headings."""
 
     def __init__(self, *args: Any, groups: Mapping[str, Sequence[str]] | None = None, **options: Any) -> None:
         super().__init__(*args, **options)

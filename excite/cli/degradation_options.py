@@ -70,12 +70,7 @@ _OPTIONS = (
 
 
 def degradation_options(command: _Command) -> _Command:
-    """Add the options to a command.
-
-    Parameters
-    ----------
-    command : callable
-    """
+    """Add the options to a command."""
     for option in reversed(_OPTIONS):
         command = option(command)
     return command

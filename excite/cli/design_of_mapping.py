@@ -13,21 +13,7 @@ _DESIGNS = Path("designs")
 
 
 def design_folder(given: Path | None, mapping: Path | None, places: Sequence[Path]) -> Path | None:
-    """Folder of the design that was played.
-
-    Parameters
-    ----------
-    given : Path or None
-        What ``--design`` names; it is taken as it is.
-    mapping : Path or None
-        Log mapping, which may name a design by its hash.
-    places : sequence of Path
-        Where to look; if there are none, beside the mapping and in the folder ``designs``.
-
-    Returns
-    -------
-    Path or None
-    """
+    """Folder of the design that was played."""
     named = None if mapping is None or given is not None else read_mapping(mapping).design
     if mapping is None or named is None:
         return given

@@ -37,26 +37,7 @@ PERIODS = "periods"  # folder of the searches at each period that a precision ta
 def design_and_write(
     task: Task, out: Path, notes: tuple[str, ...], *, figures: FigureChoice, force: bool, fresh: bool
 ) -> tuple[Design, list[Path]]:
-    """Find the best motion for a task, and write its files as soon as it is found.
-
-    Parameters
-    ----------
-    task : Task
-    out : Path
-        Folder to write; the starts of an earlier run in it are used.
-    notes : tuple of str
-        Of the command, printed before those of the problem.
-    figures : FigureChoice
-    force : bool
-        Replace a design that is already there.
-    fresh : bool
-        Remove the starts of an earlier run.
-
-    Returns
-    -------
-    design : Design
-    files : list of Path
-    """
+    """Find the best motion for a task, and write its files as soon as it is found."""
     tell("setting up the problem")
     robot = installed_robot(task)
     with result_folder(out):

@@ -43,14 +43,7 @@ _NEAR = 0.5  # limits used beyond this fraction are listed; design.json has all 
 
 
 def design_summary(design: Design, files: Sequence[Path]) -> Summary:
-    """Summary of a design: whether its limits hold, its criterion, the limits that are used most.
-
-    Parameters
-    ----------
-    design : Design
-    files : sequence of Path
-        Files that were written.
-    """
+    """Summary of a design: whether its limits hold, its criterion, the limits that are used most."""
     return Summary(
         verdict=_verdict(design),
         holds=design.feasible and (design.precision is None or design.precision.met),

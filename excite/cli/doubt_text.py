@@ -13,13 +13,7 @@ from excite.cli.messages import in_options
 
 
 def print_doubts(content: Mapping[str, Any]) -> None:
-    """Print why a result cannot be right, and what its logs do not determine.
-
-    Parameters
-    ----------
-    content : mapping
-        Content of ``result.json``.
-    """
+    """Print why a result cannot be right, and what its logs do not determine."""
     out = console()
     for doubt in content["doubts"]:
         text = in_options(f"this result cannot be right: {doubt['what']}: {doubt['cause']}")
@@ -30,15 +24,7 @@ def print_doubts(content: Mapping[str, Any]) -> None:
 
 
 def next_steps(content: Mapping[str, Any], folder: Path) -> list[str]:
-    """What to do next: the cures of the doubts, or else to verify.
-
-    Parameters
-    ----------
-    content : mapping
-        Content of ``result.json``.
-    folder : Path
-        Where it is.
-    """
+    """What to do next: the cures of the doubts, or else to verify."""
     cures = dict.fromkeys(in_options(doubt["cure"]) for doubt in content["doubts"])
     return [f"next: {cure}" for cure in cures] or [
         f"next: excite verify {folder} OTHER.csv, with a log that was not used here"

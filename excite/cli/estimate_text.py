@@ -19,15 +19,7 @@ _SHOWN, _WELL = 5, 0.05  # parameters in the summary; relative deviation of one 
 
 
 def estimate_summary(content: Mapping[str, Any], files: Sequence[Path]) -> Summary:
-    """Summary of a result: whether it can be right, its residual, and the parameters that are least certain.
-
-    Parameters
-    ----------
-    content : mapping
-        Content of ``result.json``.
-    files : sequence of Path
-        Files that were written.
-    """
+    """Summary of a result: whether it can be right, its residual, and the parameters that are least certain."""
     doubts, warnings = content["doubts"], content["warnings"]
     between = content.get("between_logs") or {}
     said = between.get("warning")
@@ -111,15 +103,7 @@ def _repeated(content: Mapping[str, Any]) -> list[str]:
 
 
 def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
-    """Print a summary of a result: data, parameters, residuals, next step.
-
-    Parameters
-    ----------
-    content : mapping
-        Content of ``result.json``.
-    files : sequence of Path
-        Files that were written.
-    """
+    """Print a summary of a result: data, parameters, residuals, next step."""
     out = console()
     parameters = content["parameters"]
     out.print(

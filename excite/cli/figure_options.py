@@ -17,16 +17,9 @@ _NONE = "none"
 
 @dataclass(frozen=True)
 class FigureChoice:
-    """Figures that were asked for.
+    """Figures that were asked for."""
 
-    Parameters
-    ----------
-    formats : tuple of str
-        Empty where none are to be drawn.
-    width : str
-    """
-
-    formats: tuple[str, ...]
+    formats: tuple[str, ...]  # empty where none are to be drawn
     width: str
 
     def __bool__(self) -> bool:
@@ -58,13 +51,7 @@ class Formats(click.ParamType[tuple[str, ...]]):
 
 
 def figure_options(default: str = "png") -> Callable[[Command], Command]:
-    """Decorator that gives a command the options of figures, and one argument ``figures``, a `FigureChoice`.
-
-    Parameters
-    ----------
-    default : str
-        Of ``--figures``; with ``none``, the option alone means ``png``.
-    """
+    """Decorator that gives a command the options of figures, and one argument ``figures``, a `FigureChoice`."""
     alone: dict[str, Any] = {"is_flag": False, "flag_value": "png"} if default == _NONE else {}
 
     def decorate(command: Command) -> Command:

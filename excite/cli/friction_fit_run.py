@@ -34,18 +34,7 @@ _SETTINGS = (
 
 
 def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, Any]) -> None:
-    """Fit curves to logs and write their folder.
-
-    Parameters
-    ----------
-    name : str
-        Robot, as given on the command line.
-    paths : sequence of Path
-        Logs.
-    out : Path
-    given : dict
-        The command's other options.
-    """
+    """Fit curves to logs and write their folder."""
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
     tell("reading the logs")
     with result_folder(out):

@@ -26,16 +26,7 @@ _GRAVITY = {
 
 
 def plan_summary(plan: FrictionPlan, files: Sequence[Path], *, chosen: bool) -> Summary:
-    """Summary of a plan: whether its limits hold, how long it takes, its runs.
-
-    Parameters
-    ----------
-    plan : FrictionPlan
-    files : sequence of Path
-        Files that were written.
-    chosen : bool
-        Whether poses were searched for.
-    """
+    """Summary of a plan: whether its limits hold, how long it takes, its runs."""
     count = len(plan.coordinates)
     first, *others = _environment(plan)
     rows = [
@@ -67,16 +58,7 @@ def plan_summary(plan: FrictionPlan, files: Sequence[Path], *, chosen: bool) -> 
 
 
 def print_plan(plan: FrictionPlan, files: Sequence[Path], *, chosen: bool) -> None:
-    """Print a table of the coordinates, and notes on them.
-
-    Parameters
-    ----------
-    plan : FrictionPlan
-    files : sequence of Path
-        Files that were written.
-    chosen : bool
-        Whether poses were searched for.
-    """
+    """Print a table of the coordinates, and notes on them."""
     out = console()
     head = f": {len(plan.coordinates)} friction measurement(s), {plan.duration / 60:.1f} min"
     out.print(Text(plan.robot.name, style="bold"), head, sep="", soft_wrap=True)

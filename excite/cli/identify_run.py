@@ -34,22 +34,7 @@ def identify_and_write(
     of_recipe: Mapping[str, Any],
     given: Mapping[str, Any],
 ) -> None:
-    """Identify from logs and write a result's folder.
-
-    Parameters
-    ----------
-    name : str
-        Robot, as given on the command line.
-    paths : sequence of Path
-        Logs.
-    out : Path
-    typed : mapping
-        Options of the model given on the command line.
-    of_recipe : mapping
-        Settings of the recipe given on the command line.
-    given : mapping
-        The command's other options.
-    """
+    """Identify from logs and write a result's folder."""
     if given["repeat"]:
         Recipe(**of_recipe).check_repeatable(given["repeat"])
     from excite.cli.main import NOT_HELD

@@ -11,15 +11,7 @@ from excite.design.interruption import Interruption, answered_signals, current_i
 
 @contextmanager
 def one_interrupt() -> Iterator[Interruption]:
-    """Let the first signal in the block raise KeyboardInterrupt; a second one ends the process at once.
-
-    Yields
-    ------
-    Interruption
-        Its `ignore` is to be called when only saving remains: from then on the first signal is ignored.
-
-    Where Python does not handle Ctrl-C (a background job ignores it), nothing changes.
-    """
+    """Let the first signal in the block raise KeyboardInterrupt; a second one ends the process at once."""
     installed = current_interruption()
     if installed is None:
         with answered_signals() as own:
@@ -33,18 +25,7 @@ def one_interrupt() -> Iterator[Interruption]:
 
 @contextmanager
 def deferred_interrupt(message: str) -> Iterator[Callable[[], None]]:
-    """Defer a signal in the block to a safe point: compiled computations must not be interrupted.
-
-    Parameters
-    ----------
-    message : str
-        Printed when the signal arrives.
-
-    Yields
-    ------
-    callable
-        Raises KeyboardInterrupt if a signal has arrived.
-    """
+    """Defer a signal in the block to a safe point: compiled computations must not be interrupted."""
 
     def say() -> None:  # not through streams, which may be in the middle of a write
         with suppress(OSError):

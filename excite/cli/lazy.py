@@ -15,19 +15,7 @@ from regressors.quoting import shortened
 
 
 class LazyGroup(click.Group):
-    """Group whose commands are the `command` of one module each.
-
-    Parameters
-    ----------
-    summaries : mapping of str to str
-        One-line help of each command, by name.
-    modules : str
-        Pattern of their modules, with ``{}`` for the name, such as ``excite.cli.{}_command``.
-    groups : mapping of str to sequence of str, optional
-        Headings of the help, and the commands below each.
-    **options
-        Options of `click.Group`.
-    """
+    """Group whose commands are the `command` of one module each."""
 
     def __init__(
         self,

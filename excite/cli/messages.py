@@ -47,10 +47,6 @@ def in_options(message: str) -> str:
     An option `torque_margin` becomes ``--torque-margin``, one with a value, `drop='nan'`, ``--drop nan``, one that is
     turned off, `approach_and_return=False`, ``--no-approach-and-return``, and a call, `plan_friction`,
     ``'excite friction plan'``.
-
-    Parameters
-    ----------
-    message : str
     """
     return re.sub(r"`(\w+)(?:=([^`]*))?`", _option, printable(" ".join(message.split("\n"))))
 

@@ -22,23 +22,7 @@ _NAMES = 3  # of parameters of which nothing is asked
 
 
 def plan_next_motion(task: Task, of: str, out: Path | None, *, force: bool) -> bool:
-    """Print whether what is in hand is enough; write the next motion where it is not, and a folder is given.
-
-    Parameters
-    ----------
-    task : Task
-        With a precision, and results and designs in hand.
-    of : str
-        Of which values the precision is a share, see `excite.next_motion`.
-    out : Path, optional
-    force : bool
-        Replace a design that is already there.
-
-    Returns
-    -------
-    bool
-        Whether it is enough.
-    """
+    """Print whether what is in hand is enough; write the next motion where it is not, and a folder is given."""
     import excite
     from excite.files.design_folder import check_no_design, data_files
 

@@ -27,15 +27,7 @@ _ORDER = (*_OF_PARTS.values(), OUTPUT, OTHER)
 
 
 def heading_of(name: str, own: Mapping[str, Iterable[str]]) -> str:
-    """Heading of an option; what nothing is known of is about the output.
-
-    Parameters
-    ----------
-    name : str
-        Its parameter, such as ``torque_margin``.
-    own : mapping of str to iterable of str
-        Headings of the command, and the options below each.
-    """
+    """Heading of an option; what nothing is known of is about the output."""
     for table in (own, _SHARED):
         for heading, names in table.items():
             if name in names:
@@ -44,15 +36,7 @@ def heading_of(name: str, own: Mapping[str, Iterable[str]]) -> str:
 
 
 def in_order(headings: Iterable[str], own: Iterable[str]) -> list[str]:
-    """Headings in the order of the help: the robot, the command's own, those of a design, and the output last.
-
-    Parameters
-    ----------
-    headings : iterable of str
-        Those that have options.
-    own : iterable of str
-        Those of the command, in its order.
-    """
+    """Headings in the order of the help: the robot, the command's own, those of a design, and the output last."""
     last = (OUTPUT, OTHER)
     ranked = ["Robot", *(name for name in own if name not in last), *_ORDER[:-2], "Logs", *last]
     return sorted(headings, key=ranked.index)

@@ -90,13 +90,7 @@ own_parts = click.option(
 
 
 class Number(click.ParamType[float]):
-    """One number within the range of its quantity.
-
-    Parameters
-    ----------
-    quantity : str, optional
-        Key of `regressors.quantities.QUANTITIES`; the name of the option if not given.
-    """
+    """One number within the range of its quantity."""
 
     name = "number"
 
@@ -115,14 +109,7 @@ class Number(click.ParamType[float]):
 
 
 class NumberOr(Number):
-    """One number, or a word that stands for none.
-
-    Parameters
-    ----------
-    word : str
-    quantity : str, optional
-        See `Number`.
-    """
+    """One number, or a word that stands for none."""
 
     def __init__(self, word: str, quantity: str | None = None) -> None:
         super().__init__(quantity)
@@ -193,12 +180,7 @@ def _check_all(
 
 
 class SettingNames(click.ParamType[bool | tuple[str, ...]]):
-    """Names of settings separated by commas, ``all`` or ``none``.
-
-    Parameters
-    ----------
-    known : tuple of str
-    """
+    """Names of settings separated by commas, ``all`` or ``none``."""
 
     name = "settings"
 
@@ -405,17 +387,7 @@ class DriveNames(click.ParamType[bool | tuple[str, ...]]):
 
 
 class PartName(click.ParamType[str]):
-    """A built-in part by name, or a user-defined one as ``module:Name``.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of part in the registry.
-    names : tuple of str
-        Names of the built-in parts.
-    own : bool
-        Whether user-defined parts can be given.
-    """
+    """A built-in part by name, or a user-defined one as ``module:Name``."""
 
     name = "part"
 
@@ -447,17 +419,7 @@ class PartName(click.ParamType[str]):
 
 
 def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:
-    """Split the values of ``--base`` into the base columns' convention and the URDF's base link.
-
-    Parameters
-    ----------
-    values : tuple of str
-        All values that were given.
-
-    Returns
-    -------
-    convention, link : str or None
-    """
+    """Split the values of ``--base`` into the base columns' convention and the URDF's base link."""
     conventions = [value for value in values if value in CONVENTIONS]
     links = [value for value in values if value not in CONVENTIONS]
     for kind, matches in (("convention", conventions), ("base link", links)):

@@ -24,14 +24,7 @@ _ROWS = (
 
 
 def payload_summary(payload: PayloadResult, files: Sequence[Path]) -> Summary:
-    """Summary of a payload: mass and centre, and all numbers with their intervals.
-
-    Parameters
-    ----------
-    payload : PayloadResult
-    files : sequence of Path
-        Files that were written.
-    """
+    """Summary of a payload: mass and centre, and all numbers with their intervals."""
     numbers = _numbers(payload)
     mass, *centre = numbers[:4]
     where = ", ".join(row[1] for row in centre)
@@ -60,15 +53,7 @@ def _numbers(payload: PayloadResult) -> list[tuple[str, ...]]:
 
 
 def print_payload(payload: PayloadResult, controllers: Collection[str], files: Sequence[Path]) -> None:
-    """Print mass, centre and inertia with their intervals, and the controllers' forms of them.
-
-    Parameters
-    ----------
-    payload : PayloadResult
-    controllers : collection of str
-    files : sequence of Path
-        Files that were written.
-    """
+    """Print mass, centre and inertia with their intervals, and the controllers' forms of them."""
     out, table = console(), Table()
     for heading in ("payload", "value", "from", "to", "unit"):
         table.add_column(heading, justify="left" if heading in ("payload", "unit") else "right")

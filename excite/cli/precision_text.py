@@ -18,12 +18,7 @@ _NAMED = 3  # parameters with what they move with
 
 
 def precision_lines(design: Design) -> list[str | Table]:
-    """Runs, robot time and the worst parameter; nothing where no precision is asked for.
-
-    Parameters
-    ----------
-    design : Design
-    """
+    """Runs, robot time and the worst parameter; nothing where no precision is asked for."""
     forecast = design.precision
     if forecast is None:
         return []
@@ -61,12 +56,7 @@ def _width(parameter: ParameterPrecision) -> str:
 
 
 def half_width_table(forecast: PrecisionForecast) -> Table:
-    """Predicted and allowed half-width of every parameter.
-
-    Parameters
-    ----------
-    forecast : PrecisionForecast
-    """
+    """Predicted and allowed half-width of every parameter."""
     title = (
         f"half-widths of {100 * forecast.level:g} % intervals after {forecast.runs} run{'s' * (forecast.runs > 1)}, "
         f"with probability {100 * forecast.probability:g} %"

@@ -27,13 +27,7 @@ _BETWEEN = 2.0  # seconds between two lines of a simulation
 
 @contextmanager
 def progress_of_starts(kept: KeptStarts) -> Iterator[Callable[[StartResult], None]]:
-    """Report finished starts and the best value so far.
-
-    Parameters
-    ----------
-    kept : KeptStarts
-        Those of an earlier run.
-    """
+    """Report finished starts and the best value so far."""
     total, done = kept.count, len(kept.done)
     if verbosity().quiet:
         yield lambda _: None
@@ -87,15 +81,7 @@ def _lines(kept: KeptStarts) -> Callable[[StartResult], None]:
 
 @contextmanager
 def progress_of_cells() -> Iterator[tuple[Callable[[int, int], None], Callable[[CellProgress], None]]]:
-    """Report finished cells of a campaign, in lines at most every two seconds where there is no terminal.
-
-    Yields
-    ------
-    begin : callable
-        To be called with the number of cells that are done, and of those that are left.
-    report : callable
-        To be called with each cell that has ended.
-    """
+    """Report finished cells of a campaign, in lines at most every two seconds where there is no terminal."""
     if verbosity().quiet:
         yield (lambda _, __: None), (lambda _: None)
         return

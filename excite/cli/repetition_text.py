@@ -41,35 +41,7 @@ def repeat_and_write(
     executor: str,
     workers: int | None,
 ) -> tuple[dict[str, Any], int]:
-    """Repeat an identification in simulation, add the statistics to its result, and draw them beside it.
-
-    Parameters
-    ----------
-    result : Identification
-    out : Path
-        Folder with the complete result, which stays complete if the repetitions are interrupted; what is computed of
-        them is kept there until all are.
-    content : dict
-        Content of ``result.json``.
-    count, seed : int
-    figures : FigureChoice
-    executor : str
-    workers : int, optional
-
-    Returns
-    -------
-    content : dict
-        Content with the repetitions; after an interrupt those that were completed, if there are two or more.
-    status : int
-        Exit status.
-
-    Raises
-    ------
-    InputError
-        The experiment cannot be repeated.
-    LostWorkersError
-        Nothing is left to repeat it.
-    """
+    """Repeat an identification in simulation, add the statistics to its result, and draw them beside it."""
     from excite.montecarlo.repetition import repetitions
 
     try:
@@ -109,12 +81,7 @@ def _continued(out: Path) -> str:
 
 
 def repetition_content(repeated_runs: Repetitions) -> dict[str, Any]:
-    """Plain values of repetitions.
-
-    Parameters
-    ----------
-    repeated_runs : Repetitions
-    """
+    """Plain values of repetitions."""
     rows = zip(
         repeated_runs.names, repeated_runs.units, repeated_runs.deviation, repeated_runs.predicted_deviation,
         repeated_runs.bias, repeated_runs.bias_error, repeated_runs.coverage, strict=True,
@@ -138,13 +105,7 @@ def repetition_content(repeated_runs: Repetitions) -> dict[str, Any]:
 
 
 def print_repetitions(content: dict[str, Any]) -> None:
-    """Print a table of the statistics of repetitions.
-
-    Parameters
-    ----------
-    content : dict
-        See `repetition_content`.
-    """
+    """Print a table of the statistics of repetitions."""
     table = Table(title=f"{content['count']} repetitions in simulation, seed {content['seed']}", title_justify="left")
     table.add_column("parameter")
     for heading in ("std. dev.", "predicted", "bias", "in its 99 % interval"):

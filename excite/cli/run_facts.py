@@ -14,12 +14,7 @@ _LIBRARIES = ("numpy", "scipy", "casadi")
 
 
 def print_run_facts(out: Console) -> None:
-    """Print how long this process has run, and in which versions.
-
-    Parameters
-    ----------
-    out : Console
-    """
+    """Print how long this process has run, and in which versions."""
     named = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
     own = f"excite {version('excite-trajectories')}, Python {platform.python_version()}, {named}"
     elapsed = time.monotonic() - verbosity().began

@@ -124,17 +124,7 @@ def _handle() -> int | None:
 
 
 def tell(what: str) -> None:
-    """State what the command does next, such as ``drawing``; it is shown once the command has taken some time.
-
-    Parameters
-    ----------
-    what : str
-
-    Raises
-    ------
-    KeyboardInterrupt
-        A signal has arrived that compiled code has swallowed.
-    """
+    """State what the command does next, such as ``drawing``; it is shown once the command has taken some time."""
     repeat_lost_signal()
     for sign in _signs[-1:]:
         sign.tell(what)

@@ -42,24 +42,14 @@ def _write_what_is_known(stream: TextIO) -> None:
 
 
 def say(text: str) -> None:
-    """Print a line on stderr, where that is possible.
-
-    Parameters
-    ----------
-    text : str
-    """
+    """Print a line on stderr, where that is possible."""
     clear_line()
     with suppress(OSError, ValueError):
         click.echo(text, err=True)
 
 
 def remark(text: str) -> None:
-    """Print a line on stderr that ``--quiet`` leaves out, such as a note.
-
-    Parameters
-    ----------
-    text : str
-    """
+    """Print a line on stderr that ``--quiet`` leaves out, such as a note."""
     if not verbosity().quiet:
         say(text)
 

@@ -34,49 +34,21 @@ _CAUTION = "bold yellow"
 
 @dataclass(frozen=True)
 class Summary:
-    """What a command has to say at its end.
+    """What a command has to say at its end."""
 
-    Parameters
-    ----------
-    verdict : str
-        In words, with the number that matters most.
-    holds : bool, optional
-        Whether what was asked for holds; None where that is no question.
-    caution : bool
-        Whether something that may break the robot was not checked, so that what holds is not safe to play.
-    facts : sequence of str or Table
-        The few numbers that matter, with units.
-    notes : sequence of str
-        The first of them are shown, as many as fit.
-    files : sequence of Path
-        Those that were written.
-    next_steps : sequence of str
-        What to do next.
-    all_in : str, optional
-        The file that has all numbers and notes.
-    """
-
-    verdict: str
-    holds: bool | None = None
+    verdict: str  # in words, with the number that matters most
+    holds: bool | None = None  # whether what was asked for holds; None where that is no question
+    # whether something that may break the robot was not checked, so that what holds is not safe to play
     caution: bool = False
-    facts: Sequence[str | Table] = ()
-    notes: Sequence[str] = ()
-    files: Sequence[Path] = ()
-    next_steps: Sequence[str] = ()
-    all_in: str | None = None
+    facts: Sequence[str | Table] = ()  # the few numbers that matter, with units
+    notes: Sequence[str] = ()  # the first of them are shown, as many as fit
+    files: Sequence[Path] = ()  # those that were written
+    next_steps: Sequence[str] = ()  # what to do next
+    all_in: str | None = None  # the file that has all numbers and notes
 
 
 def show(summary: Summary, content: Callable[[], Any], details: Callable[[], None]) -> None:
-    """Print a summary in the form that was asked for.
-
-    Parameters
-    ----------
-    summary : Summary
-    content : callable
-        What the JSON document holds; the verdict is added to it.
-    details : callable
-        Prints all tables and notes.
-    """
+    """Print a summary in the form that was asked for."""
     something_is_shown()
     chosen = verbosity()
     if chosen.as_json:
@@ -185,31 +157,13 @@ def _next(step: str, width: int) -> list[str]:
 
 
 def some_of(names: Sequence[str], most: int = 3) -> str:
-    """The first of some names, and how many there are beside them.
-
-    Parameters
-    ----------
-    names : sequence of str
-    most : int
-        Number of names.
-    """
+    """The first of some names, and how many there are beside them."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def compact_table(*headings: str, rows: Sequence[Sequence[str]], left: int = 1, most: int = 8) -> list[str | Table]:
-    """A table without rules, and how many rows it leaves out; nothing where there are no rows.
-
-    Parameters
-    ----------
-    *headings : str
-    rows : sequence of (sequence of str)
-        The first ones are shown.
-    left : int
-        Number of columns that are aligned to the left; the others are numbers.
-    most : int
-        Number of rows that are shown.
-    """
+    """A table without rules, and how many rows it leaves out; nothing where there are no rows."""
     from rich.table import Table
 
     if not rows:

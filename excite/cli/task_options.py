@@ -63,19 +63,7 @@ def task_options(
     only: Iterable[str] | None = None,
     help: dict[str, str] | None = None,
 ) -> Callable[[Command], Command]:
-    """Decorator that gives a command the options of some parts of a task.
-
-    Parameters
-    ----------
-    parts : iterable of str
-        Keys of `excite.tasks.task.PARTS`, in the order of the help.
-    without : iterable of str
-        Options that are left out.
-    only : iterable of str, optional
-        Options that are taken; all of the parts' if not given.
-    help : dict of str to str, optional
-        Help texts that replace those of some options.
-    """
+    """Decorator that gives a command the options of some parts of a task."""
     left_out, taken = set(without), PLACE if only is None else set(only)
     chosen = [
         (field, option)

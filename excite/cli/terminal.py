@@ -13,22 +13,12 @@ _PLAIN = ("dumb", "unknown")
 
 
 def can_move(stream: TextIO) -> bool:
-    """Whether a line on the stream can be drawn again.
-
-    Parameters
-    ----------
-    stream : file
-    """
+    """Whether a line on the stream can be drawn again."""
     return stream.isatty() and os.environ.get("TERM", "").lower() not in _PLAIN
 
 
 def has_colours(stream: TextIO) -> bool:
-    """Whether text on the stream may have colours and emphasis.
-
-    Parameters
-    ----------
-    stream : file
-    """
+    """Whether text on the stream may have colours and emphasis."""
     if os.environ.get("NO_COLOR"):
         return False
     plain = os.environ.get("TERM", "").lower() in _PLAIN

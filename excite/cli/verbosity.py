@@ -16,23 +16,12 @@ _KEY = "excite.verbosity"
 
 @dataclass
 class Verbosity:
-    """What the command line asks to be printed.
+    """What the command line asks to be printed."""
 
-    Parameters
-    ----------
-    quiet : bool
-        Only the verdict.
-    verbose : bool
-        All tables and notes, times, versions, and the files that are read.
-    as_json : bool
-        One JSON document on stdout instead of text.
-    began : float
-        When the command line was read, on the clock `time.monotonic` [s].
-    """
-
-    quiet: bool = False
-    verbose: bool = False
-    as_json: bool = False
+    quiet: bool = False  # only the verdict
+    verbose: bool = False  # all tables and notes, times, versions, and the files that are read
+    as_json: bool = False  # one JSON document on stdout instead of text
+    # when the command line was read, on the clock `time.monotonic` [s]
     began: float = field(default_factory=time.monotonic)
 
     @property
@@ -77,13 +66,7 @@ def loudness_options() -> list[click.Option]:
 
 
 def form_options(taken: Iterable[str]) -> list[click.Option]:
-    """``--json``, and its older spelling ``--format json`` where that name is free.
-
-    Parameters
-    ----------
-    taken : iterable of str
-        Options that the command has.
-    """
+    """``--json``, and its older spelling ``--format json`` where that name is free."""
     options = [_flag(["--json", "as_json"], "Print the summary as one JSON document on stdout.")]
     if "--format" not in taken:
         kinds = click.Choice(["text", "json"])

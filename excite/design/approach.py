@@ -108,29 +108,7 @@ def approach_and_return(
     Where an obstacle blocks a line, poses around it are found. Transfers are slowed down as limits of torques and of
     the tool require, if that helps; their certificate states whether all limits are kept. Every phase of constant jerk
     is made longer, never shorter, until it is a whole number of sampling periods.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-    joints : tuple of str
-        Names of the k joints that the motion moves.
-    ends : ndarray, shape (2, k)
-        Start and end pose of the motion [rad or m].
-    nonlinear : sequence of NonlinearConstraint
-        Limits that are not linear, functions of every joint.
-
-    Returns
-    -------
-    ApproachAndReturn or None
-        None if the task has no home.
-
-    Raises
-    ------
-    InputError
-        See `check_home`.
-    """
+    """  # ends (2, k)
     if task.output.home is None:
         return None
     limited = task.limits.applied(robot)
@@ -162,25 +140,8 @@ def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConst
 def check_home(
     robot: Robot, task: Task, joints: tuple[str, ...], q: Array, nonlinear: Sequence[NonlinearConstraint]
 ) -> None:
-    """Raise `InputError` where no approach can lead from a task's home to a motion, before the motion is known.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-    joints : tuple of str
-        Names of the k joints that the motion moves.
-    q : ndarray, shape (k,)
-        Some pose of the motion [rad or m].
-    nonlinear : sequence of NonlinearConstraint
-        Limits that are not linear, functions of every joint.
-
-    Raises
-    ------
-    InputError
-        A pose with the wrong number of joints or outside the limits (which, by how much), or an unbounded joint.
-    """
+    """Raise `InputError` where no approach can lead from a task's home to a motion, before the motion is known."""
+    # q (k,)
     if task.output.home is None:
         return
     limited = task.limits.applied(robot)

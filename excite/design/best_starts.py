@@ -13,18 +13,10 @@ MOST_KEPT = 1000  # starts that a design keeps
 
 @dataclass(frozen=True)
 class BestStarts:
-    """The best starts of a search, and how many there are.
+    """The best starts of a search, and how many there are."""
 
-    Parameters
-    ----------
-    best : tuple of StartResult
-        By number; all of them, where there are not too many.
-    ended, unfinished, missing : int
-        Numbers of starts that ended, of those stopped before, and of those without a result.
-    """
-
-    best: tuple[StartResult, ...]
-    ended: int
+    best: tuple[StartResult, ...]  # by number; all of them, where there are not too many
+    ended: int  # numbers of starts that ended, of those stopped before, and of those without a result
     unfinished: int
     missing: int = 0
 
@@ -49,16 +41,7 @@ class BestStarts:
 
 
 def best_starts(folder: Path, count: int, most: int = MOST_KEPT) -> BestStarts:
-    """Read the starts below a number, and keep the best.
-
-    Parameters
-    ----------
-    folder : Path
-    count : int
-        Number of starts of the task.
-    most : int
-        Number of starts that are kept.
-    """
+    """Read the starts below a number, and keep the best."""
     kept: list[tuple[float, int, StartResult]] = []  # the worst of them first
     ended = unfinished = 0
     for start in iterate_starts(folder):

@@ -17,24 +17,12 @@ _JUMP = 0.01  # of a limit: more is a jump of the jerk between two samples, whic
 
 
 def between_samples(design: DesignedMotion) -> tuple[InterpolatedLimits, ...]:
-    """Certificates of lines, cubics and quintics through the samples of ``trajectory.csv``, to 1e-6 of the bounds.
-
-    Parameters
-    ----------
-    design : DesignedMotion
-    """
+    """Certificates of lines, cubics and quintics through the samples of ``trajectory.csv``, to 1e-6 of the bounds."""
     return _certified(design, design.sequence.sampled()[0], tuple(Curve))
 
 
 def between_samples_text(design: DesignedMotion, certified: Sequence[InterpolatedLimits]) -> str:
-    """One sentence: by which curves the limits are kept, which are passed by how much, and what helps.
-
-    Parameters
-    ----------
-    design : DesignedMotion
-    certified : sequence of InterpolatedLimits
-        Of `between_samples`.
-    """
+    """One sentence: by which curves the limits are kept, which are passed by how much, and what helps."""
     return f"trajectory.csv, between its samples: limits {curves_text(certified)}{_remedy(design, certified)}"
 
 

@@ -33,58 +33,27 @@ _FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC = 512, 64
 
 @dataclass(frozen=True, eq=False)
 class Blueprint:
-    """Data from which another process builds the same problem.
+    """Data from which another process builds the same problem."""
 
-    Parameters
-    ----------
-    robot, whole : dict
-        Descriptions of the moving robot and of the whole one.
-    motion : PartialMotion
-    task : Task
-    index : ndarray of int, shape (b,)
-        Reference base columns.
-    transform : ndarray, shape (b, b)
-    centre : ndarray, shape (k,)
-        Pose of the moving coordinates inside the position limits.
-    noise : ndarray, shape (r,)
-        Divisor of the rows of each equation.
-    precision : ndarray, shape (b, b)
-        Prior knowledge, see `excite.information.weighting`.
-    world : StatedWorld
-        Bodies that stay apart by default, see `excite.design.stated_limits.stated_world`.
-    initial : ndarray, shape (N, k), optional
-        Positions of the moving coordinates in the initial motion.
-    goal : Goal
-        What the criterion takes from the model.
-    """
-
-    robot: dict[str, object]
+    robot: dict[str, object]  # descriptions of the moving robot and of the whole one
     whole: dict[str, object]
     motion: PartialMotion
     task: Task
-    index: Index
-    transform: Array
-    centre: Array
-    noise: Array
-    precision: Array
-    world: StatedWorld
-    initial: Array | None = None
-    goal: Goal = field(default_factory=Goal)
+    index: Index  # (b,) reference base columns
+    transform: Array  # (b, b)
+    centre: Array  # (k,) pose of the moving coordinates inside the position limits
+    noise: Array  # (r,) divisor of the rows of each equation
+    precision: Array  # (b, b) prior knowledge, see `excite.information.weighting`
+    world: StatedWorld  # bodies that stay apart by default, see `excite.design.stated_limits.stated_world`
+    initial: Array | None = None  # (N, k) positions of the moving coordinates in the initial motion
+    goal: Goal = field(default_factory=Goal)  # what the criterion takes from the model
 
     def problem(
         self,
         nonlinear: tuple[NonlinearConstraint, ...] | None = None,
         stated: tuple[NonlinearConstraint, ...] | None = None,
     ) -> Problem:
-        """The design problem.
-
-        Parameters
-        ----------
-        nonlinear : tuple of NonlinearConstraint, optional
-            Limits that this process has built already, see `nonlinear_limits`.
-        stated : tuple of NonlinearConstraint, optional
-            The same of those that hold by default, see `stated_limits`.
-        """
+        """The design problem."""
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = restricted_limits(linear_limits(robot), motion)
         family = task.trajectory.family()

@@ -34,23 +34,12 @@ _SHORTER = "a lower `at_once` takes less"
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One partial motion of a campaign.
+    """One partial motion of a campaign."""
 
-    Parameters
-    ----------
-    drives : tuple of str
-        Drives that move; the others hold their coordinate.
-    rank : int
-        Number of combinations of parameters that the motion identifies.
-    expressions : tuple of str
-        These combinations in standard parameters.
-    parameters : tuple of str
-        Parameters of the whole model that are identifiable individually from this motion and those before it.
-    """
-
-    drives: tuple[str, ...]
-    rank: int
-    expressions: tuple[str, ...]
+    drives: tuple[str, ...]  # drives that move; the others hold their coordinate
+    rank: int  # number of combinations of parameters that the motion identifies
+    expressions: tuple[str, ...]  # these combinations in standard parameters
+    # parameters of the whole model that are identifiable individually from this motion and those before it
     parameters: tuple[str, ...]
 
 

@@ -9,15 +9,7 @@ from regressors.memory_cap import memory_cap, value_cap
 
 
 def campaign_prediction(drives: int, at_once: int, columns: int) -> WorkPrediction:
-    """Memory of a triangular factor of every selection of drives.
-
-    Parameters
-    ----------
-    drives, at_once : int
-        How many there are, and how many move at a time at most.
-    columns : int
-        Of the model.
-    """
+    """Memory of a triangular factor of every selection of drives."""
     factor, selections = FLOAT * columns**2, selections_of(drives, at_once)
     most = min((memory_cap() - BASE) / factor, value_cap() / columns**2)  # selections
     fits = next((k for k in range(at_once - 1, 0, -1) if selections_of(drives, k) <= most), None)

@@ -10,12 +10,5 @@ def campaign_seconds(selections: float, columns: int, equations: int) -> float:
 
     The unit that it grows with is a number of these factors: selections times equations times columns times columns.
     Measured with 21 to 127 selections, 13 to 84 columns and 1 to 7 equations.
-
-    Parameters
-    ----------
-    selections : float
-        Of drives.
-    columns, equations : int
-        Of the model.
     """
     return 0.1 + _NUMBER * selections * equations * float(columns) ** 2

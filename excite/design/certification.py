@@ -42,22 +42,7 @@ def certify(
     *,
     interrupted: bool = False,
 ) -> Design:
-    """Evaluate the best start: its metrics, and its limits over continuous time.
-
-    Parameters
-    ----------
-    robot : Robot
-    formulation : Formulation
-    results : BestStarts or tuple of StartResult
-        At least one start.
-    provenance : dict
-    interrupted : bool
-
-    Raises
-    ------
-    NoFeasibleMotionError
-        No start ended inside the limits.
-    """
+    """Evaluate the best start: its metrics, and its limits over continuous time."""
     starts = results if isinstance(results, BestStarts) else BestStarts.of(results)
     broken: list[LimitUse] = []
     for result in sorted(starts.best, key=lambda r: (r.value, r.index)):

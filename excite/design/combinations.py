@@ -66,21 +66,7 @@ _ALONE: tuple[Combine, ...] = (_renew, _mix, _mirror, _disturb)
 def combinations(
     problem: Problem, parents: Sequence[Array], rng: np.random.Generator, count: int = _CHILDREN
 ) -> list[Array]:
-    """Motions within the limits that combine good ones with each other and with random ones.
-
-    Parameters
-    ----------
-    problem : Problem
-    parents : sequence of ndarray
-        One or more x of the problem.
-    rng : numpy Generator
-    count : int
-
-    Returns
-    -------
-    list of ndarray
-        x of the problem.
-    """
+    """Motions within the limits that combine good ones with each other and with random ones."""
     return [shrunk(problem, _into_limits(problem, _combined(problem, parents, rng))) for _ in range(count)]
 
 

@@ -61,32 +61,6 @@ def design_with_harmonics(robot: Robot, task: Task, prepare: Prepare, solve: Sol
 
     The task of the result states the number that was chosen and the motion that its search began with, so it can be run
     again like any other.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-        Its harmonics are to be chosen.
-    prepare : callable
-        Gives the folder of starts for a formulation; the starts of another number of harmonics are removed if its
-        second argument is True.
-    solve : callable
-        Finds the best motion of a formulation.
-
-    Returns
-    -------
-    Design
-        With the values of all numbers that were tried, `Design.harmonics_trials`, and a note on why the search ended.
-
-    Raises
-    ------
-    InputError
-        See `excite.design.formulation.formulate`; or a bandwidth that leaves no motion.
-    NoFeasibleMotionError
-        The first search ended without a motion inside the limits.
-    KeyboardInterrupt
-        Interrupted before any motion was found.
     """
     numbers, most = _numbers(task)
     steps = [_searched(robot, _with_harmonics(task, numbers[0]), prepare, solve, fresh=False)]

@@ -28,17 +28,7 @@ _STEPS, _FACTORS = 1e-2, 6e-7  # seconds of a start for each coefficient, and fo
 
 
 def check_richness(task: Task) -> None:
-    """Refuse a family whose basis alone is too large, before it is built.
-
-    Parameters
-    ----------
-    task : Task
-
-    Raises
-    ------
-    TooLargeError
-        See `excite.estimates.work_prediction.WorkPrediction.check`.
-    """
+    """Refuse a family whose basis alone is too large, before it is built."""
     option, value = task.trajectory.richness
     if isinstance(task.trajectory.kind, type):  # no family has fewer functions or instants
         least = SearchBasis(value, grid_instants(value // 2), 1, option, value)
@@ -46,13 +36,7 @@ def check_richness(task: Task) -> None:
 
 
 def design_prediction(target: IdentificationTarget, task: Task) -> WorkPrediction:
-    """Memory and time of the design of a task; the factors are measured, without limits of torques or distances.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-    """
+    """Memory and time of the design of a task; the factors are measured, without limits of torques or distances."""
     family, processes = task.trajectory.family(), 1
     if task.search.executor == "process":  # the problem is in this process too
         processes += workers_of(task, task.search.first)
@@ -80,15 +64,7 @@ def workers_of(task: Task, starts: int) -> int:
 
 
 def search_seconds(target: IdentificationTarget, task: Task, starts: int) -> float:
-    """Time that so many starts of the task take, in the processes that it has [s]; right within a factor of five.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-    starts : int
-        Those that are left.
-    """
+    """Time that so many starts of the task take, in the processes that it has [s]; right within a factor of five."""
     seconds = design_prediction(target, task).seconds
     every = TYPICAL_STARTS if task.search.adaptive else task.search.first
     return (seconds or 0.0) / every * starts / max(workers_of(task, starts), 1)
@@ -96,20 +72,12 @@ def search_seconds(target: IdentificationTarget, task: Task, starts: int) -> flo
 
 @dataclass(frozen=True)
 class SearchBasis:
-    """Basis of a family at the instants of a search, in each process.
-
-    Parameters
-    ----------
-    size, instants, processes : int
-    option : str
-        Of the family, that makes it large.
-    value : int
-    """
+    """Basis of a family at the instants of a search, in each process."""
 
     size: int
     instants: int
     processes: int
-    option: str
+    option: str  # of the family, that makes it large
     value: int
 
     @property

@@ -45,37 +45,18 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class Formulation:
-    """A checked design problem.
+    """A checked design problem."""
 
-    Parameters
-    ----------
-    target : IdentificationTarget
-        What is to be identified.
-    task : Task
-    limits : tuple of LinearConstraint
-        Of the moving robot's joints and drives.
-    nonlinear : tuple of NonlinearConstraint
-        Of torques, of the tool and of distances, where the task asks for them.
-    stated : tuple of NonlinearConstraint
-        Of torques, by default.
-    unchecked : tuple of Unchecked
-        Kinds of limits that nothing is known of.
-    transfer_limits : tuple of NonlinearConstraint
-        The same as functions of every joint, for the ways from home and back; none without a home.
-    blueprint : Blueprint
-    notes : tuple of str
-        What the user should know before the robot moves.
-    """
-
-    target: IdentificationTarget
+    target: IdentificationTarget  # what is to be identified
     task: Task
-    limits: tuple[LinearConstraint, ...]
-    nonlinear: tuple[NonlinearConstraint, ...]
-    stated: tuple[NonlinearConstraint, ...]
-    unchecked: tuple[Unchecked, ...]
+    limits: tuple[LinearConstraint, ...]  # of the moving robot's joints and drives
+    nonlinear: tuple[NonlinearConstraint, ...]  # of torques, of the tool and of distances, where the task asks for them
+    stated: tuple[NonlinearConstraint, ...]  # of torques, by default
+    unchecked: tuple[Unchecked, ...]  # kinds of limits that nothing is known of
+    # the same as functions of every joint, for the ways from home and back; none without a home
     transfer_limits: tuple[NonlinearConstraint, ...]
     blueprint: Blueprint
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what the user should know before the robot moves
 
     @cached_property
     def problem(self) -> Problem:
@@ -94,24 +75,7 @@ class Formulation:
     "check `period`, `noise`, `prior` and the limits of the joints",
 )
 def formulate(robot: Robot, task: Task) -> Formulation:
-    """Build and check the design problem of a task.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-
-    Returns
-    -------
-    Formulation
-
-    Raises
-    ------
-    InputError
-        Unknown joints, limits that are not stated, contradict each other or leave a joint unbounded, a model without a
-        visible parameter, or too few harmonics for its parameters.
-    """
+    """Build and check the design problem of a task."""
     task = with_information_in_hand(robot, with_task_motion(with_initial_design(task)))
     check_richness(task)
     if not task.trajectory.family().linear:

@@ -14,17 +14,7 @@ INSTANTS = 200  # at most: enough for means over a motion, and few enough to be 
 
 
 def with_task_motion(task: Task) -> Task:
-    """The task with the motion itself whose torques it is to predict, so that a result can hold it.
-
-    Parameters
-    ----------
-    task : Task
-
-    Raises
-    ------
-    InputError
-        No such motion.
-    """
+    """The task with the motion itself whose torques it is to predict, so that a result can hold it."""
     given = task.objective.task_motion
     if given is None or isinstance(given, TaskMotion):
         return task
@@ -35,12 +25,7 @@ def with_task_motion(task: Task) -> Task:
 
 
 def task_motion_of(design: DesignedMotion) -> TaskMotion:
-    """The motion of a design at `INSTANTS` instants in equal steps.
-
-    Parameters
-    ----------
-    design : DesignedMotion
-    """
+    """The motion of a design at `INSTANTS` instants in equal steps."""
     motion = design.trajectory
     samples = motion.samples((np.arange(INSTANTS) + 0.5) * motion.duration / INSTANTS)
     return TaskMotion(design.name, design.moving.joint_names, samples.q, samples.dq, samples.ddq)

@@ -25,18 +25,10 @@ _CURVATURE = 0.01  # of the scale: reserve for the curvature along a step
 
 @dataclass(frozen=True, eq=False)
 class ConstraintTangent:
-    """Functions at T instants of a grid, linearised about one x.
+    """Functions at T instants of a grid, linearised about one x."""
 
-    Parameters
-    ----------
-    slopes : callable
-        Derivatives with respect to the motion, see `excite.design.grid_functions.Slopes`.
-    motion : MotionTangent
-        The motion, linearised about x.
-    """
-
-    slopes: Slopes
-    motion: MotionTangent
+    slopes: Slopes  # derivatives with respect to the motion, see `excite.design.grid_functions.Slopes`
+    motion: MotionTangent  # the motion, linearised about x
 
     def rows(self, function: Index, place: Index) -> Array:
         """Derivatives with respect to the flat x, one function at one of the instants per row, shape (rows, x.size)."""
@@ -45,28 +37,14 @@ class ConstraintTangent:
 
 @dataclass(frozen=True, eq=False)
 class GridConstraint:
-    """``lower <= g <= upper`` for k functions of the motion at the N instants of a grid.
+    """``lower <= g <= upper`` for k functions of the motion at the N instants of a grid."""
 
-    Parameters
-    ----------
-    function : GridFunction
-        g.
-    grid : GridMotion
-        The motion at the instants as a function of x.
-    lower, upper : ndarray, shape (k,)
-        Bounds, tightened for the time between the instants.
-    scale : ndarray, shape (k,)
-        Magnitude of each function.
-    reserve : ndarray, shape (k,)
-        Reserve that a programme on tangents keeps for the curvature of its step.
-    """
-
-    function: GridFunction
-    grid: GridMotion
-    lower: Array
-    upper: Array
-    scale: Array
-    reserve: Array
+    function: GridFunction  # g
+    grid: GridMotion  # the motion at the instants as a function of x
+    lower: Array  # (k,) bounds, tightened for the time between the instants
+    upper: Array  # (k,)
+    scale: Array  # (k,) magnitude of each function
+    reserve: Array  # (k,) reserve that a programme on tangents keeps for the curvature of its step
 
     @classmethod
     def on_coordinates(cls, constraint: LinearConstraint, grid: GridMotion) -> GridConstraint:
@@ -127,17 +105,7 @@ class GridConstraint:
         return BoundsCheck(self)
 
     def change(self, value: Array, step: Array, end: Array) -> Array:
-        """Change of the values by a step that leaves the shape unchanged, shape (k, N).
-
-        Parameters
-        ----------
-        value : ndarray, shape (k, N)
-            Values at the start of the step.
-        step : ndarray
-            Step of x, used where the functions are linear in x.
-        end : ndarray
-            The x at the end of the step, used elsewhere.
-        """
+        """Change of the values by a step that leaves the shape unchanged, shape (k, N)."""  # value (k, N)
         return self.values(step) if self.linear else self.values(end) - value
 
     def largest_part(self, value: Array, change: Array) -> float:

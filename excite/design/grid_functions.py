@@ -20,18 +20,10 @@ Slopes = Callable[[Index, Index], Array]
 
 
 class GridFunction(ABC):
-    """k functions of the motion y of n coordinates at each of N instants.
+    """k functions of the motion y of n coordinates at each of N instants."""
 
-    Attributes
-    ----------
-    constraint : LinearConstraint or NonlinearConstraint
-        Constraint that they belong to.
-    linear : bool
-        Whether they are linear in the motion.
-    """
-
-    constraint: LinearConstraint | NonlinearConstraint
-    linear: bool
+    constraint: LinearConstraint | NonlinearConstraint  # constraint that they belong to
+    linear: bool  # whether they are linear in the motion
 
     @property
     @abstractmethod
@@ -54,13 +46,7 @@ class GridFunction(ABC):
 
 @dataclass(frozen=True, eq=False)
 class LinearFunction(GridFunction):
-    """``A y^(d)`` of a constraint on the moving coordinates; its offset is part of the bounds.
-
-    Parameters
-    ----------
-    constraint : LinearConstraint
-    grid : GridMotion
-    """
+    """``A y^(d)`` of a constraint on the moving coordinates; its offset is part of the bounds."""
 
     constraint: LinearConstraint
     grid: GridMotion
@@ -88,18 +74,10 @@ class LinearFunction(GridFunction):
 
 @dataclass(frozen=True, eq=False)
 class JointFunction(GridFunction):
-    """``g(q, dq, ddq)`` of torques, the tool or distances.
+    """``g(q, dq, ddq)`` of torques, the tool or distances."""
 
-    Parameters
-    ----------
-    constraint : NonlinearConstraint
-        k functions of all joints.
-    joints : GridJoints
-        Motion of all joints on the grid.
-    """
-
-    constraint: NonlinearConstraint
-    joints: GridJoints
+    constraint: NonlinearConstraint  # k functions of all joints
+    joints: GridJoints  # motion of all joints on the grid
     linear = False
 
     @property

@@ -15,12 +15,7 @@ T = TypeVar("T")
 
 
 class LastResult(Generic[T]):
-    """A function of x that keeps its last result: a search asks several times for the values at one iterate.
-
-    Parameters
-    ----------
-    function : callable
-    """
+    """A function of x that keeps its last result: a search asks several times for the values at one iterate."""
 
     def __init__(self, function: Callable[[Array], T]) -> None:
         self._function = function
@@ -35,15 +30,7 @@ class LastResult(Generic[T]):
 
 
 class GridJoints:
-    """Position, velocity and acceleration of all joints on a grid of N instants, as functions of x.
-
-    Parameters
-    ----------
-    grid : GridMotion
-        Of the moving coordinates.
-    motion : PartialMotion
-        From the moving coordinates to the joints.
-    """
+    """Position, velocity and acceleration of all joints on a grid of N instants, as functions of x."""
 
     def __init__(self, grid: GridMotion, motion: PartialMotion) -> None:
         self.grid, self.motion = grid, motion

@@ -19,23 +19,12 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class GridLimits:
-    """Limits of a design problem.
+    """Limits of a design problem."""
 
-    Parameters
-    ----------
-    linear : tuple of GridConstraint
-        On positions and their derivatives: linear in the motion, not necessarily in x.
-    nonlinear : tuple of GridConstraint
-        On torques, the tool and distances.
-    stated : tuple of GridConstraint
-        On torques and distances by default, left out until a motion breaks them.
-    together : tuple of GridConstraint
-        The nonlinear ones as a search evaluates them: those that were asked for as one.
-    """
-
-    linear: tuple[GridConstraint, ...]
-    nonlinear: tuple[GridConstraint, ...] = ()
-    stated: tuple[GridConstraint, ...] = ()
+    linear: tuple[GridConstraint, ...]  # on positions and their derivatives: linear in the motion, not necessarily in x
+    nonlinear: tuple[GridConstraint, ...] = ()  # on torques, the tool and distances
+    stated: tuple[GridConstraint, ...] = ()  # on torques and distances by default, left out until a motion breaks them
+    # the nonlinear ones as a search evaluates them: those that were asked for as one
     together: tuple[GridConstraint, ...] = ()
 
     @classmethod
@@ -47,20 +36,7 @@ class GridLimits:
         motion: PartialMotion,
         stated: Sequence[NonlinearConstraint] = (),
     ) -> GridLimits:
-        """Build the constraints on a grid.
-
-        Parameters
-        ----------
-        grid : GridMotion
-        linear : sequence of LinearConstraint
-            On the moving coordinates.
-        nonlinear : sequence of NonlinearConstraint
-            On the joints.
-        motion : PartialMotion
-            From the moving coordinates to the joints.
-        stated : sequence of NonlinearConstraint
-            On the joints, by default.
-        """
+        """Build the constraints on a grid."""
         joints = GridJoints(grid, motion)
         each = tuple(GridConstraint.on_joints(limit, joints) for limit in nonlinear)
         return cls(
@@ -79,13 +55,7 @@ class GridLimits:
         return GridLimits(self.linear, (*self.nonlinear, *broken), kept, (*self.together, *broken))
 
     def with_expected(self, motions: Sequence[Array]) -> GridLimits:
-        """With those that hold by default, but not for all of some motions, among the others, evaluated as one.
-
-        Parameters
-        ----------
-        motions : sequence of ndarray
-            Each an x such as a search begins with.
-        """
+        """With those that hold by default, but not for all of some motions, among the others, evaluated as one."""
         expected = tuple(limit for limit in self.stated if not all(limit.holds(x) for x in motions))
         if not expected:
             return self

@@ -22,22 +22,7 @@ _AMPLE = 0.25  # the same, with which the centre of the linear limits is accepte
 
 
 def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple[NonlinearConstraint, ...]:
-    """Torque limits, the tool's box and its speed, and distances from obstacles, where a task asks for them.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot, so that the tool is its own and held joints carry their load.
-    joints : tuple of str
-        Names of the moving joints, the variables of the constraints; the others are locked where
-        `regressors.robot.locked_joints.with_locked_joints` puts them.
-    task : Task
-
-    Raises
-    ------
-    InputError
-        Invalid limits, or unknown parameters.
-    """
+    """Torque limits, the tool's box and its speed, and distances from obstacles, where a task asks for them."""
     robot = task.limits.applied(robot)
     motion = of_joints(robot, [robot.joint_names.index(name) for name in joints])
     limits = task.limits.imposed(task.known_friction)
@@ -47,22 +32,8 @@ def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple
 def roomy_pose(
     nonlinear: Sequence[NonlinearConstraint], linear: Sequence[LinearConstraint], motion: PartialMotion, centre: Array
 ) -> Array:
-    """Pose of the moving coordinates with ample margin in every limit, also nonlinear ones; the centre where it has.
-
-    Parameters
-    ----------
-    nonlinear : sequence of NonlinearConstraint
-    linear : sequence of LinearConstraint
-        On the moving coordinates.
-    motion : PartialMotion
-    centre : ndarray, shape (k,)
-        Pose in the middle of the linear limits [rad or m].
-
-    Raises
-    ------
-    ContradictionError
-        No pose was found that keeps them all; the message names the smallest relaxation that permits one.
-    """
+    """Pose of the moving coordinates with ample margin in every limit, also nonlinear ones; the centre where it has."""
+    # centre (k,)
     if not nonlinear:
         return centre
     poses = _poses(linear, centre)
@@ -81,15 +52,7 @@ def roomy_pose(
 
 
 def has_room(limits: Sequence[NonlinearConstraint], motion: PartialMotion, pose: Array) -> bool:
-    """True if a motion can start from a pose: every nonlinear limit keeps some of its scale there.
-
-    Parameters
-    ----------
-    limits : sequence of NonlinearConstraint
-    motion : PartialMotion
-    pose : ndarray, shape (k,)
-        Of the moving coordinates [rad or m].
-    """
+    """True if a motion can start from a pose: every nonlinear limit keeps some of its scale there."""  # pose (k,)
     q = motion.matrix @ pose + motion.offset
     return all(_room(limit, limit.at_rest(q)).min() >= _ROOM for limit in limits)
 

@@ -13,18 +13,6 @@ def with_information_in_hand(robot: Robot, task: Task) -> Task:
     """The task with the information itself of the results and designs that it names, so that a design can hold it.
 
     Where the task states no noise, it is that of the results, else that of the designs.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-
-    Raises
-    ------
-    InputError
-        Neither a result nor a design, one of another robot or other bodies, a log that counts twice, or results whose
-        noise is that of other equations.
     """
     if not task.objective.after:
         return task

@@ -20,16 +20,6 @@ def random_motion(problem: Problem, rng: np.random.Generator) -> Array:
 
     A random direction from the resting pose, scaled joint by joint to a random fraction of what the limits allow, so
     that joints with wide limits use them.
-
-    Parameters
-    ----------
-    problem : Problem
-    rng : numpy Generator
-
-    Returns
-    -------
-    ndarray
-        An x of the problem.
     """
     n, size = problem.shape
     x = problem.family.resting(problem.guess.centre, rng)
@@ -76,19 +66,7 @@ _SHAPES = {"cosine": _cosine, "quintic": _quintic, "sines": _sines}
 
 
 def shaped_motion(problem: Problem, kinds: tuple[str, ...]) -> Array:
-    """Motion of given shapes, projected onto the family and as large as the limits allow.
-
-    Parameters
-    ----------
-    problem : Problem
-    kinds : tuple of {"cosine", "quintic", "sines"}
-        One for all moving coordinates, or one each.
-
-    Returns
-    -------
-    ndarray
-        An x of the problem.
-    """
+    """Motion of given shapes, projected onto the family and as large as the limits allow."""
     k, size = problem.shape
     time = problem.family.grid(64 * size)
     shapes = [_SHAPES[kinds[j % len(kinds)]](time / problem.family.duration, j) for j in range(k)]
@@ -100,16 +78,6 @@ def nearest_motion(problem: Problem) -> Array:
     """Motion of the family nearest to the problem's initial motion, scaled into the limits.
 
     Least squares over the whole motion, then scaling towards the resting pose as far as the linear limits require.
-
-    Parameters
-    ----------
-    problem : Problem
-        Problem with an initial motion.
-
-    Returns
-    -------
-    ndarray
-        An x of the problem.
     """
     positions = problem.guess.motion
     assert positions is not None
@@ -119,17 +87,7 @@ def nearest_motion(problem: Problem) -> Array:
 
 
 def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[Array]:
-    """Initial guesses among which one start of the search chooses.
-
-    Parameters
-    ----------
-    problem : Problem
-        Its guess is random, or names shapes, or has an initial motion: then start 0 is that motion, and later ones mix
-        it with random ones.
-    index : int
-        Number of the start.
-    rng : numpy Generator
-    """
+    """Initial guesses among which one start of the search chooses."""
     drawn = [promising_motion(problem, rng) for _ in range(_CANDIDATES)]
     guess = problem.guess
     if guess.motion is None and "random" in guess.shapes:
@@ -141,15 +99,7 @@ def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[A
 
 
 def shrunk(problem: Problem, x: Array) -> Array:
-    """The motion scaled towards the pose at rest until the nonlinear limits hold too.
-
-    Parameters
-    ----------
-    problem : Problem
-        Problem whose resting pose keeps the nonlinear limits.
-    x : ndarray
-        A motion within the linear limits.
-    """
+    """The motion scaled towards the pose at rest until the nonlinear limits hold too."""
     if problem.nonlinear_hold(x):
         return x
     for part in _PARTS:

@@ -26,13 +26,7 @@ Answer = Callable[[int], None]
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal that ends what is being done.
-
-    Parameters
-    ----------
-    number : int
-        Number of the signal.
-    """
+    """A signal that ends what is being done."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -40,13 +34,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Interruption:
-    """What signals do while a command runs.
-
-    Attributes
-    ----------
-    before_leaving : callable
-        Called before a second signal ends the process, which is to print nothing after saying so.
-    """
+    """What signals do while a command runs."""
 
     def __init__(self) -> None:
         self.number: int | None = None
@@ -179,18 +167,7 @@ def answered_signals() -> Iterator[Interruption]:
 
 @contextmanager
 def deferred_interruption(say: Callable[[], None] = lambda: None) -> Iterator[Callable[[], None]]:
-    """Defer a signal in the block to a safe point.
-
-    Parameters
-    ----------
-    say : callable
-        Called when the signal arrives, in the middle of anything.
-
-    Yields
-    ------
-    callable
-        Raises `KeyboardInterrupt` if a signal has arrived.
-    """
+    """Defer a signal in the block to a safe point."""
     noted: list[int] = []
 
     def note(number: int) -> None:

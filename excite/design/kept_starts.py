@@ -18,29 +18,14 @@ _REMEDY = "`fresh` removes them, or choose another `folder`"
 
 @dataclass(frozen=True)
 class KeptStarts:
-    """Finished starts of a problem in a folder, and those that are left.
-
-    Parameters
-    ----------
-    folder : Path
-    count : int or None
-        Number of starts of the task; None where the search adapts it.
-    done : mapping of int to str
-        Lineage of those that are finished, by their number.
-    best : float
-        Least value among them.
-    cpu : float
-        Processor time that they took [s].
-    notes : tuple of str
-        What was found, in sentences.
-    """
+    """Finished starts of a problem in a folder, and those that are left."""
 
     folder: Path
-    count: int | None
-    done: Mapping[int, str] = field(default_factory=dict)
-    best: float = float("inf")
-    cpu: float = 0.0
-    notes: tuple[str, ...] = ()
+    count: int | None  # number of starts of the task; None where the search adapts it
+    done: Mapping[int, str] = field(default_factory=dict)  # lineage of those that are finished, by their number
+    best: float = float("inf")  # least value among them
+    cpu: float = 0.0  # processor time that they took [s]
+    notes: tuple[str, ...] = ()  # what was found, in sentences
 
     def left(self, starts: Sequence[PlannedStart | int]) -> Sequence[PlannedStart | int]:
         """Those of some planned starts that are still to run."""
@@ -55,23 +40,7 @@ class KeptStarts:
 def keep_starts(
     folder: Path, formulation: Formulation, *, fresh: bool = False, shown: Path | None = None
 ) -> KeptStarts:
-    """Find the finished starts of a problem in a folder, and remove files of starts that did not end.
-
-    Parameters
-    ----------
-    folder : Path
-        An existing folder of starts.
-    formulation : Formulation
-    fresh : bool
-        Remove all starts instead.
-    shown : Path, optional
-        The folder as messages name it.
-
-    Raises
-    ------
-    InputError
-        The folder holds starts of another problem.
-    """
+    """Find the finished starts of a problem in a folder, and remove files of starts that did not end."""
     shown = folder if shown is None else shown
     remove_temporary(folder)
     files = start_files(folder)

@@ -41,33 +41,14 @@ class BoundedMotion(Protocol):
 def uses_of(
     motion: BoundedMotion, linear: Iterable[LinearConstraint], nonlinear: Iterable[NonlinearConstraint] = ()
 ) -> tuple[LimitUse, ...]:
-    """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others.
-
-    Parameters
-    ----------
-    motion : BoundedMotion
-    linear : iterable of LinearConstraint
-    nonlinear : iterable of NonlinearConstraint
-    """
+    """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others."""
     exact = (use for limit in linear for use in limit_uses(limit, motion.extrema(limit)))
     enclosures = ((limit, enclose(limit, motion.samples, motion.duration, motion.jerk)) for limit in nonlinear)
     return (*exact, *(use for limit, enclosure in enclosures for use in enclosure.uses(limit)))
 
 
 def imposed_on(design: StoredDesign, joints: tuple[str, ...]) -> tuple[NonlinearConstraint, ...]:
-    """Limits of a stored design that are not linear: those that its task asks for, and those that hold by default.
-
-    Parameters
-    ----------
-    design : StoredDesign
-    joints : tuple of str
-        Names of the joints that they are functions of.
-
-    Raises
-    ------
-    InputError
-        A part or a file that the task only names.
-    """
+    """Limits of a stored design that are not linear: those that its task asks for, and those that hold by default."""
     robot, task = design.robot, design.task
     by_default = stated_limits(robot, joints, task, StatedWorld(design.shape)).constraints
     unclaimed = {each.limit for each in design.unchecked}
@@ -81,20 +62,11 @@ def _uses(stated: Iterable[Mapping[str, Any]]) -> tuple[LimitUse, ...]:
 
 @dataclass(frozen=True)
 class RecomputedLimits:
-    """Limits of a stored design, computed from its coefficients, whatever its file says of them.
-
-    Parameters
-    ----------
-    motion : tuple of LimitUse
-    transfers : dict of str to tuple of LimitUse
-        On the approach and the return, where there are any.
-    believed : str
-        Which of them are those that the file states, and why; empty if none are.
-    """
+    """Limits of a stored design, computed from its coefficients, whatever its file says of them."""
 
     motion: tuple[LimitUse, ...]
-    transfers: dict[str, tuple[LimitUse, ...]]
-    believed: str
+    transfers: dict[str, tuple[LimitUse, ...]]  # on the approach and the return, where there are any
+    believed: str  # which of them are those that the file states, and why; empty if none are
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> RecomputedLimits:
@@ -109,13 +81,6 @@ def recomputed_limits(design: StoredDesign, *, enclosed: bool = True) -> Recompu
 
     Those of positions and their derivatives need nothing but the robot. Others need the parts and files that the task
     names; without them those of the file stay. Limits of torques are not computed where the file does not claim them.
-
-    Parameters
-    ----------
-    design : StoredDesign
-    enclosed : bool
-        Also those that are enclosed, of torques, the tool and distances, which takes up to seconds; without, those of
-        the file stay.
     """
     robot, task, moving, stated = design.robot, design.task, design.moving, RecomputedLimits.of(design.content)
     ways = {} if design.transfers is None else design.transfers.transfers

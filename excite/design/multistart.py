@@ -49,13 +49,7 @@ _log = logging.getLogger(__name__)
 
 
 def pickled(*content: Any) -> bytes:
-    """Functions, a blueprint and more, pickled for other processes, with classes of the user's script by value.
-
-    Raises
-    ------
-    InputError
-        A part of the user's own that cannot be pickled.
-    """
+    """Functions, a blueprint and more, pickled for other processes, with classes of the user's script by value."""
     try:
         return bytes(cloudpickle.dumps(content))
     except Exception as error:
@@ -66,19 +60,7 @@ def pickled(*content: Any) -> bytes:
 
 
 def serial(formulation: Formulation, rounds: StartsOfRounds, folder: Path, progress: Progress) -> None:
-    """Optimise the starts of each round in this process.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    rounds : iterable of sequences of PlannedStart or int
-        A round depends on the results of those before it: it is to be asked for when all of them have been reported.
-        A number is that of a random start.
-    folder : Path
-        For the files of the starts.
-    progress : callable
-        Called with the result of every start.
-    """
+    """Optimise the starts of each round in this process."""
     search, origin = formulation.task.search, formulation.identity.origin
     with deferred_interruption() as answer:
         problem, method = formulation.problem, instance("solver", search.solver)
@@ -95,12 +77,6 @@ def shares(starts: Starts, workers: int, formulation: Formulation) -> list[Start
 
     Alone, where they are all of a search, so that each is on disk as early as can be, or where evaluations are
     expensive for other reasons than their number.
-
-    Parameters
-    ----------
-    starts : sequence of PlannedStart or int
-    workers : int
-    formulation : Formulation
     """
     alone = not formulation.task.search.adaptive or formulation.problem.limits.nonlinear_in_x
     parts = len(starts) if alone else min(len(starts), workers * -(-len(starts) // (_TOGETHER * workers)))
@@ -113,13 +89,6 @@ def run_in_pool(formulation: Formulation, rounds: StartsOfRounds, folder: Path, 
 
     Where worker processes cannot build the problem, a warning is logged, and the starts run in this process. The
     arguments are those of `serial`.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        After the processes were ended; their best points are on disk.
-    LostWorkersError
-        Processes end again and again, and no start does.
     """
     seed = formulation.task.search.seed
     following, starts = iter(rounds), cast("Starts", ())
@@ -147,10 +116,6 @@ def ready_workers(formulation: Formulation) -> Iterator[None]:
 
     To be entered before threads are started, such as that of a progress bar: a process without threads forks its
     workers, which costs next to nothing; another one has each of them import everything and build the problem.
-
-    Parameters
-    ----------
-    formulation : Formulation
     """
     if formulation.task.search.executor != "process":
         yield

@@ -155,13 +155,7 @@ def _design(robot: Robot, task: Task, folder: Path, progress: Progress | None, *
 
 
 def announce_search(formulation: Formulation, kept: KeptStarts) -> None:
-    """Say how long the starts that are left will take, where that is long.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    kept : KeptStarts
-    """
+    """Say how long the starts that are left will take, where that is long."""
     announce("the search", search_seconds(formulation.target, formulation.task, starts_left(kept)), _ENDED)
 
 
@@ -191,19 +185,7 @@ def solve(
     progress: Progress | None = None,
     at_end: Callable[[], None] = lambda: None,
 ) -> Design:
-    """Run the starts of a checked problem that are left, and certify the best motion; see `design_trajectory`.
-
-    Parameters
-    ----------
-    robot : Robot
-    formulation : Formulation
-    starts : KeptStarts or Path
-        Finished starts and their folder, or a folder.
-    progress : callable, optional
-        Called with the result of each start that runs.
-    at_end : callable
-        Called when the last start has ended, before the best is certified.
-    """
+    """Run the starts of a checked problem that are left, and certify the best motion; see `design_trajectory`."""
     kept = starts if isinstance(starts, KeptStarts) else keep_starts(starts, formulation)
     began, date = time.monotonic(), datetime.now(UTC)
     interrupted, search = False, formulation.task.search

@@ -28,17 +28,6 @@ def plain_value(value: Any, within: tuple[int, ...] = ()) -> Any:
 
     Objects are described as they are pickled, by their class and state; classes and functions by their name and, where
     they are not part of an installed package, their source.
-
-    Parameters
-    ----------
-    value : object
-    within : tuple of int
-        Identities of the objects that contain it.
-
-    Raises
-    ------
-    NotComparable
-        Its state or source is not accessible.
     """
     if isinstance(value, _PLAIN):
         return value
@@ -97,17 +86,7 @@ def _state(state: Any, kind: type) -> Any:
 
 
 def reference(named: Any) -> Any:
-    """Name of a class or function, with its source where it is the user's own.
-
-    Parameters
-    ----------
-    named : type or function
-
-    Raises
-    ------
-    NotComparable
-        It is the user's own, and its source is not accessible.
-    """
+    """Name of a class or function, with its source where it is the user's own."""
     name = f"{named.__module__}:{named.__qualname__}"
     if not _is_own(named):
         return name

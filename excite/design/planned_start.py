@@ -14,21 +14,12 @@ Kind = Literal["random", "combination", "refinement"]
 
 @dataclass(frozen=True, eq=False)
 class PlannedStart:
-    """One start of a search; with the seed it determines its result.
+    """One start of a search; with the seed it determines its result."""
 
-    Parameters
-    ----------
-    index : int
-        Its number.
-    kind : {"random", "combination", "refinement"}
-        Whether it begins with random motions, with combinations of its parents, or goes on from its only parent.
-    parents : tuple of StartResult
-        The best motions of earlier rounds.
-    """
-
-    index: int
+    index: int  # its number
+    # whether it begins with random motions, with combinations of its parents, or goes on from its only parent
     kind: Kind = "random"
-    parents: tuple[StartResult, ...] = ()
+    parents: tuple[StartResult, ...] = ()  # the best motions of earlier rounds
 
     @property
     def lineage(self) -> str:

@@ -25,20 +25,12 @@ _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
 
 @dataclass(frozen=True, eq=False)
 class InitialGuess:
-    """Initial guess of a search, see `excite.design.initial_guesses`.
+    """Initial guess of a search, see `excite.design.initial_guesses`."""
 
-    Parameters
-    ----------
-    centre : ndarray, shape (n,)
-        A pose of the moving coordinates strictly inside the position limits [rad or m].
-    shapes : tuple of str
-        Shapes of the initial motion: ``random``, or one of `initial_guesses` for all coordinates, or one each.
-    motion : ndarray, shape (N, n), optional
-        Positions of an initial motion, at equal steps from 0 to the duration [rad or m].
-    """
-
-    centre: Array
+    centre: Array  # (n,) A pose of the moving coordinates strictly inside the position limits [rad or m]
+    # shapes of the initial motion: ``random``, or one of `initial_guesses` for all coordinates, or one each
     shapes: tuple[str, ...] = ("random",)
+    # (N, n) positions of an initial motion, at equal steps from 0 to the duration [rad or m]
     motion: Array | None = None
 
 

@@ -26,20 +26,12 @@ _SHOWN, _LONGEST = 3, 40  # differences that a message names; characters of name
 
 @dataclass(frozen=True)
 class ProblemIdentity:
-    """A problem as plain values.
+    """A problem as plain values."""
 
-    Parameters
-    ----------
-    content : dict
-        Robot, task, seed and versions; neither the number of starts, nor where they run, nor what is written.
-    doubt : str
-        Why a later process could not tell whether its problem is the same; empty where it can.
-    run : str
-        Unique number of this run of the search, which its starts, its design and the manifest state.
-    """
-
+    # robot, task, seed and versions; neither the number of starts, nor where they run, nor what is written
     content: dict[str, Any]
-    doubt: str = ""
+    doubt: str = ""  # why a later process could not tell whether its problem is the same; empty where it can
+    # unique number of this run of the search, which its starts, its design and the manifest state
     run: str = field(default_factory=lambda: uuid4().hex, compare=False)
 
     @cached_property
@@ -62,12 +54,7 @@ class ProblemIdentity:
 
 
 def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
-    """Identity of a design problem.
-
-    Parameters
-    ----------
-    blueprint : Blueprint
-    """
+    """Identity of a design problem."""
     task = blueprint.task
     content: dict[str, Any] = {
         "robot": {"name": task.robot_name, "sha256": _hash(blueprint.whole), "moving": _hash(blueprint.robot)},

@@ -12,17 +12,7 @@ from excite.design.start_results import StartResult, read_start, start_file
 
 
 class RunningRounds:
-    """Starts that are left, round by round.
-
-    Parameters
-    ----------
-    rounds : Rounds
-    kept : KeptStarts
-    progress : callable, optional
-        Called with the result of each start that runs.
-    in_processes : bool
-        Whether starts run in other processes, so that their processor time is not that of this one.
-    """
+    """Starts that are left, round by round."""
 
     def __init__(
         self,

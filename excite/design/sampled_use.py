@@ -25,29 +25,15 @@ _RISE = 0.25  # of the second difference: twice what a parabola rises above the 
 
 @dataclass(frozen=True, eq=False)
 class SampledUse:
-    """k functions at T of a grid's instants.
+    """k functions at T of a grid's instants."""
 
-    Parameters
-    ----------
-    instants : ndarray of int, shape (T,)
-        In order.
-    values : ndarray, shape (k, T)
-    use : ndarray, shape (k, T)
-        Of the bounds, see `GridConstraint.uses`.
-    """
-
-    instants: Index
-    values: Array
-    use: Array
+    instants: Index  # (T,) in order
+    values: Array  # (k, T)
+    use: Array  # (k, T) of the bounds, see `GridConstraint.uses`
 
 
 class BoundsCheck:
-    """Whether a limit holds, asked first where it was last broken: a search shortens a step until none is.
-
-    Parameters
-    ----------
-    limit : GridConstraint
-    """
+    """Whether a limit holds, asked first where it was last broken: a search shortens a step until none is."""
 
     def __init__(self, limit: GridConstraint) -> None:
         self._limit = limit
@@ -67,13 +53,7 @@ class BoundsCheck:
 
 
 def sampled_use(limit: GridConstraint, x: Array) -> SampledUse:
-    """Values and uses where a search looks at them; at all instants where the grid itself depends on x.
-
-    Parameters
-    ----------
-    limit : GridConstraint
-    x : ndarray
-    """
+    """Values and uses where a search looks at them; at all instants where the grid itself depends on x."""
     count = len(limit.grid.values(x, 0))
     if not limit.grid.linear or count <= 2 * _COARSE:
         values = limit.values(x)

@@ -22,30 +22,15 @@ from excite.tasks.search import RANDOM_STARTS, Search
 
 @dataclass(frozen=True)
 class RoundSizes:
-    """Sizes, chosen by trials on an IRp-6, a Panda and a UR10; ``benchmarks/search.py`` measures what they reach.
+    """Sizes, chosen by trials on an IRp-6, a Panda and a UR10; ``benchmarks/search.py`` measures what they reach."""
 
-    Parameters
-    ----------
-    combined : int
-        Starts of a later round; also the number of processes that can share it.
-    parents : int
-        Motions that are combined.
-    patience : int
-        Rounds in a row without gain after which the population ends; it ends at once where an earlier one has.
-    gain : float
-        Relative decrease of the criterion that counts as a gain, and difference that counts as none.
-    repetitions : int
-        Populations that come to the same end, the best of all, before the search ends.
-    rounds : int
-        Largest number of rounds after the first, where neither rounds nor a budget are stated.
-    """
-
-    combined: int = 4
-    parents: int = 3
+    combined: int = 4  # starts of a later round; also the number of processes that can share it
+    parents: int = 3  # motions that are combined
+    # rounds in a row without gain after which the population ends; it ends at once where an earlier one has
     patience: int = 3
-    gain: float = 1e-3
-    repetitions: int = 3
-    rounds: int = 32
+    gain: float = 1e-3  # relative decrease of the criterion that counts as a gain, and difference that counts as none
+    repetitions: int = 3  # populations that come to the same end, the best of all, before the search ends
+    rounds: int = 32  # largest number of rounds after the first, where neither rounds nor a budget are stated
 
 
 SIZES = RoundSizes()
@@ -71,13 +56,7 @@ class SearchSummary:
 
 
 class Rounds:
-    """Plan of the rounds of one search.
-
-    Parameters
-    ----------
-    search : Search
-    sizes : RoundSizes
-    """
+    """Plan of the rounds of one search."""
 
     def __init__(self, search: Search, sizes: RoundSizes = SIZES) -> None:
         self.sizes, self.search = sizes, search
@@ -94,20 +73,7 @@ class Rounds:
         return max(self.search.first, self.sizes.combined if self.search.adaptive else 0)
 
     def following(self, results: Sequence[StartResult], spent: float = 0.0) -> Sequence[PlannedStart | int]:
-        """Starts of the next round, given the results of the last one; none at the end.
-
-        Parameters
-        ----------
-        results : sequence of StartResult
-            Those of all starts of the last round that ended.
-        spent : float
-            Processor time so far, where the search has a budget [s].
-
-        Returns
-        -------
-        sequence of PlannedStart or int
-            A number is that of a random start.
-        """
+        """Starts of the next round, given the results of the last one; none at the end."""
         if self.planned == 0:
             return self._random(self.search.first)
         if self._over or not self.search.adaptive:

@@ -31,22 +31,7 @@ def optimise_start(
     answer: Callable[[], None] = lambda: None,
     origin: Origin | None = None,
 ) -> StartResult:
-    """Draw the initial guess of a start and optimise it, saving the best point so far every second.
-
-    Parameters
-    ----------
-    problem : Problem
-    method : Solver
-    seed : int
-    start : PlannedStart or int
-        A number is that of a random start; with the seed it determines the result.
-    folder : Path, optional
-        Folder for the start's file; no file is written if not given.
-    answer : callable
-        Called after every iterate; may raise to end the start.
-    origin : Origin, optional
-        What its file says of where it comes from; a start without it is not reused by a later search.
-    """
+    """Draw the initial guess of a start and optimise it, saving the best point so far every second."""
     return optimise_starts(problem, method, seed, [start], folder, answer, origin)[0]
 
 

@@ -15,49 +15,24 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class ObjectivePoint:
-    """The objective at one x.
+    """The objective at one x."""
 
-    Parameters
-    ----------
-    value : float
-        Smooth objective.
-    G : ndarray
-        Gradient of the objective with respect to the information matrix.
-    evaluation : Evaluation
-    criterion : float
-        The criterion itself.
-    """
-
-    value: float
-    G: Array
+    value: float  # smooth objective
+    G: Array  # gradient of the objective with respect to the information matrix
     evaluation: Evaluation
-    criterion: float
+    criterion: float  # the criterion itself
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothObjective:
-    """``f(T' (unit^2 M(x) + P) T)`` for a criterion f.
+    """``f(T' (unit^2 M(x) + P) T)`` for a criterion f."""
 
-    Parameters
-    ----------
-    information : Information
-        M(x) in the reference base columns.
-    transform : ndarray, shape (b, b)
-        ``T``; in the chosen convention M is ``T' M T``.
-    criterion : Criterion
-    prior : ndarray, shape (b, b), or 0
-        ``P``, prior knowledge per instant, added to M before the transform.
-    unit : float
-        Factor from the rows of the information to those of results.
-    exact : callable, optional
-        M(x) as results report it, without smoothing for the optimiser; the same if not given.
-    """
-
-    information: Information
-    transform: Array
+    information: Information  # M(x) in the reference base columns
+    transform: Array  # (b, b) ``T``; in the chosen convention M is ``T' M T``
     criterion: Criterion
-    prior: Array | float = 0.0
-    unit: float = 1.0
+    prior: Array | float = 0.0  # (b, b) ``P``, prior knowledge per instant, added to M before the transform
+    unit: float = 1.0  # factor from the rows of the information to those of results
+    # M(x) as results report it, without smoothing for the optimiser; the same if not given
     exact: Callable[[Array], Array] | None = None
 
     @cached_property

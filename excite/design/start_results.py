@@ -61,21 +61,11 @@ class StartResult:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a start's file comes from.
+    """Where a start's file comes from."""
 
-    Parameters
-    ----------
-    problem : dict
-        The problem, see `excite.design.problem_identity`.
-    sha256 : str, optional
-        Its hash; None where two such problems cannot be compared.
-    run : str
-        Unique number of the run that computed it.
-    """
-
-    problem: dict[str, Any]
-    sha256: str | None
-    run: str
+    problem: dict[str, Any]  # the problem, see `excite.design.problem_identity`
+    sha256: str | None  # its hash; None where two such problems cannot be compared
+    run: str  # unique number of the run that computed it
 
 
 def start_file(folder: Path, index: int) -> Path:
@@ -108,19 +98,7 @@ def start_files(folder: Path) -> list[tuple[int, Path]]:
 
 
 def read_start(path: Path) -> tuple[StartResult, Origin | None]:
-    """Read one start's file.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or is not a start's file.
-    EditedError
-        It was changed after it was written.
-    """
+    """Read one start's file."""
     content = read_hashed(path)
     try:
         values = {field.name: content[field.name] for field in fields(StartResult) if _is_stated(field, content)}

@@ -37,40 +37,21 @@ _ALIKE = 0.9  # cosine between normals of planes of which one stands for the oth
 
 @dataclass(frozen=True, eq=False)
 class StatedLimits:
-    """Limits that hold by default.
+    """Limits that hold by default."""
 
-    Parameters
-    ----------
-    constraints : tuple of NonlinearConstraint
-        Empty where they are not checked, or where the task asks for them itself.
-    unchecked : tuple of Unchecked
-        Those that are not checked, and why.
-    notes : tuple of str
-        What is assumed.
-    """
-
+    # empty where they are not checked, or where the task asks for them itself
     constraints: tuple[NonlinearConstraint, ...] = ()
-    unchecked: tuple[Unchecked, ...] = ()
-    notes: tuple[str, ...] = ()
+    unchecked: tuple[Unchecked, ...] = ()  # those that are not checked, and why
+    notes: tuple[str, ...] = ()  # what is assumed
 
 
 @dataclass(frozen=True)
 class StatedWorld:
-    """Bodies that stay apart by default: those of the robot, and the surface that it is mounted on.
+    """Bodies that stay apart by default: those of the robot, and the surface that it is mounted on."""
 
-    Parameters
-    ----------
-    world : World, optional
-        None where nothing is checked.
-    unchecked : tuple of Unchecked
-        What is not checked, and why.
-    notes : tuple of str
-        What is assumed.
-    """
-
-    world: World | None = None
-    unchecked: tuple[Unchecked, ...] = ()
-    notes: tuple[str, ...] = ()
+    world: World | None = None  # None where nothing is checked
+    unchecked: tuple[Unchecked, ...] = ()  # what is not checked, and why
+    notes: tuple[str, ...] = ()  # what is assumed
 
     def without_self_collision(self, reason: str) -> StatedWorld:
         """The same without the check of self-collision."""
@@ -81,18 +62,7 @@ class StatedWorld:
 
 
 def stated_limits(robot: Robot, joints: tuple[str, ...], task: Task, world: StatedWorld | None = None) -> StatedLimits:
-    """Limits of torques and of distances, where the task leaves them to the description.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    joints : tuple of str
-        Names of the joints that move, which the constraints are functions of.
-    task : Task
-    world : StatedWorld, optional
-        See `stated_world`; looked up if not given.
-    """
+    """Limits of torques and of distances, where the task leaves them to the description."""
     parts = [_torques(robot, joints, task)]
     parts.append(_distances(robot, joints, task, stated_world(robot, task) if world is None else world))
     return StatedLimits(
@@ -103,16 +73,7 @@ def stated_limits(robot: Robot, joints: tuple[str, ...], task: Task, world: Stat
 
 
 def remedy(label: str, stated: tuple[NonlinearConstraint, ...], task: Task) -> str:
-    """End of a message on a motion that breaks a limit, where the solver was never told of it; empty otherwise.
-
-    Parameters
-    ----------
-    label : str
-        Of the limit.
-    stated : tuple of NonlinearConstraint
-        Those that hold by default.
-    task : Task
-    """
+    """End of a message on a motion that breaks a limit, where the solver was never told of it; empty otherwise."""
     limit = next((limit for limit in stated if label in limit.labels), None)
     if limit is None or part("solver", task.search.solver).takes_nonlinear_limits:
         return ""
@@ -151,13 +112,7 @@ def _motion(robot: Robot, joints: tuple[str, ...]) -> PartialMotion:
 
 
 def why_no_torques(robot: Robot) -> str | None:
-    """Why limits of torques cannot be checked; None if they can.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    """
+    """Why limits of torques cannot be checked; None if they can."""
     drives = robot.transmission
     of_drives = drives is not None and bool(np.any(np.isfinite(drives.limits.torque)))
     if not of_drives and not np.any(np.isfinite(robot.limits.torque)):
@@ -206,12 +161,6 @@ def stated_world(robot: Robot, task: Task) -> StatedWorld:
     description has it; the option `floor` is its height along the normal, and `"auto"` the lowest point of the base's
     shape in a URDF, or the base's origin. Where a description does not stand on such a plane, there is none, and it is
     said why, see `constraints.collision.floor.why_not_mounted`.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot, as mounted.
-    task : Task
     """
     if isinstance(task.robot, StoredRobot) and task.robot.shape is not None:
         return StatedWorld(replace(task.robot.shape, ignored=()))  # older files leave out what their limits allowed

@@ -18,13 +18,7 @@ _SAME = 1e-6  # rad or m: poses that are written and read again
 
 
 def stored_transfers(played: Mapping[str, Any]) -> ApproachAndReturn | None:
-    """Approach and return that the entry ``played`` of a ``design.json`` describes, without their limits.
-
-    Parameters
-    ----------
-    played : mapping
-        ``rate``, ``segments``, and ``approach`` and ``return`` where there are any.
-    """
+    """Approach and return that the entry ``played`` of a ``design.json`` describes, without their limits."""
     rate = float(played["rate"])
     transfers = {name: _transfer(played[name]) for name in (APPROACH, RETURN) if name in played}
     if not transfers:
@@ -35,14 +29,7 @@ def stored_transfers(played: Mapping[str, Any]) -> ApproachAndReturn | None:
 
 
 def check_joined(transfers: ApproachAndReturn, ends: Array) -> None:
-    """Raise `InputError` where approach and return do not meet the motion.
-
-    Parameters
-    ----------
-    transfers : ApproachAndReturn
-    ends : ndarray, shape (2, n)
-        First and last pose of the motion, of every joint of the robot [rad or m].
-    """
+    """Raise `InputError` where approach and return do not meet the motion."""  # ends (2, n)
     meets = {APPROACH: (-1, ends[0]), RETURN: (0, ends[1])}
     for name, transfer in transfers.transfers.items():
         place, pose = meets[name]

@@ -16,18 +16,7 @@ _NEARLY_USED = 0.9  # a limit that is used less does not hinder a motion
 
 @contextmanager
 def suspecting(robot: Robot) -> Iterator[None]:
-    """Put the most suspicious thing of a description before the message that no motion keeps the limits.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-
-    Raises
-    ------
-    ContradictionError, NoFeasibleMotionError
-        As what runs in this context raises, with the suspicion.
-    """
+    """Put the most suspicious thing of a description before the message that no motion keeps the limits."""
     try:
         yield
     except (ContradictionError, NoFeasibleMotionError) as error:
@@ -55,11 +44,6 @@ def unidentifiable(uses: tuple[LimitUse, ...]) -> str:
     """Message that motions within the limits do not show every parameter, and what would help.
 
     A limit is not to be widened unless the motion comes near to it.
-
-    Parameters
-    ----------
-    uses : tuple of LimitUse
-        Of the best motion.
     """
     said = "no start found a motion within the limits from which every parameter is identifiable"
     use = max(uses, key=lambda use: use.use, default=None)

@@ -26,14 +26,7 @@ _DIRECTIONS, _STEP = 5, 1e-3  # along which gradients are compared with finite d
 
 
 def check_solver(task: Task, what: str) -> None:
-    """Raise `InputError` where a task's solver does not take limits that are not linear in x.
-
-    Parameters
-    ----------
-    task : Task
-    what : str
-        What makes the limits nonlinear in x, for the message.
-    """
+    """Raise `InputError` where a task's solver does not take limits that are not linear in x."""
     if not part("solver", task.search.solver).takes_nonlinear_limits:
         raise InputError(f"{what} are for the solver sqp, not for {name_of(task.search.solver)}")
 

@@ -18,15 +18,7 @@ from regressors.models.partial import PartialMotion
 
 
 def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
-    """Notes on the robot's description, limits, prior knowledge and friction.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-    limits : tuple of LinearConstraint
-        On the moving coordinates.
-    """
+    """Notes on the robot's description, limits, prior knowledge and friction."""
     return (
         *left_out_by_rounding(target.robot, target.base),
         *target.robot.reading_notes,

@@ -35,14 +35,7 @@ class Unchecked:
 
 
 def unchecked_limits(motion: PartialMotion, limits: Sequence[LinearConstraint]) -> tuple[Unchecked, ...]:
-    """Limits of joints and drives that neither the robot's description nor the task states, but for torques.
-
-    Parameters
-    ----------
-    motion : PartialMotion
-    limits : sequence of LinearConstraint
-        On the moving coordinates.
-    """
+    """Limits of joints and drives that neither the robot's description nor the task states, but for torques."""
     unchecked = []
     for derivative, quantity in enumerate(QUANTITIES):
         bounded = spanned(tuple(limits), len(motion.labels), (derivative,))
@@ -54,26 +47,14 @@ def unchecked_limits(motion: PartialMotion, limits: Sequence[LinearConstraint]) 
 
 
 def checked_text(quantities: Iterable[str]) -> str:
-    """Kinds of limits that were checked, each with the number of limits, such as ``position (7), distance (54)``.
-
-    Parameters
-    ----------
-    quantities : iterable of str
-        What each limit limits; see `constraints.constraint.Constraint`.
-    """
+    """Kinds of limits that were checked, each with the number of limits, such as ``position (7), distance (54)``."""
     counts = Counter(quantities)
     order = [*(kind for kind in _ORDER if kind in counts), *sorted(set(counts) - set(_ORDER))]
     return ", ".join(f"{kind} ({counts[kind]})" for kind in order)
 
 
 def collisions_unchecked(limits: Iterable[str]) -> tuple[str, ...]:
-    """Those kinds of limits among them whose breach may break the robot: of the robot with itself and its mounting.
-
-    Parameters
-    ----------
-    limits : iterable of str
-        Kinds of limits that are not checked.
-    """
+    """Those kinds of limits among them whose breach may break the robot: of the robot with itself and its mounting."""
     return tuple(limit for limit in limits if limit in _COLLISIONS)
 
 
@@ -83,28 +64,13 @@ def gravest_first(unchecked: Iterable[Unchecked]) -> tuple[Unchecked, ...]:
 
 
 def kept_headline(limits: Iterable[str], plain: str) -> str:
-    """First words on a motion that exceeds no limit that was checked.
-
-    Parameters
-    ----------
-    limits : iterable of str
-        Kinds of limits that are not checked.
-    plain : str
-        What to say where collisions were checked.
-    """
+    """First words on a motion that exceeds no limit that was checked."""
     missing = collisions_unchecked(limits)
     return f"limits kept; collisions NOT checked ({', '.join(missing)})" if missing else plain
 
 
 def kept_text(unchecked: Sequence[Unchecked], quantities: Iterable[str] = ()) -> str:
-    """Verdict on a motion that exceeds no limit, with what was not checked and what was.
-
-    Parameters
-    ----------
-    unchecked : sequence of Unchecked
-    quantities : iterable of str
-        What each limit that was checked limits.
-    """
+    """Verdict on a motion that exceeds no limit, with what was not checked and what was."""
     checked = f"; checked: {text}" if (text := checked_text(quantities)) else ""
     if not unchecked:
         return f"every limit is kept{checked}"

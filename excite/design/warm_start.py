@@ -23,17 +23,7 @@ _INSTANTS = 1001
 
 
 def with_initial_design(task: Task) -> Task:
-    """The task with the motion itself of the design that it begins with, so that a result can hold it.
-
-    Parameters
-    ----------
-    task : Task
-
-    Raises
-    ------
-    InputError
-        No such design.
-    """
+    """The task with the motion itself of the design that it begins with, so that a result can hold it."""
     begin = task.search.begin
     if begin is None or isinstance(begin, InitialDesign):
         return task
@@ -49,22 +39,6 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
     """Positions of the moving coordinates in the design that a task starts from; None if it names none.
 
     The motion keeps its shape over the task's period.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        Identification target of the task.
-    task : Task
-
-    Returns
-    -------
-    ndarray, shape (N, k), or None
-        At equal steps from the beginning to the end [rad or m].
-
-    Raises
-    ------
-    InputError
-        No such design, or it moves other joints.
     """
     if task.search.begin is None:
         return None

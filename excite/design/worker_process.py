@@ -41,54 +41,25 @@ class NotPreparedError(Exception):
 
 
 def unpickled(content: bytes) -> Work:
-    """Prepare the work in a process that has inherited nothing.
-
-    Parameters
-    ----------
-    content : bytes
-        A pickled function that prepares it, and its arguments.
-    """
+    """Prepare the work in a process that has inherited nothing."""
     prepare, *arguments = cloudpickle.loads(content)
     work: Work = prepare(*arguments)
     return work
 
 
 def work_on_starts(blueprint: Blueprint, origin: Origin) -> Work:
-    """Build the problem of a search; what is returned optimises starts.
-
-    Parameters
-    ----------
-    blueprint : Blueprint
-    origin : Origin
-    """
+    """Build the problem of a search; what is returned optimises starts."""
     return partial(optimise_job, blueprint.problem(), instance("solver", blueprint.task.search.solver), origin)
 
 
 def optimise_job(problem: Problem, method: Solver, origin: Origin, job: Job) -> list[StartResult]:
-    """Optimise some starts together.
-
-    Parameters
-    ----------
-    problem : Problem
-    method : Solver
-    origin : Origin
-    job : tuple
-        Seed, starts and folder.
-    """
+    """Optimise some starts together."""
     seed, starts, folder = job
     return optimise_starts(problem, method, seed, starts, folder, origin=origin)
 
 
 def serve(connection: Connection, prepare: Callable[[], Work]) -> None:
-    """Do the jobs that are asked for; only the parent answers signals, and this process ends with it.
-
-    Parameters
-    ----------
-    connection : Connection
-        A job comes in; its result, or the error that it ended with, goes out.
-    prepare : callable
-        Returns the function that does a job.
-    """
+    """Do the jobs that are asked for; only the parent answers signals, and this process ends with it."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     _end_with_parent()

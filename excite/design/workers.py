@@ -30,15 +30,7 @@ _log = logging.getLogger(__name__)
 
 
 class Worker:
-    """One process, which is known to work on one job at a time.
-
-    Parameters
-    ----------
-    content : bytes
-        See `excite.design.worker_process.unpickled`.
-    prepared : callable
-        Returns the same work as this process has prepared it, which a forked process inherits.
-    """
+    """One process, which is known to work on one job at a time."""
 
     def __init__(self, content: bytes, prepared: Callable[[], Work]) -> None:
         self._process, self.connection = _forked(prepared) if can_fork() else _spawned(content)
@@ -49,13 +41,7 @@ class Worker:
             self.connection.send(job)
 
     def result(self) -> Any:
-        """Result of the job, or the error that it has ended with.
-
-        Raises
-        ------
-        EOFError
-            The process has ended.
-        """
+        """Result of the job, or the error that it has ended with."""
         try:
             outcome = self.connection.recv()
         except OSError as error:
@@ -108,16 +94,7 @@ def _spawned(content: bytes) -> tuple[BaseProcess, Connection]:
 
 
 class Workers:
-    """Worker processes for the starts of one problem; they are kept from one run to the next.
-
-    Parameters
-    ----------
-    content : bytes
-    prepared : callable
-        See `Worker`.
-    count : int
-        Number of processes.
-    """
+    """Worker processes for the starts of one problem; they are kept from one run to the next."""
 
     def __init__(self, content: bytes, prepared: Callable[[], Work], count: int) -> None:
         self._content, self._prepared, self.count = content, prepared, count
@@ -136,18 +113,6 @@ class Workers:
 
         The starts of a job that ends its process run again one by one. Starts that end their process twice more
         run alone after all others, and are left out if they end it again.
-
-        Parameters
-        ----------
-        jobs : iterable of (int, sequence of PlannedStart or int, Path)
-            Seed, starts and folder.
-
-        Raises
-        ------
-        LostWorkersError
-            Processes end again and again, and no start does.
-        NotPreparedError
-            They cannot build the problem.
         """
         alone: list[Job] = []
         self._lost.clear()

@@ -11,17 +11,6 @@ _log = logging.getLogger("excite.estimates")
 
 
 def announce(work: str, seconds: float, remedy: str = "") -> None:
-    """Log how long work will take, at level INFO, where that is more than `LONG`; the command line prints it.
-
-    Parameters
-    ----------
-    work : str
-        Such as ``the identification``.
-    seconds : float
-        On one core as fast as the one that the rules beside each work were measured on, which multiplies two matrices
-        of 1000 x 1000 numbers in 0.03 s.
-    remedy : str
-        What makes it shorter, or ends it.
-    """
+    """Log how long work will take, at level INFO, where that is more than `LONG`; the command line prints it."""
     if seconds > LONG:
         _log.info(f"{work} will take about {in_time(seconds)}{'; ' * bool(remedy)}{remedy}")

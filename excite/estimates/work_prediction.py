@@ -17,34 +17,16 @@ BASE = 1.4e8  # bytes of the programs themselves
 
 @dataclass(frozen=True)
 class MemoryPart:
-    """Memory of one part of the work, ``bytes ~ value^power``.
+    """Memory of one part of the work, ``bytes ~ value^power``."""
 
-    Parameters
-    ----------
-    what : str
-        What is held, such as ``rows of the regressor``.
-    rows, columns : float
-        Of the largest table of it.
-    bytes : float
-        Of all that is held at the same time.
-    option : str
-        Name of the option that makes it large.
-    value : float
-        What is given for it.
-    power : float
-        How the memory grows with it.
-    remedy : str
-        What else to change, where no option makes it large.
-    """
-
-    what: str
-    rows: float
+    what: str  # what is held, such as ``rows of the regressor``
+    rows: float  # of the largest table of it
     columns: float
-    bytes: float
-    option: str = ""
-    value: float = 0.0
-    power: float = 1.0
-    remedy: str = ""
+    bytes: float  # of all that is held at the same time
+    option: str = ""  # name of the option that makes it large
+    value: float = 0.0  # what is given for it
+    power: float = 1.0  # how the memory grows with it
+    remedy: str = ""  # what else to change, where no option makes it large
 
     @property
     def values(self) -> float:
@@ -60,13 +42,7 @@ class MemoryPart:
         return f"it is `{self.option}={self.value:.12g}` that makes it large, {enough}"
 
     def fitting(self, left: float) -> float | None:
-        """Value of the option, with two digits, for which no more than ``left`` bytes are taken; None if there is none.
-
-        Parameters
-        ----------
-        left : float
-            [bytes]
-        """
+        """Value of the option, with two digits, that takes at most ``left`` bytes; None if there is none."""
         if left <= 0.0:
             return None
         value = self.value * (left / self.bytes) ** (1.0 / self.power)
@@ -79,21 +55,11 @@ class MemoryPart:
 
 @dataclass(frozen=True)
 class WorkPrediction:
-    """What a piece of work is predicted to take.
+    """What a piece of work is predicted to take."""
 
-    Parameters
-    ----------
-    work : str
-        Such as ``the simulation``.
-    parts : sequence of MemoryPart
-        At least one.
-    seconds : float, optional
-        Time on one core; None where it is not known.
-    """
-
-    work: str
-    parts: Sequence[MemoryPart]
-    seconds: float | None = None
+    work: str  # such as ``the simulation``
+    parts: Sequence[MemoryPart]  # at least one
+    seconds: float | None = None  # time on one core; None where it is not known
 
     @property
     def bytes(self) -> float:
@@ -111,13 +77,7 @@ class WorkPrediction:
         return max(self.parts, key=lambda part: part.values)
 
     def check(self) -> None:
-        """Refuse the work where it takes more memory than the cap, or a table has more numbers than the cap of these.
-
-        Raises
-        ------
-        TooLargeError
-            What it takes, the option that makes it large, and what value of it would do.
-        """
+        """Refuse work that takes more memory than the cap, or a table with more numbers than the cap of these."""
         cap, most = memory_cap(), value_cap()
         if self.bytes > cap:
             self._refuse(self.largest, f"about {in_bytes(self.bytes)} of memory", in_bytes(cap))
@@ -139,12 +99,7 @@ class WorkPrediction:
 
 
 def in_time(seconds: float) -> str:
-    """A time in words, such as ``3 h``.
-
-    Parameters
-    ----------
-    seconds : float
-    """
+    """A time in words, such as ``3 h``."""
     for unit, scale in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * scale:
             return f"{seconds / scale:.2g} {unit}"

@@ -14,21 +14,11 @@ _MOST_PORT, _MOST_PROCESSES = 65535, 1024
 
 @dataclass(frozen=True)
 class DaskAddress:
-    """A scheduler that runs, or one that is started on this machine.
+    """A scheduler that runs, or one that is started on this machine."""
 
-    Parameters
-    ----------
-    scheduler : str
-        ``tcp://HOST:PORT``; empty where it is not named.
-    file : Path, optional
-        Scheduler file.
-    processes : int, optional
-        Of a cluster on this machine; one per core if neither this nor the others are given.
-    """
-
-    scheduler: str = ""
-    file: Path | None = None
-    processes: int | None = None
+    scheduler: str = ""  # ``tcp://HOST:PORT``; empty where it is not named
+    file: Path | None = None  # scheduler file
+    processes: int | None = None  # of a cluster on this machine; one per core if neither this nor the others are given
 
     @property
     def is_local(self) -> bool:
@@ -42,17 +32,7 @@ class DaskAddress:
 
 
 def dask_address(text: str) -> DaskAddress:
-    """Read the name of an executor on Dask.
-
-    Parameters
-    ----------
-    text : str
-
-    Raises
-    ------
-    InputError
-        None of the three forms.
-    """
+    """Read the name of an executor on Dask."""
     kind, _, rest = text.partition(":")
     if kind == "dask" and rest.startswith("//"):
         host, _, port = rest[2:].rpartition(":")

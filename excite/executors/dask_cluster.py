@@ -40,18 +40,6 @@ class DaskCluster:
 
     A worker runs one unit at a time, whatever its number of threads, since processor time and the threads of linear
     algebra are counted for a whole process.
-
-    Parameters
-    ----------
-    address : str
-        ``dask://HOST:PORT``, ``dask-file:PATH``, ``dask-local`` or ``dask-local:N``.
-    workers : int, optional
-        Processes of ``dask-local`` without a number; one per core if not given.
-
-    Raises
-    ------
-    InputError
-        An address of another form.
     """
 
     shares_disk = False
@@ -65,15 +53,7 @@ class DaskCluster:
         return (self.address.processes or self._workers or os.cpu_count() or 1) if self.address.is_local else 0
 
     def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
-        """See `UnitExecutor.run`.
-
-        Raises
-        ------
-        InputError
-            Dask is not installed, nothing answers at the address, or its workers cannot import this package.
-        LostWorkersError
-            The scheduler went away.
-        """
+        """See `UnitExecutor.run`."""
         with self.connected() as cluster:
             yield from cluster.run(work, common, units)
 
@@ -85,13 +65,7 @@ class DaskCluster:
 
 
 class ConnectedCluster:
-    """A cluster with its client.
-
-    Parameters
-    ----------
-    client : distributed.Client
-    address : DaskAddress
-    """
+    """A cluster with its client."""
 
     shares_disk = False
 

@@ -28,16 +28,9 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class StartNeeds:
-    """All that the starts of a search need on another machine; a start itself holds the motions it descends from.
+    """All that the starts of a search need on another machine; a start itself holds the motions it descends from."""
 
-    Parameters
-    ----------
-    content : bytes
-        The pickled blueprint, and the origin of the starts.
-    seed : int
-    """
-
-    content: bytes
+    content: bytes  # the pickled blueprint, and the origin of the starts
     seed: int
 
 
@@ -45,11 +38,6 @@ class DaskStarts:
     """Executor of a search that optimises its starts on the workers of a Dask scheduler.
 
     Unfinished starts are not saved while they run there.
-
-    Parameters
-    ----------
-    address : str
-        See `excite.executors.dask_cluster.DaskCluster`.
     """
 
     def __init__(self, address: str) -> None:
@@ -62,23 +50,7 @@ class DaskStarts:
         folder: Path,
         progress: Callable[[StartResult], None],
     ) -> None:
-        """Optimise starts; those whose workers end each time are left out, which is logged.
-
-        Parameters
-        ----------
-        formulation : Formulation
-        rounds : iterable of sequences of PlannedStart or int
-            See `excite.design.multistart.serial`.
-        folder : Path
-            Where their files are written, by this process.
-        progress : callable
-            Called with each result.
-
-        Raises
-        ------
-        InputError, LostWorkersError
-            See `excite.executors.dask_cluster.DaskCluster.run`.
-        """
+        """Optimise starts; those whose workers end each time are left out, which is logged."""
         origin, search = formulation.identity.origin, formulation.task.search
         needs = StartNeeds(pickled(formulation.blueprint, origin), search.seed)
         with DaskCluster(self.address, search.workers).connected() as cluster:
@@ -92,18 +64,7 @@ class DaskStarts:
 
 
 def optimise_there(needs: StartNeeds, start: PlannedStart | int) -> StartResult:
-    """Optimise a start where only ``needs`` is known.
-
-    Parameters
-    ----------
-    needs : StartNeeds
-    start : PlannedStart or int
-
-    Raises
-    ------
-    InputError
-        Another version of a package than that of the process that asks for it, so that results might differ.
-    """
+    """Optimise a start where only ``needs`` is known."""
     problem, method, origin = _prepared(needs.content)
     return optimise_start(problem, method, needs.seed, start, None, origin=origin)
 
@@ -117,18 +78,7 @@ def _prepared(content: bytes) -> tuple[Problem, Solver, Origin]:
 
 
 def check_versions(wanted: dict[str, str]) -> None:
-    """Check that this process has the same versions of packages as another one.
-
-    Parameters
-    ----------
-    wanted : dict of str to str
-        Versions by the names of the packages.
-
-    Raises
-    ------
-    InputError
-        It has others.
-    """
+    """Check that this process has the same versions of packages as another one."""
     others = [f"{name} {version(name)} instead of {its}" for name, its in wanted.items() if version(name) != its]
     if others:
         raise InputError(f"a Dask worker has {', '.join(others)}; install the same versions there")

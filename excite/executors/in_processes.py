@@ -22,13 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 class InProcesses:
-    """Runs units in processes of this machine.
-
-    Parameters
-    ----------
-    count : int, optional
-        Number of processes; one per core if not given.
-    """
+    """Runs units in processes of this machine."""
 
     shares_disk = True
 

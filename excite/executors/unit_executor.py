@@ -11,15 +11,9 @@ Work: TypeAlias = Callable[[Any, Any], Any]
 
 @dataclass(frozen=True)
 class LostUnit:
-    """A unit whose worker ended each time that it ran.
+    """A unit whose worker ended each time that it ran."""
 
-    Parameters
-    ----------
-    reason : str
-        How, in words.
-    """
-
-    reason: str
+    reason: str  # how, in words
 
 
 class UnitExecutor(Protocol):

@@ -11,22 +11,7 @@ from regressors.quantities import check
 
 
 def unit_executor(given: str | UnitExecutor, workers: int | None = None) -> UnitExecutor:
-    """An executor by its name; an object is returned as it is.
-
-    Parameters
-    ----------
-    given : str or UnitExecutor
-        ``process``, ``serial``, or the address of a Dask scheduler.
-    workers : int, optional
-        Processes of this machine; one per core if not given.
-
-    Raises
-    ------
-    UnknownName
-        No such executor.
-    InputError
-        An address of another form, or an invalid number of processes.
-    """
+    """An executor by its name; an object is returned as it is."""
     check("workers", workers)
     if not isinstance(given, str):
         return given

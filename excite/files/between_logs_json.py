@@ -11,12 +11,7 @@ from excite.identification.interval_scope import interval_scope
 
 
 def between_logs_content(result: Identification) -> dict[str, Any]:
-    """Keys ``interval_scope`` and, of several logs, ``between_logs``, with the estimates of each where asked for.
-
-    Parameters
-    ----------
-    result : Identification
-    """
+    """Keys ``interval_scope`` and, of several logs, ``between_logs``, with the estimates of each where asked for."""
     scope = {"interval_scope": interval_scope(len(result.prepared))}
     scatter = result.scatter
     if scatter is None:

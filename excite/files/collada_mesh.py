@@ -24,15 +24,6 @@ def collada_triangles(path: Path) -> Array:
     """Corners of each triangle of all geometries in the scene, shape (N, 3, 3) [m].
 
     Coordinates are as in the file, in its unit of length; its vertical axis is not looked at, as ROS does it.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    MeshError
-        It cannot be read, or holds no triangles; or pycollada is not installed.
     """
     try:
         import collada

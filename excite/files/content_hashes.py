@@ -13,15 +13,7 @@ HASHES = "sha256"
 
 
 def motion_hashes(trajectory: Mapping[str, Any], files: Iterable[Path]) -> dict[str, Any]:
-    """Entry ``sha256`` of a design: hashes of its coefficients and of the files of its motion.
-
-    Parameters
-    ----------
-    trajectory : mapping
-        The entry with the coefficients.
-    files : iterable of Path
-        Written already.
-    """
+    """Entry ``sha256`` of a design: hashes of its coefficients and of the files of its motion."""
     return {"trajectory": entry_sha256(trajectory), "files": {file.name: sha256_of(file) for file in files}}
 
 
@@ -29,18 +21,6 @@ def check_motion(content: Mapping[str, Any], folder: Path) -> None:
     """Check that the motion of a stored design, and its files that are beside it, are those that were written.
 
     A design of a version without hashes is taken as it is.
-
-    Parameters
-    ----------
-    content : mapping
-        Of ``design.json``.
-    folder : Path
-        Where it lies.
-
-    Raises
-    ------
-    InputError
-        Another motion; the message names what was changed.
     """
     hashes = content.get(HASHES)
     if hashes is None:

@@ -37,16 +37,7 @@ _REHEARSAL = re.compile(r"trajectory-[0-9.e-]+\.csv")
 
 
 def check_no_design(folder: Path, names: Collection[str], *, replace: bool = False) -> None:
-    """Raise `TakenError` where a folder holds a design, or a user's own file under one of the given names.
-
-    Parameters
-    ----------
-    folder : Path
-    names : collection of str
-        Files that will be written.
-    replace : bool
-        Allow both.
-    """
+    """Raise `TakenError` where a folder holds a design, or a user's own file under one of the given names."""
     check_not_taken(folder, DESIGN, "a design", names, replace=replace)
 
 
@@ -71,16 +62,6 @@ def starts_folder(folder: Path) -> Path:
 
     Starts of a design that is to be replaced stay until the new one is complete, so that those of the new one go to a
     hidden folder until then.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the design.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
     """
     starts = folder / NEXT / STARTS if (folder / DESIGN).exists() else folder / STARTS
     with writing(starts):
@@ -90,25 +71,7 @@ def starts_folder(folder: Path) -> Path:
 
 
 def save_design(design: Design, folder: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write a design into a folder, which is created if it does not exist.
-
-    Parameters
-    ----------
-    design : Design
-    folder : path
-    replace : bool
-        Replace an existing design, when the new one is complete.
-
-    Returns
-    -------
-    list of Path
-        Files that were written.
-
-    Raises
-    ------
-    InputError
-        The folder holds a design, is being written by another process, or cannot be written to.
-    """
+    """Write a design into a folder, which is created if it does not exist."""
     folder = Path(folder)
     with result_folder(folder):
         check_no_design(folder, data_files(design.task), replace=replace)
@@ -117,14 +80,7 @@ def save_design(design: Design, folder: str | Path, *, replace: bool = False) ->
 
 
 def write_starts(design: Design, folder: Path) -> None:
-    """Write the starts of a design into its folder, in place of those that are there.
-
-    Parameters
-    ----------
-    design : Design
-    folder : Path
-        Of the design, locked by `result_folder`.
-    """
+    """Write the starts of a design into its folder, in place of those that are there."""
     starts = starts_folder(folder)
     remove_starts(starts)
     for start in design.starts:
@@ -132,26 +88,7 @@ def write_starts(design: Design, folder: Path) -> None:
 
 
 def write_design(design: Design, folder: Path, figures: Collection[str] | None = None) -> list[Path]:
-    """Write a design's files, and replace an older design, all at once.
-
-    Parameters
-    ----------
-    design : Design
-    folder : Path
-        A folder that `result_folder` has locked, with the starts in the folder that `starts_folder` has made.
-    figures : collection of str, optional
-        Formats of the figures that are to follow; the design counts as unfinished until one is there.
-
-    Returns
-    -------
-    list of Path
-        Files that were written.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written; an older design stays.
-    """
+    """Write a design's files, and replace an older design, all at once."""
     searched = (CONTENT, TABLE) if design.precision_search is not None else ()
     names = [*data_files(design.task), *searched]
     older = _older_files(folder)

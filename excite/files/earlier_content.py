@@ -26,13 +26,7 @@ def earlier_content(earlier: EarlierInformation) -> dict[str, Any]:
 
 
 def earlier_of_content(content: Mapping[str, Any]) -> EarlierInformation:
-    """Earlier information as a design holds it.
-
-    Parameters
-    ----------
-    content : mapping
-        See `earlier_content`.
-    """
+    """Earlier information as a design holds it."""
     density, values = content["density"], content["values"]
     return EarlierInformation(
         **{

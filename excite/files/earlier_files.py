@@ -31,18 +31,7 @@ _EXPECTED = "expected a result or a design, or the folder of one"
 
 
 def earlier_information(given: Any) -> EarlierInformation:
-    """Information of an earlier experiment.
-
-    Parameters
-    ----------
-    given : path, IdentificationResult, DesignedMotion or EarlierInformation
-        A result, or a design that is going to be played once; or the folder or the JSON file of one.
-
-    Raises
-    ------
-    InputError
-        Neither, or a result without a covariance.
-    """
+    """Information of an earlier experiment."""
     if isinstance(given, EarlierInformation):
         return given
     if isinstance(given, UnopenedFile):

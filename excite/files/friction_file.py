@@ -76,53 +76,17 @@ def read_friction(path: str | Path) -> FrictionCurves:
 
 
 def friction_of(text: str, source: str) -> FrictionCurves:
-    """Curves of a friction file's text.
-
-    Parameters
-    ----------
-    text : str
-    source : str
-        Name of the source, for messages.
-
-    Raises
-    ------
-    InputError
-        Malformed (with the line), or numbers that no friction can have.
-    """
+    """Curves of a friction file's text."""
     return _curves(parse_document(text, source))
 
 
 def friction_of_content(content: Mapping[str, Any], source: str = "friction_curves") -> FrictionCurves:
-    """Curves that `friction_content` describes.
-
-    Parameters
-    ----------
-    content : mapping
-        The keys of a friction file.
-    source : str
-        Name of the source, for messages.
-
-    Raises
-    ------
-    InputError
-        See `friction_of`.
-    """
+    """Curves that `friction_content` describes."""
     return _curves(Document(source, dict(content), {}))
 
 
 def kept_curves(curves: FrictionCurves | Mapping[str, Any]) -> FrictionCurves:
-    """Curves in the form that a file can hold: functions of the velocity become tables.
-
-    Parameters
-    ----------
-    curves : FrictionCurves or mapping
-        Curves, or the content of a friction file.
-
-    Raises
-    ------
-    InputError
-        Curves that no file can hold.
-    """
+    """Curves in the form that a file can hold: functions of the velocity become tables."""
     if isinstance(curves, FrictionCurves):
         return friction_of_content(friction_content(curves))
     if not isinstance(curves, Mapping):
@@ -218,52 +182,21 @@ def _made(model: str, given: Mapping[str, Any]) -> FrictionCurve:
 
 
 def write_friction(curves: FrictionCurves, path: Path) -> None:
-    """Write curves to a file that reads back to the same numbers.
-
-    Parameters
-    ----------
-    curves : FrictionCurves
-    path : Path
-
-    Raises
-    ------
-    InputError
-        A function that cannot be tabulated, or a folder that cannot be written to.
-    """
+    """Write curves to a file that reads back to the same numbers."""
     text = friction_text(curves)
     with replacing(path) as stream:
         stream.write(text)
 
 
 def friction_content(curves: FrictionCurves) -> dict[str, Any]:
-    """Curves as plain values, the keys of a friction file; functions become tables.
-
-    Parameters
-    ----------
-    curves : FrictionCurves
-
-    Raises
-    ------
-    InputError
-        A curve that a friction file cannot hold.
-    """
+    """Curves as plain values, the keys of a friction file; functions become tables."""
     content = parse_document(friction_text(curves), "friction curves").content
     assert isinstance(content, dict)
     return content
 
 
 def friction_text(curves: FrictionCurves) -> str:
-    """Text of a friction file that reads back to the same numbers.
-
-    Parameters
-    ----------
-    curves : FrictionCurves
-
-    Raises
-    ------
-    InputError
-        A function that cannot be tabulated, or a curve that a friction file cannot hold.
-    """
+    """Text of a friction file that reads back to the same numbers."""
     lines = [f"schema: {SCHEMA}", *_UNITS, "drives:"]
     for name, curve in curves.curves.items():
         assert isinstance(curve, FrictionCurve)

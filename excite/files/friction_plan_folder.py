@@ -44,25 +44,7 @@ def check_free(folder: Path, names: Collection[str] = (), *, replace: bool = Fal
 
 
 def save_plan(plan: FrictionPlan, folder: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write a plan into a folder, which is created if it does not exist.
-
-    Parameters
-    ----------
-    plan : FrictionPlan
-    folder : path
-    replace : bool
-        Replace an existing plan, when the new one is complete.
-
-    Returns
-    -------
-    list of Path
-        Files that were written.
-
-    Raises
-    ------
-    InputError
-        The folder holds a plan, or is being written by another process, or see `write_plan`.
-    """
+    """Write a plan into a folder, which is created if it does not exist."""
     folder = Path(folder)
     with result_folder(folder) as run:
         check_free(folder, data_files(plan), replace=replace)
@@ -80,13 +62,7 @@ def stiction_file_name(label: str) -> str:
 
 
 def data_files(plan: FrictionPlan) -> list[str]:
-    """Names of a plan's files beside the figure, ``plan.json`` first.
-
-    Raises
-    ------
-    InputError
-        Two coordinates would share a file.
-    """
+    """Names of a plan's files beside the figure, ``plan.json`` first."""
     runs = [file_name(coordinate.label) for coordinate in plan.coordinates]
     ramps = [stiction_file_name(coordinate.label) for coordinate in plan.coordinates if coordinate.ramps is not None]
     if len({*runs, *ramps}) < len(runs) + len(ramps):
@@ -95,26 +71,7 @@ def data_files(plan: FrictionPlan) -> list[str]:
 
 
 def write_plan(plan: FrictionPlan, folder: Path, *, run: str | None = None) -> list[Path]:
-    """Write a plan's files, and replace an older plan, all at once.
-
-    Parameters
-    ----------
-    plan : FrictionPlan
-    folder : Path
-        A folder that `result_folder` has locked.
-    run : str, optional
-        Unique number of the run.
-
-    Returns
-    -------
-    list of Path
-        Files that were written.
-
-    Raises
-    ------
-    InputError
-        Two coordinates would share a file, or the folder cannot be written to.
-    """
+    """Write a plan's files, and replace an older plan, all at once."""
     names = data_files(plan)
     with replace_result(folder, KIND, run=run, older=_older_files(folder)) as staged:
         for coordinate in plan.coordinates:
@@ -161,18 +118,7 @@ def plan_content(plan: FrictionPlan) -> dict[str, Any]:
 
 
 def read_plan(folder: Path) -> tuple[Robot, dict[str, Any]]:
-    """Robot and content of a plan.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Raises
-    ------
-    InputError
-        No plan, another schema, or a robot that does not match its hash; or ``plan.json`` is not the one that was
-        written.
-    """
+    """Robot and content of a plan."""
     return read_settled(Destination(folder), lambda: _plan(folder))
 
 

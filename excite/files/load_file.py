@@ -21,17 +21,7 @@ _LOAD: type[BaseModel] = create_model(
 
 
 def read_load(path: Path) -> Payload:
-    """Read a load file with the keys m, mcx ... Izz; missing ones are zero.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        Cannot be read, malformed (with the line), or not the parameters of a body.
-    """
+    """Read a load file with the keys m, mcx ... Izz; missing ones are zero."""
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:

@@ -19,18 +19,7 @@ class MeshError(InputError):
 
 
 def mesh_corners(path: Path) -> Array:
-    """Corners of all triangles of a mesh, with repetitions, shape (N, 3), in the units of the file.
-
-    Parameters
-    ----------
-    path : Path
-        Ends with ``.stl`` or ``.obj``.
-
-    Raises
-    ------
-    MeshError
-        Cannot be read, has another format, or is empty.
-    """
+    """Corners of all triangles of a mesh, with repetitions, shape (N, 3), in the units of the file."""
     kind = path.suffix.lower()
     if kind not in _CORNERS:
         raise MeshError(f"{path}: no reader for {kind or 'files without ending'}; available: {', '.join(_CORNERS)}")
@@ -50,18 +39,7 @@ def mesh_corners(path: Path) -> Array:
 
 
 def mesh_triangles(path: Path) -> Array:
-    """Corners of each triangle of a mesh, shape (N, 3, 3), in the units of the file.
-
-    Parameters
-    ----------
-    path : Path
-        Ends with ``.stl`` or ``.obj``.
-
-    Raises
-    ------
-    MeshError
-        As of `mesh_corners`, or faces with corners that are not there.
-    """
+    """Corners of each triangle of a mesh, shape (N, 3, 3), in the units of the file."""
     corners = mesh_corners(path)
     if path.suffix.lower() == ".stl":
         return corners[: len(corners) // 3 * 3].reshape(-1, 3, 3)

@@ -25,22 +25,7 @@ from regressors.errors import InputError
 def read_source(
     source: DesignedMotion | str | Path, file: Path | None = None, *, approach_and_return: bool = True
 ) -> MotionSource:
-    """Read the motion of a design or its folder, of a replacement file, or of a file of a friction plan.
-
-    Parameters
-    ----------
-    source : DesignedMotion or Path
-        A design, its folder, or a ``.csv`` beside the ``plan.json`` of a friction plan.
-    file : Path, optional
-        File in the format of trajectory.csv that replaces the design's motion.
-    approach_and_return : bool
-        Include the design's approach and return, if there are any and it is in a folder.
-
-    Raises
-    ------
-    InputError
-        Neither a design nor a file of a plan, or files that cannot be read.
-    """
+    """Read the motion of a design or its folder, of a replacement file, or of a file of a friction plan."""
     if isinstance(source, DesignedMotion):
         return _of_design(source, file, approach_and_return=approach_and_return)
     source = Path(source)

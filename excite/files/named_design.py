@@ -19,17 +19,6 @@ def find_design(sha256: str, folders: Iterable[str | Path]) -> Path | None:
     """Folder of the design with a hash, among some folders and those directly in them.
 
     Only files of the name ``design.json`` are read, and nothing that they name is opened.
-
-    Parameters
-    ----------
-    sha256 : str
-        Of ``design.json``, or of the coefficients of its motion.
-    folders : iterable of path
-
-    Returns
-    -------
-    Path or None
-        None if no folder holds it.
     """
     return next((place for place in _places(folders) if sha256 in design_hashes(place)), None)
 

@@ -26,20 +26,7 @@ _OLDEST = (1980, 1, 1, 0, 0, 0)  # of every member, so that the same samples giv
 
 
 def save_posterior(samples: PosteriorSamples, path: str | Path, *, replace: bool = False) -> Path:
-    """Write samples to a file.
-
-    Parameters
-    ----------
-    samples : PosteriorSamples
-    path : path
-        Ends in ``.npz`` or ``.csv``.
-    replace : bool
-
-    Raises
-    ------
-    InputError
-        Another suffix, or a file that is there already or cannot be written.
-    """
+    """Write samples to a file."""
     path = Path(path)
     content = posterior_content(samples, _suffix(path))
     with result_file(path):
@@ -51,13 +38,7 @@ def save_posterior(samples: PosteriorSamples, path: str | Path, *, replace: bool
 
 
 def posterior_content(samples: PosteriorSamples, suffix: str) -> bytes:
-    """Content of the file, the same for the same samples.
-
-    Parameters
-    ----------
-    samples : PosteriorSamples
-    suffix : {".npz", ".csv"}
-    """
+    """Content of the file, the same for the same samples."""
     facts = {"schema": SCHEMA, **{name: getattr(samples, name) for name in _FACTS}}
     facts = {name: None if isinstance(value, float) and np.isnan(value) else value for name, value in facts.items()}
     if suffix == NPZ:

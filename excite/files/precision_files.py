@@ -18,23 +18,12 @@ _HEAD = ("period", "runs", "robot_seconds", "largest_use")
 
 
 def seeks_precision(task: Task) -> bool:
-    """Whether a task asks for the shortest experiment that meets a precision, not for one motion at its period.
-
-    Parameters
-    ----------
-    task : Task
-    """
+    """Whether a task asks for the shortest experiment that meets a precision, not for one motion at its period."""
     return task.objective.precision is not None and task.objective.scale != "precision"
 
 
 def precision_content(design: Design) -> dict[str, Any]:
-    """Content of ``precision.json``.
-
-    Parameters
-    ----------
-    design : Design
-        With its `precision_search`.
-    """
+    """Content of ``precision.json``."""
     search, forecast, run = design.precision_search, design.precision, design.run_information
     assert search is not None
     assert forecast is not None
@@ -51,14 +40,7 @@ def precision_content(design: Design) -> dict[str, Any]:
 
 
 def write_precision(design: Design, folder: Path) -> None:
-    """Write both files of a design's search for a precision.
-
-    Parameters
-    ----------
-    design : Design
-        With its `precision_search`.
-    folder : Path
-    """
+    """Write both files of a design's search for a precision."""
     search = design.precision_search
     assert search is not None
     write_json(folder / CONTENT, precision_content(design))

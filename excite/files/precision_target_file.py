@@ -12,17 +12,7 @@ from regressors.readers.documents import parse_document
 
 
 def read_precision_target(path: Path) -> dict[str, Any]:
-    """Read a file such as ``share: 0.05`` and ``parameters: {X5: 0.1}``.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        Cannot be read, or malformed (with the line).
-    """
+    """Read a file such as ``share: 0.05`` and ``parameters: {X5: 0.1}``."""
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:

@@ -13,17 +13,7 @@ _KEYS = ("value", "deviation")
 
 
 def read_prior(path: Path) -> dict[str, dict[str, float]]:
-    """Read values and standard deviations from a file such as ``X7: {value: 8.125, deviation: 0.5}``, in SI.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        Cannot be read, or malformed (with the line).
-    """
+    """Read values and standard deviations from a file such as ``X7: {value: 8.125, deviation: 0.5}``, in SI."""
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
@@ -37,13 +27,7 @@ def read_prior(path: Path) -> dict[str, dict[str, float]]:
 
 
 def known_beforehand(prior: object) -> object:
-    """Check the entry ``prior`` of a task file: a relative uncertainty, or parameters as in a prior file.
-
-    Raises
-    ------
-    ValueError
-        The entry is neither.
-    """
+    """Check the entry ``prior`` of a task file: a relative uncertainty, or parameters as in a prior file."""
     if isinstance(prior, int | float) and not isinstance(prior, bool):
         if (wrong := fault_of("prior", prior)) is not None:
             raise ValueError(wrong)

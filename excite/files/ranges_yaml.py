@@ -6,21 +6,7 @@ from excite.posterior.posterior_samples import ParameterRange, PosteriorSamples
 
 
 def ranges_text(samples: PosteriorSamples, level: float, comment: tuple[str, ...] = ()) -> str:
-    """The whole document, the same for the same samples.
-
-    Parameters
-    ----------
-    samples : PosteriorSamples
-    level : float
-        See `PosteriorSamples.ranges`.
-    comment : tuple of str
-        Lines in front.
-
-    Raises
-    ------
-    InputError
-        See `PosteriorSamples.ranges`.
-    """
+    """The whole document, the same for the same samples."""
     lines = [
         *(f"# {line}" for line in comment),
         f"robot: {_quoted(samples.robot)}",

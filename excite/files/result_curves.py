@@ -29,12 +29,7 @@ _INSTANTS = 3000  # of estimates over time
 
 
 def result_curves(result: Identification) -> Arrays:
-    """Arrays of the file.
-
-    Parameters
-    ----------
-    result : Identification
-    """
+    """Arrays of the file."""
     observations = result.observations
     step = every(2 * len(observations.y))
     kept = _every(observations.time, observations.log, step)
@@ -61,12 +56,7 @@ def _every(time: Array, log: Index, step: int) -> Index:
 
 
 def motion_arrays(parts: tuple[PreparedLog, ...]) -> Arrays:
-    """Instants and positions of logs, few enough for a player.
-
-    Parameters
-    ----------
-    parts : tuple of PreparedLog
-    """
+    """Instants and positions of logs, few enough for a player."""
     kept = [chosen(part.samples.time.size) for part in parts]
     pairs = list(zip(parts, kept, strict=True))
     return {
@@ -78,19 +68,7 @@ def motion_arrays(parts: tuple[PreparedLog, ...]) -> Arrays:
 
 
 def read_result_curves(path: Path, logs: int, equations: int) -> Arrays:
-    """Arrays of the file of a result.
-
-    Parameters
-    ----------
-    path : Path
-    logs, equations : int
-        How many the result has.
-
-    Raises
-    ------
-    InputError
-        It is not complete, or not that of such a result.
-    """
+    """Arrays of the file of a result."""
     arrays = read_curves(path)
     check_shapes(path, arrays, dict.fromkeys(_ROWS, (None,)), "rows")
     check_motion(path, arrays)
@@ -115,17 +93,7 @@ def check_motion(path: Path, arrays: Arrays) -> None:
 
 
 def check_shapes(path: Path, arrays: Arrays, shapes: dict[str, tuple[int | None, ...]], what: str) -> None:
-    """Raise `InputError` unless all arrays hold numbers, as many of them, in their shapes.
-
-    Parameters
-    ----------
-    path : Path
-    arrays : dict
-    shapes : dict of str to tuple
-        First length None: the same for all.
-    what : str
-        What they are, for the message.
-    """
+    """Raise `InputError` unless all arrays hold numbers, as many of them, in their shapes."""
     counts = set()
     for name, shape in shapes.items():
         array = arrays.get(name)

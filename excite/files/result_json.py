@@ -46,25 +46,7 @@ FIGURES = ("torques", "residuals", "parameters", "estimates", REPETITIONS)
 
 
 def save_result(result: Identification, folder: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write ``result.json``, and what its figures draw, into a folder, which is created if it does not exist.
-
-    Parameters
-    ----------
-    result : Identification
-    folder : path
-    replace : bool
-        Replace an existing result, when the new one is complete.
-
-    Returns
-    -------
-    list of Path
-        Files that were written.
-
-    Raises
-    ------
-    InputError
-        The folder holds a result, is being written by another process, or cannot be written to.
-    """
+    """Write ``result.json``, and what its figures draw, into a folder, which is created if it does not exist."""
     folder = Path(folder)
     with result_folder(folder) as run:
         check_free(folder, (CURVES,), replace=replace)
@@ -76,13 +58,7 @@ def save_result(result: Identification, folder: str | Path, *, replace: bool = F
 
 
 def amend_content(folder: Path, content: dict[str, Any]) -> None:
-    """Replace the content of a folder's ``result.json`` by one with more in it, of the same run.
-
-    Raises
-    ------
-    InputError
-        It cannot be written; the old one stays.
-    """
+    """Replace the content of a folder's ``result.json`` by one with more in it, of the same run."""
     with result_folder(folder), amend_result(folder, KIND) as staged:
         write_json(staged / RESULT, content)
 
@@ -93,12 +69,7 @@ def check_free(folder: str | Path, names: Collection[str] = (), *, replace: bool
 
 
 def result_content(result: Identification) -> dict[str, Any]:
-    """Content of ``result.json``.
-
-    Parameters
-    ----------
-    result : Identification
-    """
+    """Content of ``result.json``."""
     estimate, observations, base = result.estimate, result.observations, result.target.base
     design, reference = result.design_summary, result.reference
     return {

@@ -25,23 +25,6 @@ def resume_search(folder: Path, formulation: Formulation, *, replace: bool = Fal
     A design that an interrupted run has saved is continued, and replaced when the new one is complete; so is one that
     was killed before its figures were drawn, and, if it may be replaced, one of fewer starts. Any other complete design
     is replaced by one that is made anew.
-
-    Parameters
-    ----------
-    folder : Path
-        A folder that `excite.storage.result_folder.result_folder` has locked.
-    formulation : Formulation
-    replace : bool
-        Allow a folder that holds a complete design, or one of another problem.
-    fresh : bool
-        Do not reuse any start.
-
-    Raises
-    ------
-    TakenError
-        The folder holds another design.
-    InputError
-        It holds starts of another problem, or cannot be written to.
     """
     stored = _same_problem(folder, formulation)
     unfinished = _is_unfinished(folder, stored)

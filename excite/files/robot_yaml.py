@@ -20,22 +20,7 @@ _HEAD = "# metres, kilograms, seconds, radians; inertial parameters about the or
 
 
 def write_robot(robot: Robot, path: str | Path, *, replace: bool = False) -> None:
-    """Write a robot as robot YAML.
-
-    Parameters
-    ----------
-    robot : Robot
-    path : str or Path
-        Ends in ``.yaml`` or ``.yml``.
-    replace : bool
-        Whether a file that is there is replaced.
-
-    Raises
-    ------
-    InputError
-        A file of that name is there, or another process writes it; its name is not that of a robot YAML, or see
-        `robot_text`.
-    """
+    """Write a robot as robot YAML."""
     path = Path(path)
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{str(path)!r}: a robot YAML ends in .yaml or .yml")
@@ -48,23 +33,7 @@ def write_robot(robot: Robot, path: str | Path, *, replace: bool = False) -> Non
 
 
 def robot_text(robot: Robot) -> str:
-    """Robot YAML of a robot.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    str
-        Reads back as a robot of the same `Robot.sha256`.
-
-    Raises
-    ------
-    InputError
-        Robot YAML cannot say what the robot is: some joints are locked, a rotor's inertia is not known, or a name holds
-        spaces.
-    """
+    """Robot YAML of a robot."""
     stream = io.StringIO()
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style, yaml.width = None, 110

@@ -23,24 +23,7 @@ _STILL = 1e-9  # rad or m
 
 
 def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
-    """Read a motion from a file, with quintics between its samples.
-
-    Parameters
-    ----------
-    path : Path
-        Header ``time``, then ``NAME.position``, ``NAME.velocity``, ``NAME.acceleration`` of every joint [SI]; other
-        columns are ignored.
-    joints : sequence of str
-        Joints that move; the others must rest in the file.
-
-    Raises
-    ------
-    InputError
-        Cannot be read, a cell that is not a finite number (with its line), times that do not increase, or a joint that
-        moves and should rest.
-    UnknownName
-        A column that is not there.
-    """
+    """Read a motion from a file, with quintics between its samples."""
     header, table, _ = read_table(path, RATES)
     column = {name: table[:, k] for k, name in enumerate(header)}
     for name in ("time", *(f"{joint}.{rate}" for joint in joints for rate in RATES)):
@@ -61,28 +44,8 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
 
 
 def read_table(path: Path, rates: Sequence[str], text: str | None = None) -> tuple[list[str], Array, list[str]]:
-    """Read the columns ``time`` and ``NAME.RATE`` of a file, and the cells of one text column.
-
-    Parameters
-    ----------
-    path : Path
-    rates : sequence of str
-        Suffixes of column names after the last dot, such as ``position``.
-    text : str, optional
-        Name of the text column.
-
-    Returns
-    -------
-    header : list of str
-    table : ndarray, shape (N, len(header))
-    cells : list of str
-        Empty where there is no such column.
-
-    Raises
-    ------
-    InputError
-        See `read_motion`.
-    """
+    """Read the columns ``time`` and ``NAME.RATE`` of a file, and the cells of one text column."""
+    # result (N, len(header)
     try:
         with opened(path, LOG) as stream:
             rows = csv.reader(io.TextIOWrapper(stream, encoding="utf-8", newline=""))

@@ -14,22 +14,7 @@ from regressors.errors import InputError, TakenError
 
 
 def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Path, Path]]:
-    """Paths of log and sidecar of the joints, and of the wrench where there is one, checked to be writable.
-
-    Parameters
-    ----------
-    log : Path
-        Ends in .csv.
-    wrench : bool
-        True if there is a wrench log as well.
-    replace : bool
-        Allow existing files.
-
-    Raises
-    ------
-    InputError
-        Another ending, or files that exist already.
-    """
+    """Paths of log and sidecar of the joints, and of the wrench where there is one, checked to be writable."""
     if log.suffix != ".csv":
         raise InputError(f"{log}: expected a name that ends in .csv")
     logs = [log, log.with_suffix(".wrench.csv")] if wrench else [log]
@@ -41,26 +26,7 @@ def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Pa
 
 
 def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write the logs of a simulated run with their sidecars, and replace older ones, all at once.
-
-    Parameters
-    ----------
-    simulation : Simulation
-    log : path
-        Ends in .csv.
-    replace : bool
-        Replace existing files, when the new ones are complete.
-
-    Returns
-    -------
-    list of Path
-        Files that were written.
-
-    Raises
-    ------
-    InputError
-        See `paths_of`; or the files are being written by another process, or cannot be written.
-    """
+    """Write the logs of a simulated run with their sidecars, and replace older ones, all at once."""
     log = Path(log)
     logs = [simulation.log] if simulation.wrench_log is None else [simulation.log, simulation.wrench_log]
     with result_file(log):

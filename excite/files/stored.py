@@ -13,19 +13,7 @@ from regressors.robot.robot import Robot
 
 
 def stored_content(path: Path, schema: str) -> dict[str, Any]:
-    """Read the content of a file and check its schema.
-
-    Parameters
-    ----------
-    path : Path
-        An existing file.
-    schema : str
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or has another schema.
-    """
+    """Read the content of a file and check its schema."""
     content = read_json(path)
     if content.get("schema") != schema:
         raise InputError(f"{path}: expected schema {schema}, given {content.get('schema')!r}")
@@ -33,13 +21,7 @@ def stored_content(path: Path, schema: str) -> dict[str, Any]:
 
 
 def stored_robot(content: Mapping[str, Any]) -> Robot:
-    """Robot of a file's ``robot`` entry.
-
-    Raises
-    ------
-    InputError
-        The robot does not match its hash.
-    """
+    """Robot of a file's ``robot`` entry."""
     robot = robot_from_description(content["robot"]["description"])
     if robot.sha256() != content["robot"]["sha256"]:
         raise InputError("the robot's description does not have the hash that the file states")

@@ -19,22 +19,6 @@ def stored_task(content: Mapping[str, Any], robot: Robot, allowed: Collection[st
 
     A robot that is not built in is the one that the file describes, so that the task can be run again without the file
     that it was read from.
-
-    Parameters
-    ----------
-    content : mapping
-        Of the file.
-    robot : Robot
-        That the file describes.
-    allowed : collection of str
-        Parts that may be imported, as ``module:Name``.
-    own : mapping
-        Options that the caller gives instead of the file's: parts of the caller's own as objects, and files.
-
-    Raises
-    ------
-    InputError
-        Options that no task has.
     """
     options, shape = dict(content["task"]), content.get("shape")
     if str(options["robot"]) not in built_in_names():

@@ -131,44 +131,19 @@ def option_types() -> dict[str, Any]:
 
 
 def options_schema(name: str, types: Mapping[str, Any]) -> type[BaseModel]:
-    """Schema with options of given types, none of them required.
-
-    Parameters
-    ----------
-    name : str
-        Of the schema.
-    types : mapping
-        See `option_types`.
-    """
+    """Schema with options of given types, none of them required."""
     fields: dict[str, Any] = {option: (kind | None, None) for option, kind in types.items()}
     return create_model(name, __config__=_CONFIG, **fields)
 
 
 def beside(folder: Path, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options whose names of files are relative to the folder of the file that states them.
-
-    Parameters
-    ----------
-    folder : Path
-    options : mapping
-        By the names of a task file.
-    """
+    """Options whose names of files are relative to the folder of the file that states them."""
     named = {name: str(folder / options[name]) for name in _FILES[:-1] if isinstance(options.get(name), str)}
     return {**options, **named}
 
 
 def read_task_file(path: Path) -> dict[str, Any]:
-    """Read the options of a task file, ready for `task_from_options`.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        Cannot be read, is malformed (with the line), or has a key or value that no task has.
-    """
+    """Read the options of a task file, ready for `task_from_options`."""
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
@@ -180,19 +155,7 @@ def read_task_file(path: Path) -> dict[str, Any]:
 def task_from_options(
     options: Mapping[str, Any], *, stored: bool = False, allowed: Collection[str] = (), **own: Any
 ) -> Task:
-    """Task from the plain options of a command line, of a task file or of ``design.json``.
-
-    Parameters
-    ----------
-    options : mapping
-        Options of `excite.tasks.task.Task` by name, those of joint limits below ``limits``; None means not given.
-    stored : bool
-        The options are from a file of results: user-defined parts are kept as names, and not imported.
-    allowed : collection of str
-        Parts that may be imported nevertheless, as ``module:Name``.
-    **own
-        User-defined parts that such a file names, as objects.
-    """
+    """Task from the plain options of a command line, of a task file or of ``design.json``."""
     given = {name: value for name, value in options.items() if value is not None}
     if stored:
         given = {"torque_margin": NONE, "floor": NONE, **given}  # of files that are older than "auto"
@@ -226,16 +189,7 @@ def _stored(name: str, value: Any, allowed: Collection[str]) -> Any:
 
 
 def stored_part(kind: str, name: str, allowed: Collection[str]) -> str | OwnPart:
-    """A part named in a file of results: its name if it is built in or allowed, else a part that is not imported.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of part in the registry.
-    name : str
-    allowed : collection of str
-        Names ``module:Name`` that may be imported.
-    """
+    """A part named in a file of results: its name if it is built in or allowed, else a part that is not imported."""
     return OwnPart(kind, name) if ":" in name and name not in allowed else name
 
 
@@ -277,12 +231,7 @@ def _part_name(kind: str, given: Any) -> str:
 
 
 def task_content(task: Task) -> dict[str, Any]:
-    """Options of a task as plain values: the keys of a task file.
-
-    Parameters
-    ----------
-    task : Task
-    """
+    """Options of a task as plain values: the keys of a task file."""
     options: dict[str, Any] = {}
     for part in PARTS:
         for field, option in options_of(PARTS[part]):

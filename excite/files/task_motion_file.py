@@ -16,19 +16,7 @@ _COLUMNS = ("position", "velocity", "acceleration")
 
 
 def read_task_motion(place: str | Path) -> TaskMotion:
-    """Read the motion whose torques a design is to predict.
-
-    Parameters
-    ----------
-    place : path
-        Folder of a design, or a ``.csv`` with columns ``NAME.position``, ``NAME.velocity``, ``NAME.acceleration`` of
-        every joint [SI], of which at most `INSTANTS` rows in equal steps are used.
-
-    Raises
-    ------
-    InputError
-        Cannot be read, or lacks a column.
-    """
+    """Read the motion whose torques a design is to predict."""
     path = Path(place)
     if path.suffix != ".csv":
         return task_motion_of(load_design(path))

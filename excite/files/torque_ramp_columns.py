@@ -21,20 +21,6 @@ def read_torque(path: Path, robot: Robot) -> GivenTorque | None:
     """Read the torque ramps of a file; None where it has none.
 
     A ramp is a stretch of rows of one segment whose name contains ``stiction``; torques elsewhere are ignored.
-
-    Parameters
-    ----------
-    path : Path
-        Header with ``time``, ``DRIVE.effort`` and ``segment`` among others.
-    robot : Robot
-        Robot with the drives; its joints, where it has no transmission.
-
-    Raises
-    ------
-    InputError
-        Cannot be read, a cell that is not a finite number (with its line), or torques of several drives.
-    UnknownName
-        Torque of a drive that the robot does not have.
     """
     header, table, text = read_table(path, ("effort",), SEGMENT)
     efforts = [name for name in header if name.endswith(_EFFORT)]

@@ -19,19 +19,7 @@ def trajectory_columns(design: Design, speed: float = 1.0) -> tuple[list[str], A
     """Header and table: ``time``, then position, velocity, acceleration of each joint.
 
     Locked joints are included, at their resting position; velocity and acceleration at both ends are exact zeros.
-
-    Parameters
-    ----------
-    design : Design
-    speed : float
-        Fraction of full speed; slightly less where the end would fall between two samples.
-
-    Returns
-    -------
-    header : list of str
-    table : ndarray, shape (N, 1 + 3 n)
-        [s, rad, rad/s, rad/s^2, or with m]
-    """
+    """  # result (N, 1 + 3 n)
     return _columns(design, design.sequence.sampled(speed)[0])
 
 
@@ -44,15 +32,7 @@ def _columns(design: Design, samples: Samples) -> tuple[list[str], Array]:
 
 
 def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:
-    """Write the motion of a design; with approach and return, a last column ``segment`` is added.
-
-    Parameters
-    ----------
-    design : Design
-    path : Path
-    speed : float
-        See `trajectory_columns`.
-    """
+    """Write the motion of a design; with approach and return, a last column ``segment`` is added."""
     samples, segments = design.sequence.sampled(speed)
     header, table = _columns(design, samples)
     form = ",".join(["%.17g"] * len(header))

@@ -22,54 +22,22 @@ _HELD = 4.0  # bytes at the same time for each byte of the triangles
 
 @dataclass(frozen=True, eq=False)
 class LinkMesh:
-    """Triangles on a link.
+    """Triangles on a link."""
 
-    Parameters
-    ----------
-    link : str
-        Name of a link of the robot, or of the base.
-    triangles : ndarray, shape (N, 3, 3)
-        Corners in the link's frame [m].
-    """
-
-    link: str
-    triangles: Array
+    link: str  # name of a link of the robot, or of the base
+    triangles: Array  # (N, 3, 3) corners in the link's frame [m]
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfMeshes:
-    """Meshes of a robot.
-
-    Parameters
-    ----------
-    meshes : tuple of LinkMesh
-    left_out : tuple of str
-        Files that are missing, damaged, or in a format without a reader, and why.
-    """
+    """Meshes of a robot."""
 
     meshes: tuple[LinkMesh, ...]
-    left_out: tuple[str, ...]
+    left_out: tuple[str, ...]  # files that are missing, damaged, or in a format without a reader, and why
 
 
 def urdf_meshes(path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True) -> UrdfMeshes:
-    """Meshes of the links and of what is fixed to them: of ``<visual>`` where these can be read, else ``<collision>``.
-
-    Parameters
-    ----------
-    path : Path
-        The URDF.
-    robot : Robot
-        Read from the same file.
-    base : str, optional
-        Name of the first link; the root if not given.
-    snap_angles : bool
-        As the robot was read.
-
-    Raises
-    ------
-    InputError
-        The URDF cannot be read.
-    """
+    """Meshes of the links and what is fixed to them: ``<visual>`` where it can be read, else ``<collision>``."""
     try:
         content = read_bytes(path)
     except OSError as error:

@@ -25,22 +25,7 @@ _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 
 
 def urdf_parts(path: Path, robot: Robot, base: str | None = None) -> tuple[Part, ...]:
-    """Shape of a robot as `urdf_shape`, where nothing may be left out.
-
-    Parameters
-    ----------
-    path : Path
-        The URDF.
-    robot : Robot
-        Read from the same file.
-    base : str, optional
-        Name of the first link; the root if not given.
-
-    Raises
-    ------
-    InputError
-        As of `urdf_shape`, or a mesh that cannot be read.
-    """
+    """Shape of a robot as `urdf_shape`, where nothing may be left out."""
     parts, left_out = urdf_shape(path, robot, base)
     if left_out:
         raise InputError(left_out[0][1])
@@ -54,28 +39,6 @@ def urdf_shape(
 
     A sphere stays a sphere; a box and a mesh get a small capsule around all their corners; a cylinder one that contains
     its flat ends. Links above the base, or below it on other branches, count as part of the base.
-
-    Parameters
-    ----------
-    path : Path
-        The URDF.
-    robot : Robot
-        Read from the same file.
-    base : str, optional
-        Name of the first link; the root if not given.
-    snap_angles : bool
-        As the robot was read.
-
-    Returns
-    -------
-    parts : tuple of Part
-    left_out : tuple of (str, str)
-        Meshes that cannot be read: the link of the robot, or the base, that carries each, and why, in words.
-
-    Raises
-    ------
-    InputError
-        Cannot be read, no shapes, or unusable shapes; with the name of the link.
     """
     try:
         content = read_bytes(path)
@@ -100,15 +63,8 @@ def urdf_shape(
 def lowest_point(
     path: Path, robot: Robot, base: str | None, normal: Array, *, snap_angles: bool = True
 ) -> float | None:
-    """Least height of the base's ``<collision>`` shapes themselves along a direction; None if it has none [m].
-
-    Parameters
-    ----------
-    path, robot, base, snap_angles
-        As of `urdf_shape`.
-    normal : ndarray, shape (3,)
-        Unit vector in the axes of the base.
-    """
+    """Least height of the base's ``<collision>`` shapes themselves along a direction; None if it has none [m]."""
+    # normal (3,)
     heights = []
     for carrier, link, pose in carried_links(read_bytes(path), path, robot, base, snap_angles=snap_angles):
         for element in link.below("collision") if carrier == BASE else ():
@@ -135,20 +91,7 @@ def _lowest(shape: XmlElement, path: Path, pose: Array, normal: Array) -> float:
 def carried_links(
     content: bytes, path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
 ) -> Iterator[tuple[str, XmlElement, Array]]:
-    """Every ``<link>`` of a URDF with the link of the robot, or the base, that carries it, and its pose in that frame.
-
-    Parameters
-    ----------
-    content : bytes
-        Of the file.
-    path : Path
-    robot : Robot
-        Read from the same file.
-    base : str, optional
-        Name of the first link; the root if not given.
-    snap_angles : bool
-        As the robot was read.
-    """
+    """Every ``<link>`` of a URDF, the link of the robot or base that carries it, and its pose in that frame."""
     tree = parse_tree(content, path.name, snap_angles=snap_angles)
     moving = {link.name for link in robot.links}
     poses = _poses(tree)
@@ -194,13 +137,7 @@ def _capsule(element: XmlElement, pose: Array, path: Path) -> Capsule:
 
 
 def placed_shape(element: XmlElement) -> tuple[XmlElement, Array]:
-    """The shape of a ``<collision>`` or ``<visual>``, and its pose in the link's frame.
-
-    Raises
-    ------
-    InputError
-        None, or several.
-    """
+    """The shape of a ``<collision>`` or ``<visual>``, and its pose in the link's frame."""
     origin = next(element.below("origin"), None)
     shapes = [shape for geometry in element.below("geometry") for shape in geometry.children if ":" not in shape.tag]
     if len(shapes) != 1:

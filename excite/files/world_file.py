@@ -107,20 +107,7 @@ def read_world(
 
 
 def world_of(content: Mapping[str, Any], source: str = "world") -> World:
-    """The world that `World.to_dict` describes.
-
-    Parameters
-    ----------
-    content : mapping
-        The keys of a world file.
-    source : str
-        Name of the source, for messages.
-
-    Raises
-    ------
-    InputError
-        See `read_world`.
-    """
+    """The world that `World.to_dict` describes."""
     return _world(Document(source, dict(content), {}), _Chain())
 
 
@@ -146,37 +133,15 @@ def _world(document: Document, chain: _Chain) -> World:
 def urdf_capsules(
     robot: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
 ) -> tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]:
-    """Shape of a chain of a URDF, see `excite.files.urdf_shapes.urdf_shape`, and what was left out of it.
-
-    Parameters
-    ----------
-    robot : str
-        The file.
-    base, tip : str, optional
-        Names of the first and last link of the chain.
-    snap_angles : bool
-        Take rounded right angles in it for right angles.
-
-    Raises
-    ------
-    InputError
-        The robot is not a URDF, or has no usable shapes.
-    """
+    """Shape of a chain of a URDF, see `excite.files.urdf_shapes.urdf_shape`, and what was left out of it."""
     return _Chain(robot, base, tip, snap_angles).shape()
 
 
 def urdf_lowest(
     robot: str, normal: Array, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
 ) -> float | None:
-    """Height of the lowest point of a chain's base, see `excite.files.urdf_shapes.lowest_point`; None if not known.
-
-    Parameters
-    ----------
-    robot, base, tip, snap_angles
-        As of `urdf_capsules`.
-    normal : ndarray, shape (3,)
-        Unit vector in the axes of the base.
-    """
+    """Height of the lowest point of a chain's base, see `excite.files.urdf_shapes.lowest_point`; None if not known."""
+    # normal (3,)
     if not robot.lower().endswith((".urdf", ".xml")) or xml_kind(robot) != URDF:
         return None
     read = read_urdf(robot, base=base, tip=tip, snap_angles=snap_angles)

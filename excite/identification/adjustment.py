@@ -43,14 +43,7 @@ def with_presliding(
 def undirected_equations(
     recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog]
 ) -> list[tuple[PreparedLog, Observations]]:
-    """Equations of every instant of some logs, with the exact sign of friction, for a search of its presliding.
-
-    Parameters
-    ----------
-    recipe : Recipe
-    target : IdentificationTarget
-    parts : sequence of PreparedLog
-    """
+    """Equations of every instant of some logs, with the exact sign of friction, for a search of its presliding."""
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     # friction remembers every row, those too that make no equations later
     return [(part, streamed_equations(target, replace(part, left_out=()), plain)) for part in parts]

@@ -27,39 +27,22 @@ _COLUMNS = 8  # transformed at once, which bounds the memory
 
 @dataclass(frozen=True, eq=False)
 class NoiseGroup:
-    """Residuals of one equation in one log, in the order of time.
+    """Residuals of one equation in one log, in the order of time."""
 
-    Parameters
-    ----------
-    noise : ndarray, shape (n,)
-    rows : ndarray, shape (n, r)
-        X of the module's equations.
-    influence : ndarray, shape (n, r)
-        B' of the module's equations.
-    channels : ndarray, shape (n, c)
-        D: the noise is the sum over the channels of D times stationary noise of the same autocorrelation, as where
-        torques are multiplied by velocities; ones for noise that is stationary itself.
-    """
-
-    noise: Array
-    rows: Array
-    influence: Array
+    noise: Array  # (n,)
+    rows: Array  # (n, r) X of the module's equations
+    influence: Array  # (n, r) B' of the module's equations
+    # (n, c) D: the noise is the sum over the channels of D times stationary noise of the same autocorrelation, as
+    # where torques are multiplied by velocities; ones for noise that is stationary itself
     channels: Array
 
 
 @dataclass(frozen=True, eq=False)
 class AutoregressiveNoise:
-    """``n_t = sum_k a_k n_{t-k} + u_t`` with white u.
+    """``n_t = sum_k a_k n_{t-k} + u_t`` with white u."""
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape (order,)
-    variance : float
-        Of u.
-    """
-
-    coefficients: Array
-    variance: float
+    coefficients: Array  # (order,)
+    variance: float  # of u
 
     def spectrum(self, count: int) -> Array:
         """``variance / |1 - sum_k a_k exp(-i w k)|^2`` at the frequencies of a real transform of ``count`` values."""
@@ -68,14 +51,8 @@ class AutoregressiveNoise:
 
 
 def autoregressive_noise(autocovariance: Array, count: int) -> AutoregressiveNoise:
-    """Noise by Yule and Walker, of the order with the least ``n log(variance) + order log(n)`` [Schwarz 1978].
-
-    Parameters
-    ----------
-    autocovariance : ndarray, shape (lags + 1,)
-    count : int
-        Instants n that it was estimated from.
-    """
+    """Noise by Yule and Walker, of the order with the least ``n log(variance) + order log(n)`` [Schwarz 1978]."""
+    # autocovariance (lags + 1,)
     best, least = AutoregressiveNoise(np.zeros(0), float(autocovariance[0])), 0.0
     a, variance = np.zeros(0), float(autocovariance[0])
     for order in range(1, autocovariance.size):
@@ -97,16 +74,7 @@ def noise_of_residuals(residual: Array) -> AutoregressiveNoise:
 
 
 def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float, share: float = 1.0) -> Array:
-    """Covariance C of the module's equations, shape (r, r).
-
-    Parameters
-    ----------
-    groups : sequence of NoiseGroup
-    effective : float
-        Effective rows of all groups together, and of those that they stand for.
-    share : float
-        Of the rows that the groups hold of all that the estimate was computed from; they stand for the others.
-    """
+    """Covariance C of the module's equations, shape (r, r)."""
     scaled = [np.asarray(group.channels * _sizes(group)) for group in groups]
     found = [_autocovariance(group.noise, D) for group, D in zip(groups, scaled, strict=True)]
     aim = found

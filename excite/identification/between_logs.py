@@ -78,13 +78,7 @@ class LogScatter:
 
 
 def log_scatter(each: EachLog) -> LogScatter:
-    """Scatter between logs.
-
-    Parameters
-    ----------
-    each : EachLog
-        Of two logs or more.
-    """
+    """Scatter between logs."""
     seen = np.isfinite(each.deviations) & (each.deviations > 0) & np.isfinite(each.values)
     weights = np.divide(1.0, each.deviations**2, out=np.zeros(seen.shape), where=seen)
     counts, total = seen.sum(axis=0), weights.sum(axis=0)
@@ -112,19 +106,7 @@ def _probabilities(each: EachLog, weights: Array, counts: Array, ratios: Array) 
 
 
 def allowing_for_logs(estimate: Estimate, scatter: LogScatter) -> Estimate:
-    """Extend the intervals of an estimate from several logs by their scatter.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        With the covariance for the noise of all logs.
-    scatter : LogScatter
-
-    Returns
-    -------
-    Estimate
-        With as many degrees of freedom as logs; unchanged where no parameter is identifiable from two logs alone.
-    """
+    """Extend the intervals of an estimate from several logs by their scatter."""
     if not np.any(np.isfinite(scatter.ratios)):
         note = "no parameter is identifiable from two of the logs alone: the intervals do not allow for their scatter"
         return replace(estimate, notes=(*estimate.notes, note))

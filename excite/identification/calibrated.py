@@ -17,22 +17,7 @@ if TYPE_CHECKING:
 
 
 def check_given(loaded: object, known_mass: float | None, kind: str) -> bool:
-    """Whether gains are to be calibrated.
-
-    Parameters
-    ----------
-    loaded : object
-        Logs with the load, one or several; an empty sequence for none.
-    known_mass : float, optional
-    kind : str
-
-    Raises
-    ------
-    UnknownName
-        No such kind of gains.
-    InputError
-        A mass without logs, or logs without a mass.
-    """
+    """Whether gains are to be calibrated."""
     given = not (isinstance(loaded, list | tuple) and not loaded)
     if kind not in KINDS:
         raise UnknownName("kind of gains", kind, KINDS)
@@ -52,26 +37,7 @@ def calibrated(
     *,
     commanded: Trajectory | None = None,
 ) -> Identification:
-    """Calibrate the gains, and identify once more in corrected torques.
-
-    Parameters
-    ----------
-    bare : Identification
-        From the logs without the load, with the gains as stated.
-    logs, loaded : sequence of Log
-        Without and with the load.
-    known_mass : float
-        Of the load [kg].
-    kind : {"each", "common"}
-        One gain for each drive, or one for all.
-    commanded : Trajectory, optional
-        The motion that was played, where it is known.
-
-    Raises
-    ------
-    InputError
-        A log given as both; see `excite.identification.calibration.calibrate`.
-    """
+    """Calibrate the gains, and identify once more in corrected torques."""
     if twice := {log.sha256 for log in logs} & {log.sha256 for log in loaded}:
         names = ", ".join(log.source for log in loaded if log.sha256 in twice)
         raise InputError(f"{names}: the same log is given with and without the load")

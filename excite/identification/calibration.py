@@ -95,24 +95,7 @@ class GainCalibration:
 
 
 def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, kind: str) -> GainCalibration:
-    """Calibrate the gains of the drives.
-
-    Parameters
-    ----------
-    bare : Identification
-        From the logs without the load, with the gains as stated.
-    loaded : sequence of Log
-        With the load, fixed to the last link.
-    known_mass : float
-        Of the load [kg].
-    kind : {"each", "common"}
-
-    Raises
-    ------
-    InputError
-        A mass that is not positive, a model that is not of joint torques at single instants, known friction, or a load
-        that does not act.
-    """
+    """Calibrate the gains of the drives."""
     target, recipe = bare.target, replace(bare.recipe, standstill=0.0)
     if target.model.torque_equations() is None or not target.motion.complete:
         raise InputError("drive gains are calibrated with the differential model of all joints of the load's arm")
@@ -141,14 +124,7 @@ def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, ki
 
 
 def with_calibration(result: Identification, calibration: GainCalibration) -> Identification:
-    """A result in corrected torques, whose intervals allow for the uncertainty of the gains.
-
-    Parameters
-    ----------
-    result : Identification
-        From the same logs, with the factors of the calibration in its recipe.
-    calibration : GainCalibration
-    """
+    """A result in corrected torques, whose intervals allow for the uncertainty of the gains."""
     robot, recipe = result.target.robot, result.recipe
     common, factors = calibration.kind == "common", calibration.factors
     changes = [
@@ -164,17 +140,7 @@ def with_calibration(result: Identification, calibration: GainCalibration) -> Id
 
 
 def at_drives(observations: Observations, D: Array, names: tuple[str, ...]) -> Observations:
-    """Equations of the drives' torques instead of the joints'.
-
-    Parameters
-    ----------
-    observations : Observations
-        Of n joints at each instant.
-    D : ndarray, shape (n, n)
-        Map from joint torques to those of the drives.
-    names : tuple of str
-        Of the drives.
-    """
+    """Equations of the drives' torques instead of the joints'."""  # D (n, n)
     n, p = D.shape[0], observations.W.shape[1]
     W = np.einsum("ij,njp->nip", D, observations.matrix.reshape(-1, n, p)).reshape(-1, p)
     y = (observations.y.reshape(-1, n) @ D.T).ravel()
@@ -183,16 +149,7 @@ def at_drives(observations: Observations, D: Array, names: tuple[str, ...]) -> O
 
 
 def load_rows(part: PreparedLog, target: IdentificationTarget, recipe: Recipe, D: Array) -> Array:
-    """Torques of the drives per parameter of a load at the last link, in the rows of a log's equations, shape (m, 10).
-
-    Parameters
-    ----------
-    part : PreparedLog
-    target : IdentificationTarget
-    recipe : Recipe
-    D : ndarray, shape (n, n)
-        Map from joint torques to those of the drives.
-    """
+    """Torques of the drives per parameter of a load at the last link, in a log's rows, shape (m, 10)."""  # D (n, n)
     n = D.shape[0]
     K = load_regressor(target.robot, part.samples).reshape(-1, n, 10)
     rows = right_sides(target, part, recipe, np.moveaxis(K, 2, 0))

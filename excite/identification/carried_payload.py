@@ -15,16 +15,5 @@ def load_regressor(robot: Robot, samples: Samples) -> Array:
     """Joint torques per parameter of a load fixed to the last link, about that link's frame.
 
     ``tau_j = l_j' F + s_j' N`` with ``[F; N] = K phi`` of the last link's frame [KD96] eq. (8)-(10).
-
-    Parameters
-    ----------
-    robot : Robot
-    samples : Samples
-        N instants.
-
-    Returns
-    -------
-    ndarray, shape (N n, 10)
-        Rows of the first instant, then of the second, and so on [Nm or N, per unit parameter].
     """
     return PayloadModel(robot).instants(samples)

@@ -20,19 +20,7 @@ FAR = 0.2  # of the motion's size: a log that deviates more did not follow the c
 
 
 def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
-    """Commanded motion at the instants of a prepared log, shifted in time so that it fits best.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Periodic, of the log's joints.
-    part : PreparedLog
-
-    Raises
-    ------
-    InputError
-        The log does not follow that motion.
-    """
+    """Commanded motion at the instants of a prepared log, shifted in time so that it fits best."""
     time, q = part.samples.time, part.samples.q
     period = trajectory.family.duration
 
@@ -64,14 +52,6 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
 def instruments(
     trajectory: Trajectory, target: IdentificationTarget, parts: tuple[PreparedLog, ...], recipe: Recipe
 ) -> Array:
-    """Regressor of the commanded motion, with the same rows as the measured one, shape (m, p).
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    target : IdentificationTarget
-    parts : tuple of PreparedLog
-    recipe : Recipe
-    """
+    """Regressor of the commanded motion, with the same rows as the measured one, shape (m, p)."""
     played = [replace(part, samples=commanded(trajectory, part)) for part in parts]
     return equations(target, played, recipe).matrix

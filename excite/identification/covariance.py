@@ -41,29 +41,6 @@ def robust_covariance(
     covariance of the estimate times rows over effective rows, see `excite.identification.residuals`.
     ``autoregressive``: that of stationary noise, see `excite.identification.autoregressive_noise`. ``robust``: the
     latter, each deviation at least that of ``newey-west``, which allows for noise that changes with the motion.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        By least-squares, recursive (nothing forgotten), weighted, huber (default threshold), physical, log-cholesky.
-    observations : Observations
-        Observations that the estimate was computed from.
-    kind : {"robust", "newey-west", "autoregressive", "effective"}
-    origin : NoiseOrigin, optional
-        Where the noise of the rows comes from, for models of time windows.
-
-    Returns
-    -------
-    Estimate
-        With a quarter of the effective rows per equation, less parameters, as degrees of freedom, at least 3: the
-        scatter of the deviations themselves in benchmarks/coverage; the assumption is added to the notes.
-
-    Raises
-    ------
-    UnknownName
-        No such kind.
-    InputError
-        An estimation method for which this covariance is not derived.
     """
     if kind not in _KINDS:
         raise UnknownName("kind of robust covariance", kind, _KINDS)
@@ -219,20 +196,7 @@ def _instant_sums(g: Array, time: Array) -> Array:
 
 
 def bandwidth(lag_one: float, count: int) -> int:
-    """Instants B of the triangular kernel, ``1.1447 (alpha n)^(1/3)``, ``alpha = 4 r^2 / ((1 - r)^2 (1 + r)^2)``.
-
-    Parameters
-    ----------
-    lag_one : float
-        Autocorrelation r of the residuals from one instant to the next.
-    count : int
-        Instants n.
-
-    Returns
-    -------
-    int
-        At least 1, which assumes no correlation in time; at most a quarter of the instants.
-    """
+    """Instants B of the triangular kernel, ``1.1447 (alpha n)^(1/3)``, ``alpha = 4 r^2 / ((1 - r)^2 (1 + r)^2)``."""
     r = min(max(lag_one, -0.99), 0.99)
     alpha = 4 * r**2 / ((1 - r) ** 2 * (1 + r) ** 2)
     return max(1, min(int(np.ceil(1.1447 * (alpha * count) ** (1 / 3))), count // 4))

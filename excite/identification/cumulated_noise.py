@@ -25,30 +25,16 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class NoiseOrigin:
-    """Where the noise in the rows comes from.
+    """Where the noise in the rows comes from."""
 
-    Parameters
-    ----------
-    cumulated : bool
-        True for long windows, whose rows hold the noise of all instants since the first one.
-    channels : ndarray, shape (m, c), optional
-        Change of each row with each measured channel, by which its noise enters; for time windows, whose noise is
-        multiplied by velocities or rotated. Not given where each row holds the noise of its own channel alone.
-    """
-
-    cumulated: bool = False
+    cumulated: bool = False  # True for long windows, whose rows hold the noise of all instants since the first one
+    # (m, c) change of each row with each measured channel, by which its noise enters; for time windows, whose noise
+    # is multiplied by velocities or rotated. Not given where each row holds the noise of its own channel alone
     channels: Array | None = None
 
 
 def noise_origin(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe) -> NoiseOrigin:
-    """Where the noise in the equations of a target comes from.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    parts : sequence of PreparedLog
-    recipe : Recipe
-    """
+    """Where the noise in the equations of a target comes from."""
     window = target.model.window
     if window is None:
         return NoiseOrigin()
@@ -63,35 +49,16 @@ def noise_origin(target: IdentificationTarget, parts: Sequence[PreparedLog], rec
 
 @dataclass(frozen=True, eq=False)
 class NoisePaths:
-    """How noise enters the rows and the estimate, row by row.
+    """How noise enters the rows and the estimate, row by row."""
 
-    Parameters
-    ----------
-    noise : ndarray, shape (m,)
-        Its estimate n, from the residuals [units of the equations].
-    rows : ndarray or StreamedRows, shape (m, p)
-        Rows X of ``n = n_true - X (estimate - truth)``.
-    sums : ndarray or StreamedRows, shape (m, p)
-        Rows U: the estimate's error is ``(W' V W)^-1 sum_i v_i U_i n_i``.
-    channels : ndarray, shape (m, c)
-        By which the noise of each channel enters.
-    """
-
-    noise: Array
-    rows: Rows
-    sums: Rows
-    channels: Array
+    noise: Array  # (m,) its estimate n, from the residuals [units of the equations]
+    rows: Rows  # (m, p) rows X of ``n = n_true - X (estimate - truth)``
+    sums: Rows  # (m, p) rows U: the estimate's error is ``(W' V W)^-1 sum_i v_i U_i n_i``
+    channels: Array  # (m, c) by which the noise of each channel enters
 
 
 def noise_paths(estimate: Estimate, observations: Observations, origin: NoiseOrigin) -> NoisePaths:
-    """How noise enters observations of single instants and short windows, or of long windows.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    observations : Observations
-    origin : NoiseOrigin
-    """
+    """How noise enters observations of single instants and short windows, or of long windows."""
     e, W, D = estimate.residual(observations), observations.W, origin.channels
     D = np.broadcast_to(1.0, (e.size, 1)) if D is None else D
     if not origin.cumulated:

@@ -34,21 +34,11 @@ _LEAST = 1.01  # times the deviation from the logs alone: smaller effects are no
 
 @dataclass(frozen=True, eq=False)
 class CurveEffect:
-    """Effect of errors of known friction curves on an estimate.
+    """Effect of errors of known friction curves on an estimate."""
 
-    Parameters
-    ----------
-    parameters : tuple of (str, str)
-        Drive, and parameter of its curve.
-    correlation : ndarray, shape (k, k)
-        Of these parameters.
-    changes : ndarray, shape (p, k)
-        Change of the estimate by an error of one standard deviation of each parameter.
-    """
-
-    parameters: tuple[tuple[str, str], ...]
-    correlation: Array
-    changes: Array
+    parameters: tuple[tuple[str, str], ...]  # drive, and parameter of its curve
+    correlation: Array  # (k, k) of these parameters
+    changes: Array  # (p, k) change of the estimate by an error of one standard deviation of each parameter
 
     @property
     def covariance(self) -> Array:
@@ -68,19 +58,6 @@ def allowing_for_curves(
 
     Where errors of the curves have already increased the residuals, they count twice and the intervals are
     conservative.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        With the covariance of the logs alone.
-    observations : Observations
-        Equations of the estimate, with friction subtracted.
-    target : IdentificationTarget
-    measured : sequence of PreparedLog
-        The logs before friction was subtracted.
-    recipe : Recipe
-        With the chosen `sign_width` or `breakaway`.
-    friction : FrictionCurves
     """
     moving = [name for name, _ in drives_with_friction(target.robot) if name in friction.curves]
     exact = [name for name in moving if name not in friction.uncertainty]
@@ -173,15 +150,7 @@ def _torque_change(
 
 
 def estimate_changes(estimate: Estimate, observations: Observations, changes: Array) -> Array:
-    """Change of an estimate with its right-hand side, shape (p, k) for changes of shape (m, k).
-
-    Parameters
-    ----------
-    estimate : Estimate
-        By one of `METHODS`.
-    observations : Observations
-    changes : ndarray, shape (m, k)
-    """
+    """Change of an estimate with its right-hand side, shape (p, k) for changes of shape (m, k)."""  # changes (m, k)
     divisor = divisors(estimate)
     if estimate.method == "huber":
         ratio = estimate.residual(observations) / divisor[observations.group]

@@ -15,40 +15,15 @@ _MARGIN = 8  # times the edge of the filter, 16 periods of its cutoff: its memor
 
 @dataclass(frozen=True)
 class Decimation:
-    """The same low-pass and decimation of both sides of ``y = W beta``.
+    """The same low-pass and decimation of both sides of ``y = W beta``."""
 
-    Parameters
-    ----------
-    rate : float
-        Of the equations before it [Hz].
-    cutoff : float or None
-        [Hz]; without one, rows are only decimated.
-    kept : slice
-        Which of the instants are left.
-    """
-
-    rate: float
-    cutoff: float | None
-    kept: slice
+    rate: float  # of the equations before it [Hz]
+    cutoff: float | None  # [Hz]; without one, rows are only decimated
+    kept: slice  # which of the instants are left
 
     @classmethod
     def of(cls, time: Array, cutoff: float | None, every: int | None) -> Decimation:
-        """Decimation of equations at uniform instants.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            [s]
-        cutoff : float, optional
-            [Hz]
-        every : int, optional
-            Decimation factor; the largest that the low-pass allows if not given.
-
-        Raises
-        ------
-        InputError
-            See `excite.signals.low_pass.kept_rows`.
-        """
+        """Decimation of equations at uniform instants."""  # time (N,)
         rate = (time.size - 1) / float(time[-1] - time[0])
         kept = slice(0, time.size, every) if cutoff is None else kept_rows(time.size, rate, cutoff, every)
         return cls(rate, cutoff, kept)
@@ -59,13 +34,7 @@ class Decimation:
 
 
 class DecimatedRows(RowSource):
-    """Rows of a source, low-passed and decimated.
-
-    Parameters
-    ----------
-    source : RowSource
-    decimation : Decimation
-    """
+    """Rows of a source, low-passed and decimated."""
 
     def __init__(self, source: RowSource, decimation: Decimation) -> None:
         self.source, self.decimation = source, decimation

@@ -20,19 +20,7 @@ def delay_column(
     """Change of the predicted torques with the delay, ``-d (W beta) / dt``, per sample time, shape (m,).
 
     Torques that act later belong to an earlier motion.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    parts : sequence of PreparedLog
-    recipe : Recipe
-    coefficients : ndarray, shape (p,)
-
-    Returns
-    -------
-    ndarray, or None
-        None without a delay, and for models of time windows.
-    """
+    """  # coefficients (p,)
     if not recipe.delay or target.model.window is not None:
         return None
     columns = []

@@ -21,25 +21,13 @@ _ROUNDS = 30
 
 @dataclass(frozen=True, eq=False)
 class DriveGains:
-    """Factors by which stated drive gains are to be multiplied.
-
-    Parameters
-    ----------
-    equations : tuple of str
-    factor : ndarray, shape (r,)
-    deviation : ndarray, shape (r,)
-        Standard deviation of each factor, for residuals that are independent from row to row.
-    load : ndarray, shape (10,)
-        Parameters of the load with these factors, the first of them the known mass [kg, kg m, kg m^2].
-    beta : ndarray, shape (p,)
-        Parameters of the robot with these factors.
-    """
+    """Factors by which stated drive gains are to be multiplied."""
 
     equations: tuple[str, ...]
-    factor: Array
-    deviation: Array
-    load: Array
-    beta: Array
+    factor: Array  # (r,)
+    deviation: Array  # (r,) standard deviation of each factor, for residuals that are independent from row to row
+    load: Array  # (10,) parameters of the load with these factors, the first of them the known mass [kg, kg m, kg m^2]
+    beta: Array  # (p,) parameters of the robot with these factors
 
 
 def drive_gains(observations: Observations, load: Array, mass: float, *, common: bool) -> DriveGains:
@@ -47,27 +35,7 @@ def drive_gains(observations: Observations, load: Array, mass: float, *, common:
 
     Least squares of ``y_j - h_j (W_j beta + K_j phi)`` over ``h = 1 / g``, beta and the rest of phi, each equation
     weighted by its residual; by the Gauss-Newton method on the equations' triangular factors.
-
-    Parameters
-    ----------
-    observations : Observations
-        Of motions with and without the load, in the parameters of the robot without it.
-    load : ndarray, shape (m, 10)
-        Regressor of the load's parameters in each row; zero in rows without the load.
-    mass : float
-        Of the load [kg].
-    common : bool
-        True for one factor for all equations, False for one each.
-
-    Returns
-    -------
-    DriveGains
-
-    Raises
-    ------
-    InputError
-        No row with the load, a mass that is not positive, or gains that are not identifiable from the motion.
-    """
+    """  # load (m, 10)
     if not (np.isfinite(mass) and mass > 0):
         raise InputError(f"mass of the load must be a positive number of kilograms, given {mass}")
     if not np.any(load):

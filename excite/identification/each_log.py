@@ -19,45 +19,24 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class EachLog:
-    """Estimates from K logs, each from one of them alone; p parameters.
-
-    Parameters
-    ----------
-    logs : tuple of str, length K
-    names, units : tuple of str, length p
-    friction : ndarray of bool, shape (p,)
-        Which parameters are coefficients of friction, which changes with temperature, wear and lubrication.
-    values, deviations : ndarray, shape (K, p)
-        Estimates, and the standard deviation that each log's own residuals give them; NaN and infinite where a
-        parameter is not identifiable from a log alone.
-    degrees_of_freedom : ndarray, shape (K,)
-        Of these deviations.
-    """
+    """Estimates from K logs, each from one of them alone; p parameters."""
 
     logs: tuple[str, ...]
     names: tuple[str, ...]
     units: tuple[str, ...]
+    # (p,) which parameters are coefficients of friction, which changes with temperature, wear and lubrication
     friction: NDArray[np.bool_]
+    # (K, p) estimates, and the standard deviation that each log's own residuals give them; NaN and infinite where a
+    # parameter is not identifiable from a log alone
     values: Array
-    deviations: Array
-    degrees_of_freedom: Array
+    deviations: Array  # (K, p)
+    degrees_of_freedom: Array  # (K,) of these deviations
 
 
 def estimate_each(
     estimator: Estimator, observations: Observations, context: Context, *, found: frozenset[str]
 ) -> EachLog:
-    """Estimate from every log alone.
-
-    Parameters
-    ----------
-    estimator : Estimator
-    observations : Observations
-        Of all logs.
-    context : Context
-        Of all logs.
-    found : frozenset of str
-        What was found from the logs, see `with_uncertainty`.
-    """
+    """Estimate from every log alone."""
     count, base = len(observations.logs), context.target.base
     values = np.full((count, len(observations.names)), np.nan)
     deviations, freedom = np.full(values.shape, np.inf), np.ones(count)

@@ -24,18 +24,6 @@ def equations(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe
 
     Their regressor is an array where it is not large (`excite.identification.streamed_rows.HELD`); the rows of a larger
     one are computed when they are read.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    parts : sequence of PreparedLog
-    recipe : Recipe
-        Low-pass and decimation of the equations.
-
-    Raises
-    ------
-    InputError
-        A low-pass or decimation for a model of time windows, which integrates already.
     """
     streamed = join_observations([streamed_equations(target, part, recipe) for part in parts])
     return streamed if isinstance(streamed.W, StreamedRows) and streamed.W.nbytes > HELD else streamed.held()
@@ -99,41 +87,13 @@ def _moving(target: IdentificationTarget, prepared: PreparedLog, time: Array) ->
 
 
 def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:
-    """Right-hand sides of one log's equations for several measurements along its motion.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    prepared : PreparedLog
-        Its own measurement is not used.
-    recipe : Recipe
-        Low-pass and decimation of the equations.
-    measured : ndarray, shape (k, N, n)
-        [Nm or N]
-
-    Returns
-    -------
-    ndarray, shape (m, k)
-    """
+    """Right-hand sides of one log's equations for several measurements along its motion."""  # measured (k, N, n)
     y = np.array([target.model.right_side(prepared.samples, signal) for signal in measured]).T
     return kept_rows(target, prepared, recipe, y)
 
 
 def kept_rows(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, y: Array) -> Array:
-    """Signals at every row of one log's model, filtered and cut as its equations are.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    prepared : PreparedLog
-    recipe : Recipe
-        Low-pass and decimation of the equations.
-    y : ndarray, shape (N r, k), or (windows r, k)
-
-    Returns
-    -------
-    ndarray, shape (m, k)
-    """
+    """Signals at every row of one log's model, filtered and cut as its equations are."""  # y (N r, k)
     model = target.model
     r, time = len(model.row_labels), model.row_times(prepared.samples.time)
     if model.window is None and (recipe.low_pass is not None or recipe.every is not None):

@@ -24,25 +24,15 @@ class Estimability:
 
     A parameter is identifiable if its column is independent of the others, and if half of its 99 % confidence interval,
     as a contribution to y, is smaller than y itself: ``t sqrt(C_jj) ||W_j|| <= ||y||``. Neither side depends on units.
-
-    Parameters
-    ----------
-    names : tuple of str, length p
-    seen : ndarray of bool, shape (p,)
-    resolution : ndarray, shape (p,)
-        ``t sqrt(C_jj) ||W_j|| / ||y||``; infinite where the columns depend on each other, NaN where the noise is not
-        known.
-    singular_values : ndarray, shape (p,)
-        Of the columns scaled to length one.
-    combinations : tuple of str
-        Identifiable combinations of the parameters that are not identifiable on their own.
     """
 
     names: tuple[str, ...]
-    seen: NDArray[np.bool_]
+    seen: NDArray[np.bool_]  # (p,)
+    # (p,) ``t sqrt(C_jj) ||W_j|| / ||y||``; infinite where the columns depend on each other, NaN where the noise is
+    # not known
     resolution: Array
-    singular_values: Array
-    combinations: tuple[str, ...]
+    singular_values: Array  # (p,) of the columns scaled to length one
+    combinations: tuple[str, ...]  # identifiable combinations of the parameters that are not identifiable on their own
 
     @property
     def unseen(self) -> tuple[str, ...]:
@@ -51,21 +41,7 @@ class Estimability:
 
 
 def estimability(solution: LinearSolution, names: tuple[str, ...], variance: float, freedom: int) -> Estimability:
-    """Identifiability of the parameters of a least-squares problem.
-
-    Parameters
-    ----------
-    solution : LinearSolution
-    names : tuple of str, length p
-    variance : float
-        Of the noise in each row [unit of r squared]; NaN if it is not known.
-    freedom : int
-        Degrees of freedom of that variance.
-
-    Returns
-    -------
-    Estimability
-    """
+    """Identifiability of the parameters of a least-squares problem."""
     hidden = solution.directions[solution.rank :].T  # (p, p - rank), of the scaled columns
     dependent = np.linalg.norm(hidden, axis=1) > _NOTHING
     quantile = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, max(freedom, 1)))
@@ -130,21 +106,8 @@ def shown_estimate(
     freedom: int,
     notes: tuple[str, ...] = (),
 ) -> Estimate:
-    """Estimate of the identifiable parameters: NaN and infinite variance for the others, which the notes name.
-
-    Parameters
-    ----------
-    method : str
-    observations : Observations
-    shown : Estimability
-    values : ndarray, shape (p,)
-        Of all parameters; those of unidentifiable ones are one of many solutions.
-    covariance : ndarray, shape (p, p)
-    noise : ndarray, shape (groups,)
-    freedom : int
-        Degrees of freedom.
-    notes : tuple of str
-    """
+    """Estimate of the identifiable parameters: NaN and infinite variance for the others, which the notes name."""
+    # values (p,); covariance (p, p); noise (groups,)
     seen = shown.seen
     kept = np.where(np.outer(seen, seen), covariance, 0.0)
     kept[np.diag_indices_from(kept)] = np.where(seen, np.diag(covariance), np.inf)

@@ -51,32 +51,7 @@ def estimate_parameters(
     found: frozenset[str] = frozenset(),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
-    """Identify parameters from one log or several.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-        Which model, of which joints; drives whose friction is known get no friction columns.
-    logs : sequence of Log
-        Each with a hash.
-    recipe : Recipe, optional
-    commanded : Trajectory, optional
-        The motion that was played, where it is known.
-    friction : FrictionCurves, optional
-        Friction known beforehand, see `excite.identification.known_friction`; the curves of the task if not given.
-    found : frozenset of str
-        Which of ``presliding`` and ``delay`` in the recipe were found from the same logs, so that the intervals allow
-        for that.
-    progress : callable
-        Called with a description of each step.
-
-    Raises
-    ------
-    InputError
-        No logs, logs that do not fit, or fewer equations than parameters.
-    """
+    """Identify parameters from one log or several."""
     if not logs:
         raise InputError("no logs to identify from")
     recipe = recipe if recipe is not None else Recipe()

@@ -23,14 +23,6 @@ def without_impacts(used: Log, robot: Robot, recipe: Recipe) -> tuple[Log, tuple
     """The log without the rows about impacts, which would spread over the filtered motion, and these impacts.
 
     Where all rows are asked for, the rows stay.
-
-    Parameters
-    ----------
-    used : Log
-        The rows that are used.
-    robot : Robot
-        With these joints.
-    recipe : Recipe
     """
     units = [robot.joints[robot.joint_index(name)].unit for name in used.joints]
     hits = impact_events(resample(used).log, used, units)
@@ -45,15 +37,6 @@ def stretches_left_out(smooth: Log, cut: float, hits: Sequence[Event]) -> tuple[
 
     Where there are no rows for longer than 20 ms, what the filter of the positions makes of it is left out too: half a
     period of its cutoff on either side.
-
-    Parameters
-    ----------
-    smooth : Log
-        The rows that are used, without impacts.
-    cut : float
-        What the filter cuts at the ends [s].
-    hits : sequence of Event
-        Impacts.
     """
     smear = max(_LEAST_SMEAR, _SMEAR * cut)
     lost = [event for event in missing_rows(smooth) if event.kind != IMPACT]
@@ -66,10 +49,5 @@ def _widened(event: Event, smear: float) -> Event:
 
 
 def spans_left_out(events: Sequence[Event]) -> Spans:
-    """Spans of time of the events that make no equations, joined where they overlap [s].
-
-    Parameters
-    ----------
-    events : sequence of Event
-    """
+    """Spans of time of the events that make no equations, joined where they overlap [s]."""
     return joined_spans((event.begin, event.end) for event in events if event.left_out)

@@ -20,35 +20,16 @@ from regressors.samples import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class GroupFactors:
-    """Triangular factor of the rows of each group.
+    """Triangular factor of the rows of each group."""
 
-    Parameters
-    ----------
-    R : tuple of ndarray, shape (k_g, p + 1) each
-        Of ``[W y]``, or of ``[Z W y]`` with additional columns in front; no rows for a group without rows. Triangular
-        in the columns in which the group is not zero.
-    count : ndarray of int, shape (groups,)
-        Rows of each group.
-    """
-
+    # (k_g, p + 1) of ``[W y]``, or of ``[Z W y]`` with additional columns in front; no rows for a group without rows.
+    # Triangular in the columns in which the group is not zero
     R: tuple[Array, ...]
-    count: Index
+    count: Index  # (groups,) rows of each group
 
     @classmethod
     def of(cls, observations: Observations, front: Array | None = None) -> GroupFactors:
-        """Factors of observations, by QR of one chunk of rows after the other (tall-skinny QR).
-
-        Parameters
-        ----------
-        observations : Observations
-        front : ndarray, shape (m, k), optional
-            Columns to put before those of W.
-
-        Raises
-        ------
-        InputError
-            No rows, no parameters, or numbers that are not finite.
-        """
+        """Factors of observations, by QR of one chunk of rows after the other (tall-skinny QR)."""  # front (m, k)
         check_observations(observations)
         if front is not None:
             return _factors(observations, front)
@@ -67,16 +48,7 @@ class GroupFactors:
         return np.asarray(norms / np.sqrt(np.maximum(self.count, 1)))
 
     def stacked(self, scale: Array) -> Array:
-        """Triangular factor of all rows, each group divided by its scale.
-
-        Parameters
-        ----------
-        scale : ndarray, shape (groups,)
-
-        Returns
-        -------
-        ndarray, shape (k, p + 1)
-        """
+        """Triangular factor of all rows, each group divided by its scale."""  # scale (groups,)
         return np.asarray(np.linalg.qr(np.concatenate([R / s for R, s in zip(self.R, scale, strict=True)]), mode="r"))
 
     def squares(self, values: Array) -> Array:
@@ -142,12 +114,8 @@ class _GrowingFactor:
 
 
 def rows_of_groups(group: Index) -> Iterator[tuple[int, slice | Index]]:
-    """Each group in some rows with its rows: a slice where the equations alternate, as they do in logs.
-
-    Parameters
-    ----------
-    group : ndarray of int, shape (m,)
-    """
+    """Each group in some rows with its rows: a slice where the equations alternate, as they do in logs."""
+    # group (m,)
     repeated = np.flatnonzero(group[1:] == group[0])
     first, each = np.unique(group[: repeated[0] + 1 if repeated.size else None], return_index=True)
     r = each.size

@@ -18,13 +18,7 @@ _LEAST = 1e-12  # stands for zero, whose direction is the sign
 
 
 def sizes(what: str, given: float | Sequence[float] | None) -> Sizes | None:
-    """One size or several, as plain numbers.
-
-    Raises
-    ------
-    InputError
-        A number that is not zero or positive.
-    """
+    """One size or several, as plain numbers."""
     if given is None:
         return None
     several = isinstance(given, list | tuple)
@@ -39,27 +33,7 @@ def listed(sizes: Sizes | None) -> str:
 
 
 def directions(z: Array, dz: Array, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
-    """Direction of the friction of each drive along a motion, from -1 to 1.
-
-    Parameters
-    ----------
-    z, dz : ndarray, shape (N, k)
-        Drive coordinates, up to constants, and their velocities [rad, rad/s, or with m].
-    sign_width : float or tuple of float, length k, optional
-        w of ``tanh(dz / w)`` [rad/s or m/s].
-    breakaway : float or tuple of float, length k, optional
-        d of `measured_direction`, which takes precedence [rad or m].
-
-    Returns
-    -------
-    ndarray, shape (N, k), or None
-        None for the exact sign of the velocity of all drives.
-
-    Raises
-    ------
-    InputError
-        Another number of sizes than there are drives.
-    """
+    """Direction of the friction of each drive along a motion, from -1 to 1."""  # z, dz (N, k)
     for what, given in (("sign_width", sign_width), ("breakaway", breakaway)):
         if isinstance(given, tuple) and len(given) != z.shape[1]:
             raise InputError(f"`{what}` needs one value, or {z.shape[1]}, one per moving drive; given {len(given)}")
@@ -70,22 +44,7 @@ def directions(z: Array, dz: Array, sign_width: Sizes | None, breakaway: Sizes |
 
 
 def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
-    """Direction of the friction of each moving drive along a motion of the joints, see `directions`.
-
-    Parameters
-    ----------
-    robot : Robot
-        With its moving joints only.
-    samples : Samples
-        N instants of one motion.
-    sign_width, breakaway
-        See `directions`.
-
-    Returns
-    -------
-    ndarray, shape (N, k), or None
-        None for the exact sign of the velocity of all drives.
-    """
+    """Direction of the friction of each moving drive along a motion of the joints, see `directions`."""
     rows = drive_rows(robot)
     return directions(samples.q @ rows.T, samples.dq @ rows.T, sign_width, breakaway)
 

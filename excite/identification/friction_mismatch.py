@@ -43,21 +43,7 @@ _SHOWN = 1e-6  # of a bump's length that neither the model nor the other bumps e
 
 
 def friction_mismatch(estimate: Estimate, observations: Observations, context: Context) -> Array | None:
-    """Second moments of the error that friction of other forms causes, shape (p, p).
-
-    Parameters
-    ----------
-    estimate : Estimate
-        With its final covariance.
-    observations : Observations
-    context : Context
-
-    Returns
-    -------
-    ndarray, or None
-        None where noise explains what the bumps do; of methods other than `excite.identification.covariance.METHODS`,
-        of models without friction at single instants, and of logs so long that their rows are streamed.
-    """
+    """Second moments of the error that friction of other forms causes, shape (p, p)."""
     if estimate.method not in METHODS or isinstance(observations.W, StreamedRows):
         return None
     model, base = context.target.model, context.target.base
@@ -81,14 +67,7 @@ def friction_mismatch(estimate: Estimate, observations: Observations, context: C
 
 
 def bumps(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe) -> Array:
-    """Torque of every bump of every drive in the equations, shape (m, k).
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    parts : sequence of PreparedLog
-    recipe : Recipe
-    """
+    """Torque of every bump of every drive in the equations, shape (m, k)."""
     C = drive_rows(target.robot)
     fastest = np.max([np.abs(part.samples.dq @ C.T).max(axis=0) for part in parts], axis=0)
     return np.concatenate([_of_log(target, part, recipe, fastest) for part in parts])

@@ -71,23 +71,7 @@ class FrictionScale:
 def friction_columns(
     target: IdentificationTarget, part: PreparedLog, friction: FrictionCurves, recipe: Recipe
 ) -> tuple[tuple[str, ...], Array]:
-    """Known friction of each moving drive with a curve, in the rows of a log's equations.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    part : PreparedLog
-        As measured, friction not subtracted.
-    friction : FrictionCurves
-    recipe : Recipe
-        With the chosen `sign_width` or `breakaway`.
-
-    Returns
-    -------
-    drives : tuple of str, length k
-    columns : ndarray, shape (m, k)
-        Beside W, a coefficient of 1 subtracts the curve [units of the equations].
-    """
+    """Known friction of each moving drive with a curve, in the rows of a log's equations."""  # result (m, k)
     names, torques = friction_torques(target, part, friction, recipe)
     return names, right_sides(target, part, recipe, torques)
 
@@ -95,19 +79,7 @@ def friction_columns(
 def friction_torques(
     target: IdentificationTarget, part: PreparedLog, friction: FrictionCurves, recipe: Recipe
 ) -> tuple[tuple[str, ...], Array]:
-    """Joint torques of the known friction of each moving drive with a curve.
-
-    Parameters
-    ----------
-    target, part, friction, recipe
-        See `friction_columns`.
-
-    Returns
-    -------
-    drives : tuple of str, length k
-    torques : ndarray, shape (k, N, n)
-        [Nm or N]
-    """
+    """Joint torques of the known friction of each moving drive with a curve."""  # result (k, N, n)
     moving = [name for name, row in drives_with_friction(target.robot) if np.any(row @ target.motion.matrix)]
     names = tuple(name for name in moving if friction.curve(name) is not None)
     carried = carried_torques(part, target.robot, recipe)
@@ -116,14 +88,7 @@ def friction_torques(
 
 
 def scaled_curves(friction: FrictionCurves, factors: Mapping[str, float]) -> FrictionCurves:
-    """Curves times the factors of their drives, as exact.
-
-    Parameters
-    ----------
-    friction : FrictionCurves
-    factors : mapping of str to float
-        One where a drive has none.
-    """
+    """Curves times the factors of their drives, as exact."""
     curves = {name: curve for name in friction.curves if (curve := friction.curve(name)) is not None}
     return FrictionCurves({name: multiplied(curve, factors.get(name, 1.0)) for name, curve in curves.items()})
 
@@ -135,23 +100,7 @@ def fitted_scale(
     friction: FrictionCurves,
     recipe: Recipe,
 ) -> FrictionScale:
-    """Factors of the curves that explain the logs best, all parameters identified along.
-
-    Parameters
-    ----------
-    observations : Observations
-        Equations with the curves subtracted as they are.
-    target : IdentificationTarget
-    measured : sequence of PreparedLog
-        The logs before friction was subtracted.
-    friction : FrictionCurves
-    recipe : Recipe
-
-    Raises
-    ------
-    InputError
-        No moving drive has a curve, or the factors are not identifiable from the logs.
-    """
+    """Factors of the curves that explain the logs best, all parameters identified along."""
     pairs = [friction_columns(target, part, friction, recipe) for part in measured]
     names, F = pairs[0][0], np.concatenate([columns for _, columns in pairs])
     if not names:

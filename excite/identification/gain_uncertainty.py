@@ -26,21 +26,7 @@ def block_deviation(observations: Observations, load: Array, gains: DriveGains, 
 
     ``sum_b (B - 1)/B d_b d_b'`` with the step ``d_b = (A - A_b)^-1 s_b`` of the Gauss-Newton method without block b
     [Efron, Tibshirani 1993, ch. 11].
-
-    Parameters
-    ----------
-    observations : Observations
-        As of `drive_gains`.
-    load : ndarray, shape (m, 10)
-    gains : DriveGains
-        Estimate from all rows.
-    common : bool
-        True for one factor for all equations.
-
-    Returns
-    -------
-    ndarray, shape (r,)
-    """
+    """  # load (m, 10)
     h, x = 1.0 / gains.factor, np.concatenate([gains.beta, gains.load])
     weight = _weights(observations, load, h, x)
     count = 1 if common else h.size

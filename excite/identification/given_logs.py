@@ -55,24 +55,7 @@ def log_of(
     drop: tuple[str, ...] = (),
     only: tuple[int, int] | None = None,
 ) -> Log:
-    """Log with its hash, from a log, its file, or a simulation.
-
-    Parameters
-    ----------
-    given : Log, path, or Simulation
-    robot : Robot, optional
-        Robot that moved; the sidecar file of the log is ignored if not given.
-    mapping : LogMapping, optional
-    drop : tuple of str
-        See `excite.logs.log_reading.read_log`.
-    only : (int, int), optional
-        First and last row of a file to read, 1 for the first.
-
-    Raises
-    ------
-    InputError
-        Not a log, or a log of another robot.
-    """
+    """Log with its hash, from a log, its file, or a simulation."""
     if isinstance(given, str | Path):
         path = Path(given)
         return read_settled_files(path, lambda: _read(path, robot, mapping, drop, only))

@@ -18,18 +18,7 @@ def measured_direction(z: Array, distance: float | Array) -> Array:
 
     What came before is not known. A drive is taken to have come the way that it goes on, by its first displacement
     beyond the distance; the direction is zero where there is none.
-
-    Parameters
-    ----------
-    z : ndarray, shape (N, k)
-        Drive coordinates [rad or m].
-    distance : float or ndarray, shape (k,)
-        d, over which the direction changes, > 0 [rad or m].
-
-    Returns
-    -------
-    ndarray, shape (N, k)
-    """
+    """  # z (N, k); distance (k,)
     moved = z - z[:1]
     first = np.argmax(np.abs(moved) > distance, axis=0)
     return dahl_direction(z, distance, np.sign(moved[first, np.arange(z.shape[1])]))
@@ -39,20 +28,7 @@ def dahl_direction(z: Array, distance: float | Array, start: Array | None = None
     """Direction of friction along a sampled path, from -1 to 1.
 
     z is linear between two samples: ``s_k = u + (s_{k-1} - u) exp(-|dz| / d)`` with ``u = sign(dz)``.
-
-    Parameters
-    ----------
-    z : ndarray, shape (N, k)
-        Drive coordinates [rad or m].
-    distance : float
-        d, over which the direction changes, > 0 [rad or m].
-    start : ndarray, shape (k,), optional
-        Direction at the first sample; zero if not given.
-
-    Returns
-    -------
-    ndarray, shape (N, k)
-    """
+    """  # z (N, k); start (k,)
     way = np.diff(z, axis=0)
     keep = np.exp(-np.abs(way) / distance)
     gain = np.sign(way) * (1.0 - keep)

@@ -13,14 +13,7 @@ _COPIES = 2.0  # of the regressor that is held; beyond `HELD` it is computed whe
 
 
 def rows_prediction(work: str, logs: Sequence[Log]) -> WorkPrediction:
-    """Memory of work with the rows of some logs; the factors are measured.
-
-    Parameters
-    ----------
-    work : str
-        Such as ``the identification``.
-    logs : sequence of Log
-    """
+    """Memory of work with the rows of some logs; the factors are measured."""
     rows, joints = sum(log.count for log in logs), max(len(log.joints) for log in logs)
     numbers = _OF_ANY + _OF_JOINT * joints
     equations = min(_COPIES * HELD, FLOAT * rows * 10.0 * joints**2)

@@ -18,12 +18,6 @@ def identification_seconds(logs: Sequence[Log], *, chosen: bool) -> float:
     The unit that it grows with is a number of the regressor: rows times joints times joints, as there are about ten
     parameters to a joint. Measured with 800 to 2,000,000 rows, 5 to 7 joints and up to 5 logs by the estimators
     ``weighted`` and ``physical``; others take more.
-
-    Parameters
-    ----------
-    logs : sequence of Log
-    chosen : bool
-        Whether settings are chosen by left-out torques.
     """
     rows, joints = sum(log.count for log in logs), max(len(log.joints) for log in logs)
     seconds = 0.1 + _ROWS * rows * joints**2

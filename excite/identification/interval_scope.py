@@ -6,13 +6,7 @@ TYPICAL, FRICTION = 1.6, 3.2  # largest scatter between two logs of a real robot
 
 
 def interval_scope(logs: int) -> str:
-    """Describe what the intervals of a result hold for.
-
-    Parameters
-    ----------
-    logs : int
-        That it was identified from.
-    """
+    """Describe what the intervals of a result hold for."""
     if logs == 1:
         return (
             "the intervals are for this log: they state what its noise does, not what changes from log to log. On the "

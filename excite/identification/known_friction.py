@@ -26,17 +26,7 @@ from regressors.samples import Array, Samples
 def without_friction(
     part: PreparedLog, target: IdentificationTarget, friction: FrictionCurves, recipe: Recipe
 ) -> PreparedLog:
-    """Subtract known friction from the measured torques of a log.
-
-    Parameters
-    ----------
-    part : PreparedLog
-        As measured.
-    target : IdentificationTarget
-    friction : FrictionCurves
-    recipe : Recipe
-        With the chosen `sign_width` or `breakaway`.
-    """
+    """Subtract known friction from the measured torques of a log."""
     carried = carried_torques(part, target.robot, recipe)(friction)
     notes = (
         *_missing_curves(part.samples, target, friction),
@@ -47,16 +37,7 @@ def without_friction(
 
 
 def beside_curves(task: Task, robot: Robot, friction: FrictionCurves) -> Task:
-    """The task without curves of its own, whose friction columns are those of the drives without a curve.
-
-    Parameters
-    ----------
-    task : Task
-    robot : Robot
-        The whole robot.
-    friction : FrictionCurves
-        Known friction, which is subtracted.
-    """
+    """The task without curves of its own, whose friction columns are those of the drives without a curve."""
     moving = moving_robot(robot, task)
     left = {name: without_curve(getattr(task.model, name), moving, friction) for name in FRICTION}
     return task.changed(**left, friction_curves=None)
@@ -91,17 +72,7 @@ def _frictionless(names: Sequence[str], robot: Robot) -> tuple[str, ...]:
 
 
 def carried_torques(part: PreparedLog, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:
-    """Joint torques of a log without friction, as a function of the friction curves.
-
-    Parameters
-    ----------
-    part : PreparedLog
-        As measured.
-    robot : Robot
-        With its moving joints only.
-    recipe : Recipe
-        With the chosen `sign_width` or `breakaway`.
-    """
+    """Joint torques of a log without friction, as a function of the friction curves."""
     samples = part.samples
     direction = friction_direction(robot, samples, recipe)
     drive_temperature = of_drives(robot, part.temperature)
@@ -120,26 +91,7 @@ def known_torque(
     predicted: Array,
     temperature: Array | None = None,
 ) -> Array:
-    """Joint torques of known friction along a motion, ``C' f(C dq)``.
-
-    Parameters
-    ----------
-    friction : FrictionCurves
-    target : IdentificationTarget
-        With an instantaneous model.
-    samples : Samples
-    recipe : Recipe
-        With the chosen `sign_width` or `breakaway`.
-    predicted : ndarray, shape (N, r)
-        Right-hand sides without friction, for friction that grows with load.
-    temperature : ndarray, shape (N, n), optional
-        Of the joints; the curves' reference temperatures if not given [deg C].
-
-    Returns
-    -------
-    ndarray, shape (N, n)
-        [Nm or N]
-    """
+    """Joint torques of known friction along a motion, ``C' f(C dq)``."""  # predicted (N, r); temperature (N, n)
     load = _load(target, predicted) if friction.loaded else None
     direction = friction_direction(target.robot, samples, recipe)
     drive_temperature = of_drives(target.robot, temperature)
@@ -147,21 +99,7 @@ def known_torque(
 
 
 def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array | None:
-    """Direction of the friction of each drive along a motion.
-
-    Parameters
-    ----------
-    robot : Robot
-        With its moving joints only.
-    samples : Samples
-    recipe : Recipe
-        Whether the direction is the sign of the velocity, or changes over a velocity or over a distance.
-
-    Returns
-    -------
-    ndarray, shape (N, k), or None
-        None for the exact sign of the velocity.
-    """
+    """Direction of the friction of each drive along a motion."""
     return drive_directions(robot, samples, recipe.sign_width, recipe.breakaway)
 
 
@@ -174,31 +112,13 @@ def _load(target: IdentificationTarget, predicted: Array) -> Array:
 
 
 def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | None) -> FrictionCurves:
-    """Curves at the mean temperature of each drive.
-
-    Parameters
-    ----------
-    friction : FrictionCurves
-    robot : Robot
-        With its moving joints only.
-    temperature : ndarray, shape (N, n), optional
-        Of the joints; the curves' reference temperatures if not given [deg C].
-    """
+    """Curves at the mean temperature of each drive."""  # temperature (N, n)
     means = {} if temperature is None else _of_each(friction, robot, temperature)
     return friction.at({name: float(np.mean(values)) for name, values in means.items()})
 
 
 def known_temperatures(part: PreparedLog, robot: Robot, friction: FrictionCurves, recipe: Recipe) -> tuple[str, ...]:
-    """Notes on the temperatures at which the curves are evaluated.
-
-    Parameters
-    ----------
-    part : PreparedLog
-    robot : Robot
-        With its moving joints only.
-    friction : FrictionCurves
-    recipe : Recipe
-    """
+    """Notes on the temperatures at which the curves are evaluated."""
     known = None if part.temperature is None else _of_each(friction, robot, part.temperature)
     moving = {name: curve for name, _ in drives_with_friction(robot) if (curve := friction.curve(name)) is not None}
     notes = temperature_notes(moving, known)

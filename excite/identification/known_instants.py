@@ -8,14 +8,6 @@ from regressors.samples import Array, Index
 
 
 def nearest(known: Array, time: Array) -> Index:
-    """Index of the known instant that each time is.
-
-    Parameters
-    ----------
-    known : ndarray, shape (N,)
-        Ascending [s].
-    time : ndarray, shape (M,)
-        Some of them, but for rounding.
-    """
+    """Index of the known instant that each time is."""  # known (N,); time (M,)
     after = np.clip(np.searchsorted(known, time), 1, known.size - 1)
     return np.asarray(after - (time - known[after - 1] < known[after] - time))

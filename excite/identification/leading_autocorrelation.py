@@ -12,18 +12,7 @@ _STRETCH = 2**16
 
 
 def autocorrelation(e: Array) -> Array:
-    """``r_k = sum_t e_t e_{t+k} / sum_t e_t^2`` about the mean; all zero for a constant.
-
-    Parameters
-    ----------
-    e : ndarray, shape (n,)
-
-    Returns
-    -------
-    ndarray
-        For k = 0 ... n - 1; of more than 2^16 numbers only the first 2^14, if one of their pairs is not positive, which
-        is where `excite.identification.residuals.effective_samples` ends.
-    """
+    """``r_k = sum_t e_t e_{t+k} / sum_t e_t^2`` about the mean; all zero for a constant."""  # e (n,)
     centred = e - e.mean()
     square = float(centred @ centred)
     if square <= 1e-30 * float(e @ e):

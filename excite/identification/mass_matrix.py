@@ -13,19 +13,7 @@ def mass_matrix_regressor(target: IdentificationTarget, q: Array) -> Array | Non
 
     Column j of M is what a unit acceleration of moving coordinate j adds to the torques at rest,
     ``M e_j = N' (Y(q, 0, N e_j) - Y(q, 0, 0)) beta``, with ``q = N s + q0``.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With a model at single instants.
-    q : ndarray, shape (N, n)
-        Poses of all its joints, projected onto those that the motion can reach [rad or m].
-
-    Returns
-    -------
-    ndarray, shape (N, k, k, b), or None
-        None where the equations are not the torques of every moving coordinate.
-    """
+    """  # q (N, n)
     equations = target.model.torque_equations()
     if equations is None or equations.unused:
         return None
@@ -41,15 +29,7 @@ def mass_matrix_regressor(target: IdentificationTarget, q: Array) -> Array | Non
 
 
 def mass_matrices(target: IdentificationTarget, coefficients: Array, q: Array) -> Array | None:
-    """``M(q)``, shape (N, k, k), made symmetric; None as in `mass_matrix_regressor`.
-
-    Parameters
-    ----------
-    target, q
-        See `mass_matrix_regressor`.
-    coefficients : ndarray, shape (b,)
-        Base parameters.
-    """
+    """``M(q)``, shape (N, k, k), made symmetric; None as in `mass_matrix_regressor`."""  # coefficients (b,)
     K = mass_matrix_regressor(target, q)
     if K is None:
         return None

@@ -23,28 +23,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredLogs:
-    """What the equations of an identification are built from.
+    """What the equations of an identification are built from."""
 
-    Parameters
-    ----------
-    task : Task
-        Without friction columns of drives whose friction is known, its windows a whole number of samples.
-    target : IdentificationTarget
-    recipe : Recipe
-        With the presliding of friction.
-    parts : tuple of PreparedLog
-        As measured, known friction not subtracted.
-    friction : FrictionCurves, optional
-        Known friction of the moving drives.
-    found : frozenset of str
-        Which settings of the recipe were found from the same logs, see `excite.identification.stated_uncertainty`.
-    """
-
-    task: Task
+    task: Task  # without friction columns of drives whose friction is known, its windows a whole number of samples
     target: IdentificationTarget
-    recipe: Recipe
-    parts: tuple[PreparedLog, ...]
-    friction: FrictionCurves | None
+    recipe: Recipe  # with the presliding of friction
+    parts: tuple[PreparedLog, ...]  # as measured, known friction not subtracted
+    friction: FrictionCurves | None  # known friction of the moving drives
+    # which settings of the recipe were found from the same logs, see `excite.identification.stated_uncertainty`
     found: frozenset[str]
 
 
@@ -57,18 +43,7 @@ def measured_logs(
     found: frozenset[str],
     progress: Callable[[str], None],
 ) -> MeasuredLogs:
-    """Read the motion of each log, and complete task and recipe from them.
-
-    Parameters
-    ----------
-    robot, task, logs, recipe, friction, found, progress
-        See `excite.identification.estimation.estimate_parameters`.
-
-    Raises
-    ------
-    InputError
-        Logs that do not fit, or friction that is not known of joint torques.
-    """
+    """Read the motion of each log, and complete task and recipe from them."""
     own, friction = friction is None, task.known_friction if friction is None else friction
     if friction is not None and (recipe.friction_scale or not own):
         task = beside_curves(task, robot, friction)

@@ -15,16 +15,7 @@ from regressors.samples import Array, Index, Samples
 
 
 class MeasuredRows(RowSource):
-    """Base columns of a model of single instants along a motion.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    samples : Samples
-        N instants of one motion.
-    breakaway, sign_width
-        See `measured_regressor`.
-    """
+    """Base columns of a model of single instants along a motion."""
 
     def __init__(
         self, target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
@@ -54,18 +45,7 @@ class MeasuredRows(RowSource):
 def measured_rows(
     target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
 ) -> RowSource:
-    """Regressor W of a motion in the base columns, to be computed in parts.
-
-    Parameters
-    ----------
-    target, samples, breakaway, sign_width
-        See `measured_regressor`.
-
-    Raises
-    ------
-    InputError
-        See `measured_regressor`.
-    """
+    """Regressor W of a motion in the base columns, to be computed in parts."""
     model, index = target.model, target.base.index
     if model.window is None:
         return MeasuredRows(target, samples, breakaway, sign_width)
@@ -79,42 +59,14 @@ def measured_rows(
 def measured_regressor(
     target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
 ) -> Array:
-    """Stacked regressor W of a motion in the base columns.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    samples : Samples
-        N instants of one motion.
-    breakaway : float or tuple of float
-        Presliding distance of Coulomb friction, see `excite.identification.hysteresis`, of all drives or of each moving
-        one; 0 for the sign function of the model [rad or m].
-    sign_width : float or tuple of float
-        Velocities over which friction changes its sign, where each drive has its own; one for all is the model's own,
-        and is ignored here [rad/s or m/s].
-
-    Returns
-    -------
-    ndarray, shape (N r, b), or (windows r, b)
-
-    Raises
-    ------
-    InputError
-        A presliding distance for a model without a friction torque at every instant.
-    """
+    """Stacked regressor W of a motion in the base columns."""
     return StreamedRows((measured_rows(target, samples, breakaway, sign_width),), (None,)).whole()
 
 
 def own_directions(
     target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
 ) -> Array | None:
-    """Directions of the friction of the moving drives, shape (N, m), where they are not those that the model has.
-
-    Parameters
-    ----------
-    target, samples, breakaway, sign_width
-        See `measured_regressor`.
-    """
+    """Directions of the friction of the moving drives, shape (N, m), where they are not those that the model has."""
     if not (np.any(breakaway) or isinstance(sign_width, tuple)):
         return None
     return drive_directions(target.robot, samples, sign_width, breakaway)
@@ -122,24 +74,14 @@ def own_directions(
 
 @dataclass(frozen=True, eq=False)
 class DirectedFriction:
-    """Friction columns of a torque model along a motion that have the direction of their drive.
+    """Friction columns of a torque model along a motion that have the direction of their drive."""
 
-    Parameters
-    ----------
-    columns : tuple of int, length k
-        Base columns; one that several drives share is repeated for each.
-    drives : tuple of int, length k
-        Place of the drive of each among the m drives that move, see `drive_directions`.
-    magnitudes : ndarray, shape (N, k)
-        Friction per unit parameter and unit direction: 1 for Coulomb friction, see `regressors.models.columns.Terms`.
-    rows : ndarray, shape (k, r)
-        Contribution of a drive's torque to each equation, its row of C' or of N' C'.
-    """
-
-    columns: tuple[int, ...]
-    drives: tuple[int, ...]
+    columns: tuple[int, ...]  # base columns; one that several drives share is repeated for each
+    drives: tuple[int, ...]  # place of the drive of each among the m drives that move, see `drive_directions`
+    # (N, k) friction per unit parameter and unit direction: 1 for Coulomb friction, see
+    # `regressors.models.columns.Terms`
     magnitudes: Array
-    rows: Array
+    rows: Array  # (k, r) contribution of a drive's torque to each equation, its row of C' or of N' C'
 
     def put(self, W: Array, direction: Array) -> None:
         """Write directions of the moving drives, shape (N, m), into their columns of W, shape (N, r, b), in place."""
@@ -147,18 +89,7 @@ class DirectedFriction:
 
 
 def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedFriction:
-    """Directed friction columns of a torque model with their drives.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    samples : Samples
-
-    Raises
-    ------
-    InputError
-        The model has no friction torque at every instant.
-    """
+    """Directed friction columns of a torque model with their drives."""
     friction = target.model.coulomb_friction()
     if friction is None:
         raise InputError(f"the {type(target.model).__name__} has no friction torque at every instant")
@@ -171,17 +102,8 @@ def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedF
 
 
 def put_friction(W: Array, columns: Sequence[int], torque: Array, rows: Array) -> None:
-    """Write friction torques per unit parameter into their columns, in place.
-
-    Parameters
-    ----------
-    W : ndarray, shape (N, r, b)
-    columns : sequence of int, length k
-    torque : ndarray, shape (N, k)
-        Magnitude times direction.
-    rows : ndarray, shape (k, r)
-        See `DirectedFriction`.
-    """
+    """Write friction torques per unit parameter into their columns, in place."""
+    # W (N, r, b); torque (N, k); rows (k, r)
     W[:, :, list(columns)] = 0.0
     for k, column in enumerate(columns):
         W[:, :, column] += torque[:, k, None] * rows[k]
@@ -190,14 +112,6 @@ def put_friction(W: Array, columns: Sequence[int], torque: Array, rows: Array) -
 def predicted_rows(
     target: IdentificationTarget, samples: Samples, breakaway: Sizes, sign_width: Sizes, coefficients: Array
 ) -> Array:
-    """``W beta`` at every instant of a motion, shape (N, r); W is never held as a whole.
-
-    Parameters
-    ----------
-    target, samples, breakaway, sign_width
-        See `measured_regressor`.
-    coefficients : ndarray, shape (b,)
-        beta
-    """
+    """``W beta`` at every instant of a motion, shape (N, r); W is never held as a whole."""  # coefficients (b,)
     W = StreamedRows((measured_rows(target, samples, breakaway, sign_width),), (None,))
     return (W @ coefficients).reshape(-1, len(target.model.row_labels))

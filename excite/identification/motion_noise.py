@@ -38,40 +38,17 @@ _SIGNALS = ("butterworth", "savitzky-golay", "fourier", "differences")  # linear
 
 @dataclass(frozen=True, eq=False)
 class MotionNoise:
-    """Noise of one log's motion, as random as the measured one, after the filter.
+    """Noise of one log's motion, as random as the measured one, after the filter."""
 
-    Parameters
-    ----------
-    what : {"ddq", "dq"}
-        Which derivative.
-    values : ndarray, shape (N, n)
-        Its noise at the instants of the log's samples [rad/s^2 or rad/s, or with m]; zero in long logs where it is
-        below `SHARE`.
-    share : float
-        Largest ratio of noise to noisy signal, over the joints.
-    """
-
-    what: str
+    what: str  # which derivative
+    # (N, n) its noise at the instants of the log's samples [rad/s^2 or rad/s, or with m]; zero in long logs where it
+    # is below `SHARE`
     values: Array
-    share: float
+    share: float  # largest ratio of noise to noisy signal, over the joints
 
 
 def motion_noise(part: PreparedLog, recipe: Recipe, what: str, seed: int = 0) -> MotionNoise | None:
-    """Draw noise of the size that was filtered out of a log's positions.
-
-    Parameters
-    ----------
-    part : PreparedLog
-    recipe : Recipe
-    what : {"ddq", "dq"}
-        The highest derivative that the model needs.
-    seed : int
-
-    Returns
-    -------
-    MotionNoise, or None
-        None for motions that are not a fixed linear function of the positions alone.
-    """
+    """Draw noise of the size that was filtered out of a log's positions."""
     if recipe.average or recipe.measured_velocity or recipe.signals not in _SIGNALS:
         return None
     uniform = resample(part.log).log
@@ -105,16 +82,7 @@ def _middle(count: int) -> slice:
 
 
 def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context: Context) -> Estimate:
-    """Extend the covariance of an estimate by the bias that noise in the motion causes, where there is any.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        With the covariance of the noise of torques; other methods than `excite.identification.covariance.METHODS` are
-        left as they are.
-    estimator : Estimator
-    context : Context
-    """
+    """Extend the covariance of an estimate by the bias that noise in the motion causes, where there is any."""
     if estimate.method not in METHODS:
         return estimate
     what = "ddq" if context.target.model.window is None else "dq"
@@ -147,16 +115,7 @@ def _note(estimate: Estimate, worst: int, bias: float, relative: float) -> str:
 
 
 def motion_bias(estimate: Estimate, estimator: Estimator, context: Context, noises: Sequence[MotionNoise]) -> Array:
-    """Bias of an estimate by noise in the motion, shape (p,).
-
-    Parameters
-    ----------
-    estimate : Estimate
-    estimator : Estimator
-    context : Context
-    noises : sequence of MotionNoise
-        One per log.
-    """
+    """Bias of an estimate by noise in the motion, shape (p,)."""
     shifted = [_estimated(estimator, context, noises, sign) for sign in (1.0, -1.0)]
     h = min(max(noise.share for noise in noises) ** 2, _MOST)
     return np.asarray((1 + h) / (1 - h) * ((shifted[0] + shifted[1]) / 2 - estimate.coefficients))

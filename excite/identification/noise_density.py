@@ -19,17 +19,6 @@ def noise_density(estimate: Estimate, observations: Observations) -> Array:
     residuals, scatter between logs and more; on average over all directions of the parameters it is
     ``c = (det C det J)^(1/p)`` times ``J^-1``. The density of equation j is ``sqrt(c mean_g s_g^2 T_g / n_g)``, over
     the logs.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    observations : Observations
-        From which it was computed.
-
-    Returns
-    -------
-    ndarray, shape (equations,)
-        Unit of the equation times root of seconds; NaN where it is not known.
     """
     count = np.bincount(observations.group, minlength=len(observations.logs) * len(observations.equations))
     count = count.reshape(len(observations.logs), -1)

@@ -113,18 +113,7 @@ class Observations:
 
 
 def join_observations(parts: Sequence[Observations]) -> Observations:
-    """Observations of several logs, one after the other.
-
-    Parameters
-    ----------
-    parts : sequence of Observations
-        With the same parameters and equations; each with its own logs.
-
-    Raises
-    ------
-    InputError
-        No observations, different parameters or equations, or noise known for some of them only.
-    """
+    """Observations of several logs, one after the other."""
     if not parts:
         raise InputError("no observations to join")
     first = parts[0]

@@ -10,18 +10,7 @@ from regressors.errors import InputError
 
 
 def check_played(design: DesignedMotion | None, mapping: LogMapping | str | Path | None) -> None:
-    """Refuse a design that is not the one that a log mapping names.
-
-    Parameters
-    ----------
-    design : DesignedMotion or None
-    mapping : LogMapping, path or None
-
-    Raises
-    ------
-    InputError
-        The mapping names another design.
-    """
+    """Refuse a design that is not the one that a log mapping names."""
     if design is None or mapping is None:
         return
     named = (read_mapping(mapping) if isinstance(mapping, str | Path) else mapping).design

@@ -21,49 +21,25 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class LogPrediction:
-    """Measured and predicted values, at the instants of a log that its filtered motion covers.
+    """Measured and predicted values, at the instants of a log that its filtered motion covers."""
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        [s]
-    measured, predicted : ndarray, shape (N, r)
-        Measured ones as recorded, not filtered; not those while a torque was at its limit [units of the equations].
-    speed : ndarray, shape (N, r)
-        Of each equation's coordinate [rad/s or m/s]; NaN where it has none, such as for a wrench.
-    left_out : ndarray of bool, shape (N,)
-        Instants that make no equations, since something happened to the log.
-    """
-
-    time: Array
+    time: Array  # (N,) [s]
+    # (N, r) measured ones as recorded, not filtered; not those while a torque was at its limit [units of the
+    # equations]
     measured: Array
-    predicted: Array
-    speed: Array
-    left_out: NDArray[np.bool_]
+    predicted: Array  # (N, r)
+    speed: Array  # (N, r) of each equation's coordinate [rad/s or m/s]; NaN where it has none, such as for a wrench
+    left_out: NDArray[np.bool_]  # (N,) instants that make no equations, since something happened to the log
 
 
 def relative_error(measured: Array, predicted: Array) -> float:
-    """``||y - y_predicted|| / ||y||`` over all equations, in their units; infinite where nothing was measured.
-
-    Parameters
-    ----------
-    measured, predicted : ndarray, of the same shape
-    """
+    """``||y - y_predicted|| / ||y||`` over all equations, in their units; infinite where nothing was measured."""
     size = float(np.linalg.norm(measured))
     return float(np.linalg.norm(measured - predicted)) / size if size > 0 else np.inf
 
 
 def instantaneous_target(robot: Robot, task: Task, recipe: Recipe) -> IdentificationTarget:
-    """Identification target with the instantaneous form of a task's model, also of one that integrates over windows.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-    recipe : Recipe
-        With the sign width that was used.
-    """
+    """Identification target with the instantaneous form of a task's model, also of one that integrates over windows."""
     return target_of(robot, task, recipe.common_width, instantaneous=True)
 
 
@@ -74,20 +50,7 @@ def prediction(
     coefficients: Array,
     friction: FrictionCurves | None = None,
 ) -> LogPrediction:
-    """Predict the measurements of a log along its filtered motion.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With an instantaneous model, see `instantaneous_target`.
-    part : PreparedLog
-    recipe : Recipe
-        With the chosen `sign_width` or `breakaway`.
-    coefficients : ndarray, shape (b,)
-        Base parameters.
-    friction : FrictionCurves, optional
-        Known friction, which is added.
-    """
+    """Predict the measurements of a log along its filtered motion."""  # coefficients (b,)
     model, log, samples = target.model, part.log, part.samples
     r = len(model.row_labels)
     predicted = predicted_rows(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0, coefficients)

@@ -81,74 +81,27 @@ class PreparedLog:
 
 
 def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
-    """Prepare the motion and the measurements of one log.
-
-    Parameters
-    ----------
-    log : Log
-    robot : Robot
-        The whole robot.
-    target : IdentificationTarget
-        Its moving joints and model.
-    recipe : Recipe
-
-    Raises
-    ------
-    InputError
-        The log does not fit the robot or the model, or holds no motion; torques at their limits in most of its rows.
-    """
+    """Prepare the motion and the measurements of one log."""
     return with_motion(usable_rows(log, robot, target, recipe), target, recipe)
 
 
 @dataclass(frozen=True, eq=False)
 class UsableRows:
-    """The rows of a log that are used, before its motion is found.
+    """The rows of a log that are used, before its motion is found."""
 
-    Parameters
-    ----------
-    recorded : Log
-        The stretch that is used, every joint.
-    moving : Log
-        Its moving joints.
-    smooth : Log
-        Those without impacts.
-    resampled : Resampled
-        These at uniform instants.
-    found : tuple of Event
-        By cleaning.
-    hits : tuple of Event
-        Impacts.
-    saturated : tuple of Event
-    notes, remarks : tuple of str
-        What was cut and repaired; on torques at their limits.
-    """
-
-    recorded: Log
-    moving: Log
-    smooth: Log
-    resampled: Resampled
-    found: tuple[Event, ...]
-    hits: tuple[Event, ...]
+    recorded: Log  # the stretch that is used, every joint
+    moving: Log  # its moving joints
+    smooth: Log  # those without impacts
+    resampled: Resampled  # these at uniform instants
+    found: tuple[Event, ...]  # by cleaning
+    hits: tuple[Event, ...]  # impacts
     saturated: tuple[Event, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what was cut and repaired; on torques at their limits
     remarks: tuple[str, ...]
 
 
 def usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> UsableRows:
-    """Clean a log, and find its exciting rows and what happened in them.
-
-    Parameters
-    ----------
-    log, robot, target
-        See `prepare`.
-    recipe : Recipe
-        Only its `rows` and `torque_factors` matter.
-
-    Raises
-    ------
-    InputError
-        See `prepare`.
-    """
+    """Clean a log, and find its exciting rows and what happened in them."""
     asked = (robot, target.robot.joint_names, target.model.channel, recipe.rows, recipe.torque_factors)
     if log not in _KNOWN or _KNOWN[log][0] != asked:
         _KNOWN[log] = asked, _usable_rows(log, robot, target, recipe)
@@ -180,19 +133,7 @@ def _usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: R
 
 
 def with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
-    """The motion and the measurements of the rows that are used.
-
-    Parameters
-    ----------
-    rows : UsableRows
-    target, recipe
-        See `prepare`.
-
-    Raises
-    ------
-    InputError
-        See `prepare`.
-    """
+    """The motion and the measurements of the rows that are used."""
     log = rows.recorded
     with _errors_naming(log):
         uniform, motion, steps = _motion(rows.resampled, recipe)
@@ -295,12 +236,7 @@ def _on_the_motion(samples: Samples, log: Log, target: IdentificationTarget) -> 
 
 
 def chosen_method(recipe: Recipe) -> Method:
-    """Method from positions to accelerations that a recipe asks for.
-
-    Parameters
-    ----------
-    recipe : Recipe
-    """
+    """Method from positions to accelerations that a recipe asks for."""
     given = {"cutoff": recipe.cutoff, "harmonics": recipe.harmonics}
     if recipe.signals == "fourier":
         given["period"] = recipe.period
@@ -311,13 +247,7 @@ def chosen_method(recipe: Recipe) -> Method:
 
 
 def measured_channel(log: Log, target: IdentificationTarget) -> Array:
-    """Channel of a log that a target's equations predict, as recorded: joint torques or the wrench.
-
-    Raises
-    ------
-    InputError
-        The log does not have it.
-    """
+    """Channel of a log that a target's equations predict, as recorded: joint torques or the wrench."""
     wanted = target.model.channel
     channel: Array | None = getattr(log, wanted)
     if channel is None:

@@ -35,18 +35,10 @@ Score = Callable[[Sequence[Array]], float]
 
 @dataclass(frozen=True)
 class Presliding:
-    """Sign change of Coulomb friction; the exact sign of the velocity where both parameters are zero.
+    """Sign change of Coulomb friction; the exact sign of the velocity where both parameters are zero."""
 
-    Parameters
-    ----------
-    sign_width : float
-        w of ``tanh(dz / w)`` [rad/s or m/s].
-    breakaway : float
-        d of `measured_direction` [rad or m].
-    """
-
-    sign_width: float = 0.0
-    breakaway: float = 0.0
+    sign_width: float = 0.0  # w of ``tanh(dz / w)`` [rad/s or m/s]
+    breakaway: float = 0.0  # d of `measured_direction` [rad or m]
 
 
 def best_presliding(
@@ -56,24 +48,7 @@ def best_presliding(
     by_distance: bool = True,
     friction: FrictionCurves | None = None,
 ) -> Presliding:
-    """Find the presliding of largest likelihood, each equation having its own noise.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With the exact sign.
-    parts : sequence of (PreparedLog, Observations)
-        Each log, and its equations at the same instants.
-    by_distance : bool
-        Whether presliding over a distance (Dahl) is tried too.
-    friction : FrictionCurves, optional
-        Known friction, not yet subtracted; the presliding is then that of the curves and of the other drives' columns.
-
-    Returns
-    -------
-    Presliding
-        The exact sign where nothing is clearly better, and for models without a friction torque at every instant.
-    """
+    """Find the presliding of largest likelihood, each equation having its own noise."""
     exact, *found = presliding_candidates(target, parts, by_distance=by_distance, friction=friction)
     if not found:
         return Presliding()
@@ -86,17 +61,10 @@ def best_presliding(
 
 @dataclass(frozen=True)
 class PreslidingCandidate:
-    """A presliding, and how well it explains the data.
-
-    Parameters
-    ----------
-    presliding : Presliding
-    misfit : float
-        Mean over the equations of the logarithm of the residuals' size.
-    """
+    """A presliding, and how well it explains the data."""
 
     presliding: Presliding
-    misfit: float
+    misfit: float  # mean over the equations of the logarithm of the residuals' size
 
 
 def presliding_candidates(
@@ -106,18 +74,7 @@ def presliding_candidates(
     by_distance: bool = True,
     friction: FrictionCurves | None = None,
 ) -> list[PreslidingCandidate]:
-    """The exact sign; and over a velocity, and over a distance, the presliding of largest likelihood.
-
-    Parameters
-    ----------
-    target, parts, by_distance, friction
-        See `best_presliding`.
-
-    Returns
-    -------
-    list of PreslidingCandidate
-        Only the exact sign where nothing moves, or the model has no friction torque at every instant.
-    """
+    """The exact sign; and over a velocity, and over a distance, the presliding of largest likelihood."""
     if target.model.coulomb_friction() is None:
         return [PreslidingCandidate(Presliding(), 0.0)]
     score, used = _score_of_drives(target, parts, friction)
@@ -140,24 +97,7 @@ def presliding_of_each(
     *,
     friction: FrictionCurves | None = None,
 ) -> tuple[float, ...]:
-    """Find the size of the presliding of each drive, from one for all, one drive after the other.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With the exact sign.
-    parts : sequence of (PreparedLog, Observations)
-        See `best_presliding`.
-    common : Presliding
-        The best one for all drives, which says whether sizes are velocities or distances.
-    friction : FrictionCurves, optional
-        Known friction, not yet subtracted.
-
-    Returns
-    -------
-    tuple of float
-        For `Recipe.sign_width`, or for `Recipe.breakaway`; the common one where nothing is clearly better.
-    """
+    """Find the size of the presliding of each drive, from one for all, one drive after the other."""
     by_distance = common.breakaway > 0
     score, used = _score_of_drives(target, parts, friction)
     paths, speeds = _drive_motions(target, parts)

@@ -31,21 +31,7 @@ _STEP = 0.05  # of log w
 def presliding_column(
     target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, coefficients: Array
 ) -> Array | None:
-    """Change of the predicted equations with the logarithm of the presliding width, shape (m,).
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    parts : sequence of PreparedLog
-    recipe : Recipe
-        With `sign_width` or `breakaway`.
-    coefficients : ndarray, shape (p,)
-
-    Returns
-    -------
-    ndarray, or None
-        None where friction has the exact sign, or no friction with a direction is identified.
-    """
+    """Change of the predicted equations with the logarithm of the presliding width, shape (m,)."""  # coefficients (p,)
     if target.model.coulomb_friction() is None or not np.any(
         [*np.atleast_1d(recipe.sign_width or 0.0), *np.atleast_1d(recipe.breakaway or 0.0)]
     ):
@@ -82,17 +68,8 @@ def _scaled(size: Sizes | None, factor: float) -> Sizes | None:
 def with_nuisance(
     estimate: Estimate, observations: Observations, column: Array, name: str = "nuisance parameter"
 ) -> tuple[Estimate, Observations]:
-    """Estimate and observations with one more parameter, whose value is zero; its column widens the covariance.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        By one of `excite.identification.covariance.METHODS`, with the covariance for white noise.
-    observations : Observations
-    column : ndarray, shape (m,)
-    name : str
-        Of the parameter.
-    """
+    """Estimate and observations with one more parameter, whose value is zero; its column widens the covariance."""
+    # column (m,)
     wider = replace(
         observations,
         W=widened(observations.W, column),
@@ -120,15 +97,7 @@ def with_nuisance(
 
 
 def without_nuisance(estimate: Estimate, of: Estimate) -> Estimate:
-    """Remove the last parameters again.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        By `with_nuisance`, with its final covariance.
-    of : Estimate
-        The estimate that it was made from.
-    """
+    """Remove the last parameters again."""
     p = len(of.names)
     return replace(
         estimate, names=of.names, units=of.units, values=of.values, covariance=estimate.covariance[:p, :p], fit=of.fit

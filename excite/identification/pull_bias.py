@@ -19,15 +19,7 @@ from excite.identification.observations import Observations
 
 
 def allowing_for_pull(estimate: Estimate, estimator: Estimator, observations: Observations) -> Estimate:
-    """Extend the covariance of a pulled estimate by its distance from the estimate without pull.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    estimator : Estimator
-        Unchanged where it has neither a `pull` nor `described_within`.
-    observations : Observations
-    """
+    """Extend the covariance of a pulled estimate by its distance from the estimate without pull."""
     if not getattr(estimator, "pull", 0.0) and getattr(estimator, "described_within", None) is None:
         return estimate
     free = weighted(observations)

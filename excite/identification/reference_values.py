@@ -28,14 +28,7 @@ class ReferenceValues:
 
 
 def reference_of(target: IdentificationTarget, logs: Sequence[Log]) -> ReferenceValues:
-    """True values of simulated logs, else those of the robot's description.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    logs : sequence of Log
-        Logs that the estimate is computed from.
-    """
+    """True values of simulated logs, else those of the robot's description."""
     truths: list[Mapping[str, float]] = [log.truth for log in logs if log.truth]
     model, base = target.model, target.base
     if truths and len(truths) == len(logs) and all(truth == truths[0] for truth in truths):

@@ -8,16 +8,7 @@ _FEWEST = 10  # parameters, as long as it is not known how many there are
 
 
 def repetition_prediction(count: int, parameters: int = _FEWEST, option: str = "repeat") -> WorkPrediction:
-    """Memory of the estimates of repetitions, each with its covariance.
-
-    Parameters
-    ----------
-    count : int
-        Of the repetitions.
-    parameters : int
-    option : str
-        Name of the option that states the count.
-    """
+    """Memory of the estimates of repetitions, each with its covariance."""
     numbers = parameters * (parameters + 3)
     return WorkPrediction(
         "the repetition", (MemoryPart("repetitions", count, numbers, FLOAT * count * numbers, option, count),)

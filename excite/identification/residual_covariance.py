@@ -17,16 +17,7 @@ from excite.identification.residuals import residual_diagnostics
 def with_covariance(
     estimate: Estimate, observations: Observations, kind: str, origin: NoiseOrigin | None = None
 ) -> Estimate:
-    """Choose the covariance of an estimate by the correlation of its residuals, or as asked for.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    observations : Observations
-    kind : {"auto", "white", "robust"}
-    origin : NoiseOrigin, optional
-        Where the noise of the rows comes from, for models of time windows.
-    """
+    """Choose the covariance of an estimate by the correlation of its residuals, or as asked for."""
     cumulated = origin is not None and origin.cumulated
     if kind == "white" or (kind == "auto" and not cumulated and _white(estimate, observations)):
         return estimate
@@ -42,12 +33,7 @@ def _white(estimate: Estimate, observations: Observations) -> bool:
 
 
 def condition_number(observations: Observations) -> float:
-    """cond(W), infinite where a column vanishes or depends on others.
-
-    Parameters
-    ----------
-    observations : Observations
-    """
+    """cond(W), infinite where a column vanishes or depends on others."""
     factors = GroupFactors.of(observations)
     R = factors.stacked(np.ones(len(factors.R)))[:, :-1]
     sigma = np.linalg.svd(R, compute_uv=False)

@@ -20,45 +20,27 @@ LAGS = 20
 
 @dataclass(frozen=True)
 class GroupResidual:
-    """Residuals ``y - W beta`` of one equation in one log, in the order of time.
-
-    Parameters
-    ----------
-    log, equation, unit : str
-    rows : int
-    rms : float
-        Root mean square [unit].
-    relative : float
-        `rms` over that of y; infinite where y is zero and the residuals are not.
-    worst, worst_time : float
-        Residual of the largest magnitude [unit] and its instant [s].
-    lag_one : float
-        Autocorrelation from one row to the next.
-    lags : int
-    ljung_box, whiteness : float
-        Statistic ``n (n + 2) sum_k r_k^2 / (n - k)`` over the lags, and the probability of one as large or larger
-        under white noise, by chi squared [Ljung, Box 1978].
-    normality : float
-        Probability of a skewness and kurtosis as far or farther from those of normal noise [Jarque, Bera 1980]; a
-        hint only, since correlation makes it too small.
-    effective : float
-        Number of independent rows with as much information on a mean: ``n / (1 + 2 sum_k r_k)``, the sum ending before
-        the first pair of autocorrelations that is not positive [Geyer 1992]; at most n.
-    """
+    """Residuals ``y - W beta`` of one equation in one log, in the order of time."""
 
     log: str
     equation: str
     unit: str
     rows: int
-    rms: float
-    relative: float
-    worst: float
+    rms: float  # root mean square [unit]
+    relative: float  # `rms` over that of y; infinite where y is zero and the residuals are not
+    worst: float  # residual of the largest magnitude [unit] and its instant [s]
     worst_time: float
-    lag_one: float
+    lag_one: float  # autocorrelation from one row to the next
     lags: int
+    # statistic ``n (n + 2) sum_k r_k^2 / (n - k)`` over the lags, and the probability of one as large or larger under
+    # white noise, by chi squared [Ljung, Box 1978]
     ljung_box: float
     whiteness: float
+    # probability of a skewness and kurtosis as far or farther from those of normal noise [Jarque, Bera 1980]; a hint
+    # only, since correlation makes it too small
     normality: float
+    # number of independent rows with as much information on a mean: ``n / (1 + 2 sum_k r_k)``, the sum ending before
+    # the first pair of autocorrelations that is not positive [Geyer 1992]; at most n
     effective: float
 
 
@@ -67,21 +49,7 @@ _KNOWN: WeakKeyDictionary[Observations, dict[tuple[bytes, int], tuple[GroupResid
 
 
 def residual_diagnostics(estimate: Estimate, observations: Observations, lags: int = LAGS) -> tuple[GroupResidual, ...]:
-    """Residuals of every log and equation that has rows.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    observations : Observations
-        Those that the estimate was computed from, or others with the same parameters.
-    lags : int
-        Of the whiteness test; fewer in groups of less than five rows per lag.
-
-    Raises
-    ------
-    InputError
-        Other parameters than the estimate's, no rows, fewer than one lag.
-    """
+    """Residuals of every log and equation that has rows."""
     check_observations(observations)
     if estimate.names != observations.names:
         raise InputError(
@@ -111,15 +79,7 @@ def _diagnostics(residual: Array, observations: Observations, lags: int) -> tupl
 
 
 def effective_samples(r: Array, n: int) -> float:
-    """Number of independent samples with the same information, from the autocorrelation.
-
-    Parameters
-    ----------
-    r : ndarray
-        See `excite.identification.leading_autocorrelation.autocorrelation`.
-    n : int
-        Number of samples.
-    """
+    """Number of independent samples with the same information, from the autocorrelation."""
     pairs = r[: r.size - r.size % 2].reshape(-1, 2).sum(axis=1)
     last = int(np.argmax(pairs <= 0)) if np.any(pairs <= 0) else pairs.size
     spread = 2 * float(pairs[:last].sum()) - 1.0 if last else 1.0

@@ -11,17 +11,7 @@ _STRETCHES = 8
 
 
 def row_stretches(observations: Observations) -> list[slice]:
-    """All rows, or, of more than `MOST`, that many in contiguous stretches evenly spread over each log.
-
-    Parameters
-    ----------
-    observations : Observations
-
-    Returns
-    -------
-    list of slice
-        Each within one log where there are several.
-    """
+    """All rows, or, of more than `MOST`, that many in contiguous stretches evenly spread over each log."""
     m, r = observations.y.size, len(observations.equations)
     if m <= MOST:
         return [slice(0, m)]

@@ -24,20 +24,6 @@ def saturated_stretches(
     They are those in which the log is known to have had torques at their limits, or, where nothing is known, in which
     a torque is held at the limit of its joint. Rows that are asked for by number, or all of them, are kept. A model of
     another channel than torques is not concerned.
-
-    Parameters
-    ----------
-    log : Log
-        The rows that excite.
-    robot : Robot
-        The whole robot.
-    target : IdentificationTarget
-    recipe : Recipe
-
-    Raises
-    ------
-    InputError
-        More than half of the rows would be left out.
     """
     if target.model.channel != "effort":
         return (), []
@@ -82,15 +68,7 @@ def _torques(saturated: tuple[Saturation, ...], log: Log) -> str:
 
 
 def spans_in_mean(spans: Spans, mean: Log) -> Spans:
-    """The stretches of all periods within the mean of them.
-
-    Parameters
-    ----------
-    spans : tuple of (float, float)
-        In the time of the log [s].
-    mean : Log
-        One period, at the times of the first.
-    """
+    """The stretches of all periods within the mean of them."""
     start, step = float(mean.time[0]), mean.duration / (mean.count - 1)
     period, phases = mean.count * step, mean.time - mean.time[0]
     lost = np.zeros(mean.count, dtype=bool)

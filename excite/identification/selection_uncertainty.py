@@ -20,16 +20,7 @@ from regressors.samples import Index
 
 
 def allowing_for_selection(estimate: Estimate, added: Sequence[int] | Index, candidates: int) -> Estimate:
-    """Extend the covariance of an estimate by what choosing some of its terms does.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    added : sequence of int
-        Places of the parameters that were added.
-    candidates : int
-        Number m of terms that could have been.
-    """
+    """Extend the covariance of an estimate by what choosing some of its terms does."""
     C, freedom = estimate.covariance, max(estimate.degrees_of_freedom, 1)
     J: Index = np.array([k for k in added if np.isfinite(C[k, k]) and C[k, k] > 0], dtype=np.intp)
     if not J.size or candidates < 2:

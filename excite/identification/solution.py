@@ -13,48 +13,24 @@ TOLERANCE = 1e-10  # of the largest singular value of the columns scaled to leng
 
 @dataclass(frozen=True, eq=False)
 class LinearSolution:
-    """Minimiser of ``||A beta - r||``, with its covariance factor and singular values.
+    """Minimiser of ``||A beta - r||``, with its covariance factor and singular values."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (p,)
-        Minimum-norm solution with respect to the columns scaled to length one.
-    half : ndarray, shape (p, rank)
-        Factor of the covariance: ``half @ half.T`` is ``(A'A)^-1`` within the identifiable directions.
-    sizes : ndarray, shape (p,)
-        Lengths of the columns of A; zero where a column counts as zero.
-    singular_values : ndarray, shape (p,)
-        Of the columns scaled to length one.
-    directions : ndarray, shape (p, p)
-        Right singular vectors in its rows, of the scaled columns.
-    rank : int
-    square : float
-        Sum of the squared residuals.
-    size : float
-        Length of r.
-    """
-
-    values: Array
+    values: Array  # (p,) minimum-norm solution with respect to the columns scaled to length one
+    # (p, rank) factor of the covariance: ``half @ half.T`` is ``(A'A)^-1`` within the identifiable directions
     half: Array
-    sizes: Array
-    singular_values: Array
-    directions: Array
+    sizes: Array  # (p,) lengths of the columns of A; zero where a column counts as zero
+    singular_values: Array  # (p,) of the columns scaled to length one
+    directions: Array  # (p, p) right singular vectors in its rows, of the scaled columns
     rank: int
-    square: float
-    size: float
+    square: float  # sum of the squared residuals
+    size: float  # length of r
 
 
 def solve_triangular_system(R: Array, tolerance: float = TOLERANCE) -> LinearSolution:
     """Solution from the triangular factor of ``[A r]``.
 
     Columns are scaled to length one and decomposed, ``A S^-1 = U diag(s) V'``; normal equations are never formed.
-
-    Parameters
-    ----------
-    R : ndarray, shape (k, p + 1)
-    tolerance : float
-        Singular values below this share of the largest one count as zero.
-    """
+    """  # R (k, p + 1)
     A, r = R[:, :-1], R[:, -1]
     p = A.shape[1]
     sizes = np.linalg.norm(A, axis=0)

@@ -23,25 +23,7 @@ _NOTHING = 1e-12  # of a drive's torque in an equation
 
 
 def without_standstill(part: PreparedLog, target: IdentificationTarget, speed: float | None) -> PreparedLog:
-    """The log with the stretches of each equation in which a drive whose torque it contains hardly moves.
-
-    Parameters
-    ----------
-    part : PreparedLog
-    target : IdentificationTarget
-    speed : float, optional
-        Of a drive, below which the rows are left out; none are for 0 or None [rad/s or m/s].
-
-    Returns
-    -------
-    PreparedLog
-        With `PreparedLog.standing`, and a note on the rows.
-
-    Raises
-    ------
-    InputError
-        Equations that are not torques at single instants.
-    """
+    """The log with the stretches of each equation in which a drive whose torque it contains hardly moves."""
     if not speed:
         return part
     equations = target.model.torque_equations()
@@ -57,18 +39,7 @@ def without_standstill(part: PreparedLog, target: IdentificationTarget, speed: f
 
 
 def standstill_candidates(target: IdentificationTarget, parts: Sequence[PreparedLog]) -> tuple[float, ...]:
-    """Speeds for `without_standstill` to choose from, `SPEEDS` times the typical speed of the drives that move.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    parts : sequence of PreparedLog
-
-    Returns
-    -------
-    tuple of float
-        In ascending order from 0; only 0 for models without torques at single instants [rad/s or m/s].
-    """
+    """Speeds for `without_standstill` to choose from, `SPEEDS` times the typical speed of the drives that move."""
     if target.model.torque_equations() is None:
         return (0.0,)
     typical = typical_speed(target, parts)
@@ -76,27 +47,14 @@ def standstill_candidates(target: IdentificationTarget, parts: Sequence[Prepared
 
 
 def typical_speed(target: IdentificationTarget, parts: Sequence[PreparedLog]) -> float:
-    """Median over the drives that move of the root mean square of their speed; 0 where none does [rad/s or m/s].
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    parts : sequence of PreparedLog
-    """
+    """Median over the drives that move of the root mean square of their speed; 0 where none does [rad/s or m/s]."""
     speeds = np.concatenate([part.samples.dq for part in parts]) @ drive_rows(target.robot).T
     sizes = np.sqrt(np.mean(speeds**2, axis=0))
     return float(np.median(sizes[sizes > 0])) if np.any(sizes > 0) else 0.0
 
 
 def least_speeds(part: PreparedLog, target: IdentificationTarget) -> Array:
-    """Least speed of the drives whose torque each equation contains, shape (N, r); infinite where there is none.
-
-    Parameters
-    ----------
-    part : PreparedLog
-    target : IdentificationTarget
-        With a model of joint torques at single instants.
-    """
+    """Least speed of the drives whose torque each equation contains, shape (N, r); infinite where there is none."""
     equations = target.model.torque_equations()
     assert equations is not None
     rows = drive_rows(target.robot)

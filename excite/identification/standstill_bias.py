@@ -39,17 +39,7 @@ _SAID = 0.5  # change over deviation that is worth a note
 def allowing_for_standstill(
     estimate: Estimate, estimator: Estimator, observations: Observations, context: Context
 ) -> Estimate:
-    """Extend the covariance of an estimate by its change without rows near standstill, where friction holds there.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        With the covariance for noise; other methods than `excite.identification.covariance.METHODS` are left as they
-        are, and so are estimates of models without friction, or without torques at single instants.
-    estimator : Estimator
-    observations : Observations
-    context : Context
-    """
+    """Extend the covariance of an estimate by its change without rows near standstill, where friction holds there."""
     target, recipe = context.target, context.recipe
     if estimate.method not in METHODS or target.model.torque_equations() is None:
         return estimate
@@ -95,15 +85,7 @@ def _thinned(context: Context) -> list[PreparedLog]:
 
 
 def fast_rows(observations: Observations, context: Context, speed: float) -> NDArray[np.bool_]:
-    """Rows of the equations whose drives are faster than a speed, shape (m,).
-
-    Parameters
-    ----------
-    observations : Observations
-    context : Context
-    speed : float
-        [rad/s or m/s]
-    """
+    """Rows of the equations whose drives are faster than a speed, shape (m,)."""
     fast = np.ones(observations.y.size, dtype=bool)
     for log, part in enumerate(context.prepared):
         rows = np.flatnonzero(observations.log == log)
@@ -118,13 +100,7 @@ def fails_near_standstill(estimate: Estimate, observations: Observations, fast: 
 
     Their mean squares in units of each group's noise are compared, with a normal distribution of variance
     ``2 / n_slow + 2 / n_fast`` in effective rows, see `excite.identification.residuals`.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    observations : Observations
-    fast : ndarray of bool, shape (m,)
-    """
+    """  # fast (m,)
     residual, group = estimate.residual(observations), observations.group
     squares = (residual / group_scale(estimate)[group]) ** 2
     share = np.ones(observations.y.size)

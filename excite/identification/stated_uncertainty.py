@@ -32,20 +32,7 @@ def with_uncertainty(
     *,
     found: frozenset[str],
 ) -> Estimate:
-    """Covariance by the correlation of the residuals, and for a presliding width and a delay that were found.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        With the covariance for white noise.
-    observations : Observations
-    target : IdentificationTarget
-    parts : sequence of PreparedLog
-    recipe : Recipe
-        With the chosen `sign_width` or `breakaway`, and `delay`.
-    found : frozenset of str
-        Which of `FOUND` were found from the same logs.
-    """
+    """Covariance by the correlation of the residuals, and for a presliding width and a delay that were found."""
     origin = noise_origin(target, parts, recipe)
     wider, rows = estimate, observations
     for name, column in found_columns(estimate, target, parts, recipe, found):

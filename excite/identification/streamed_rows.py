@@ -17,15 +17,9 @@ BLOCK = 2048  # instants
 
 
 class RowSource(ABC):
-    """Equations of a motion at N instants, r at each, for b parameters.
+    """Equations of a motion at N instants, r at each, for b parameters."""
 
-    Attributes
-    ----------
-    shape : tuple of int
-        (N, r, b)
-    """
-
-    shape: tuple[int, int, int]
+    shape: tuple[int, int, int]  # (N, r, b)
 
     @abstractmethod
     def part(self, first: int, last: int) -> Array:
@@ -39,12 +33,7 @@ class RowSource(ABC):
 
 
 class HeldRows(RowSource):
-    """Rows that are an array already.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (N, r, b)
-    """
+    """Rows that are an array already."""  # rows (N, r, b)
 
     def __init__(self, rows: Array) -> None:
         self.rows, self.shape = rows, (rows.shape[0], rows.shape[1], rows.shape[2])
@@ -59,13 +48,6 @@ class StreamedRows:
 
     It stands in for an array where rows are read in slices, ``W[a:b]``, or multiplied, ``W @ values``; the last
     product is kept, since the residuals are needed by the covariance, the summary and the figures.
-
-    Parameters
-    ----------
-    sources : sequence of RowSource
-        One after the other, with the same parameters.
-    instants : sequence of (ndarray of int or None)
-        Which instants of each source are used, ascending; None for all of them.
     """
 
     def __init__(self, sources: Sequence[RowSource], instants: Sequence[Index | None]) -> None:
@@ -108,13 +90,7 @@ class StreamedRows:
         return self._product[1]
 
     def whole(self) -> Array:
-        """All rows as an array, shape (m, b).
-
-        Raises
-        ------
-        InputError
-            They take more memory than `MOST`.
-        """
+        """All rows as an array, shape (m, b)."""
         if self.nbytes > MOST:
             every = -(-self.nbytes // MOST)
             raise InputError(
@@ -166,12 +142,7 @@ Rows = Array | StreamedRows
 
 
 def joined_rows(parts: Sequence[Rows]) -> Rows:
-    """Rows of several motions, one after the other: an array where all of them are.
-
-    Parameters
-    ----------
-    parts : sequence of ndarray or StreamedRows
-    """
+    """Rows of several motions, one after the other: an array where all of them are."""
     arrays = [part for part in parts if isinstance(part, np.ndarray)]
     if len(arrays) == len(parts):
         return np.concatenate(arrays)

@@ -21,13 +21,7 @@ Factors = tuple[tuple[str, float], ...]
 
 
 def factors_of(given: Mapping[str, float] | Factors) -> Factors:
-    """Factors as pairs of name and number, from these or from a mapping.
-
-    Raises
-    ------
-    InputError
-        A factor that is not a positive number.
-    """
+    """Factors as pairs of name and number, from these or from a mapping."""
     factors = tuple((str(name), float(value)) for name, value in dict(given).items())
     for name, value in factors:
         check("torque_factors", value, f"torque_factors: that of {name}")
@@ -35,20 +29,7 @@ def factors_of(given: Mapping[str, float] | Factors) -> Factors:
 
 
 def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Array]:
-    """Drives whose torques are measured, and the matrix D from joint torques to theirs.
-
-    Parameters
-    ----------
-    robot : Robot
-        With its moving joints only.
-    each : bool
-        False where only one factor for all is wanted, which needs no drives: joints will do.
-
-    Raises
-    ------
-    InputError
-        There is not one drive for each joint.
-    """
+    """Drives whose torques are measured, and the matrix D from joint torques to theirs."""
     names = tuple(name for name, _ in drives_with_friction(robot))
     if len(names) == robot.n:
         return names, torques_at_drives(robot)
@@ -61,24 +42,7 @@ def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Arr
 
 
 def corrected(log: Log, robot: Robot, factors: Factors | Mapping[str, float] | None) -> Log:
-    """A log of the moving joints whose torques are in corrected gains.
-
-    Parameters
-    ----------
-    log : Log
-        With the robot's joints only.
-    robot : Robot
-        With its moving joints only.
-    factors : tuple of (str, float), optional
-        By drive, or by joint; 1 for others.
-
-    Raises
-    ------
-    UnknownName
-        A drive that does not move.
-    InputError
-        The log has no joint torques.
-    """
+    """A log of the moving joints whose torques are in corrected gains."""
     if not factors:
         return log
     if log.effort is None:
@@ -98,18 +62,8 @@ def correction(robot: Robot, factors: Mapping[str, float]) -> Array:
 
 
 def corrections(robot: Robot, torque: Array, factors: Mapping[str, float], *, common: bool) -> Array:
-    """Change of corrected joint torques with the factors, shape (k, N, n); k is 1 for a common factor.
-
-    Parameters
-    ----------
-    robot : Robot
-        With its moving joints only.
-    torque : ndarray, shape (N, n)
-        Corrected torques.
-    factors : mapping of str to float
-    common : bool
-        One factor for all.
-    """
+    """Change of corrected joint torques with the factors, shape (k, N, n); k is 1 for a common factor."""
+    # torque (N, n)
     if common:
         return np.asarray(torque / next(iter(factors.values())))[None]
     names, D = drives_of_torques(robot, each=True)

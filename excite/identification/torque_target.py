@@ -14,17 +14,7 @@ from regressors.samples import Array
 
 
 def torque_target(result: IdentificationResult) -> IdentificationTarget:
-    """Identification target of a result of joint torques, with the model at single instants.
-
-    Parameters
-    ----------
-    result : IdentificationResult
-
-    Raises
-    ------
-    InputError
-        A result of a load, of a model that is not one of joint torques, or whose parameters are not those of its model.
-    """
+    """Identification target of a result of joint torques, with the model at single instants."""
     if result.task.model.channel == "wrench":
         raise InputError(
             f"{result.name} is a result of a load, which has no robot to write: give its parameters (see result.json) "

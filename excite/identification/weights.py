@@ -20,27 +20,13 @@ _FLOOR = 1e-11  # of a group's y: residuals of exact data are rounding errors
 
 @dataclass(frozen=True, eq=False)
 class GroupWeights:
-    """Rows divided by their noise, and the least-squares problem of these.
-
-    Parameters
-    ----------
-    factors : GroupFactors
-    scale : ndarray, shape (groups,)
-        Divisor of each group's rows [unit of its equation]; positive.
-    R : ndarray, shape (k, p + 1)
-        Triangular factor of the rows divided by their scale.
-    solution : LinearSolution
-        Of that factor.
-    freedom : int
-        Rows less estimated parameters.
-    notes : tuple of str
-    """
+    """Rows divided by their noise, and the least-squares problem of these."""
 
     factors: GroupFactors
-    scale: Array
-    R: Array
-    solution: LinearSolution
-    freedom: int
+    scale: Array  # (groups,) divisor of each group's rows [unit of its equation]; positive
+    R: Array  # (k, p + 1) triangular factor of the rows divided by their scale
+    solution: LinearSolution  # of that factor
+    freedom: int  # rows less estimated parameters
     notes: tuple[str, ...]
 
     @property
@@ -68,17 +54,6 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
     Unknown noise is a fixed point: ``sigma_g^2 = ||y_g - W_g beta||^2 / (n_g - h_g)`` with the leverage
     ``h_g = tr(W_g (W' Sigma^-1 W)^-1 W_g') / sigma_g^2``, which is restricted maximum likelihood of one variance per
     group [Patterson, Thompson 1971].
-
-    Parameters
-    ----------
-    observations : Observations
-    factors : GroupFactors, optional
-        Of the observations, if already computed.
-
-    Raises
-    ------
-    InputError
-        No rows, numbers that are not finite, or known noise that is not positive.
     """
     factors = factors if factors is not None else GroupFactors.of(observations)
     p = observations.W.shape[1]

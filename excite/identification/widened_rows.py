@@ -9,24 +9,12 @@ from regressors.samples import Array, Index
 
 
 def widened(rows: Rows, column: Array) -> Rows:
-    """Rows with one more column at the end, streamed where they are.
-
-    Parameters
-    ----------
-    rows : ndarray or StreamedRows, shape (m, p)
-    column : ndarray, shape (m,)
-    """
+    """Rows with one more column at the end, streamed where they are."""  # rows (m, p); column (m,)
     return WidenedRows(rows, column) if isinstance(rows, StreamedRows) else np.column_stack([rows, column])
 
 
 class WidenedRows(StreamedRows):
-    """Streamed rows with one more column at the end.
-
-    Parameters
-    ----------
-    rows : StreamedRows, shape (m, p)
-    column : ndarray, shape (m,)
-    """
+    """Streamed rows with one more column at the end."""  # rows (m, p); column (m,)
 
     def __init__(self, rows: StreamedRows, column: Array) -> None:
         super().__init__((_Beside(rows, column),), (None,))

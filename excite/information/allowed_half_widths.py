@@ -25,16 +25,6 @@ def precision_scales(precision: PrecisionTarget, target: IdentificationTarget) -
     """Value of each base parameter that a share is taken of, shape (b,); NaN where nothing is known of it.
 
     Its given scale; or the magnitude of its described value; or, where that is about zero, its size.
-
-    Parameters
-    ----------
-    precision : PrecisionTarget
-    target : IdentificationTarget
-
-    Raises
-    ------
-    UnknownName
-        A scale of a parameter that is not in the base.
     """
     base = target.base
     value = np.abs(prior_of(target.model, base, None).base_values(np.eye(base.rank)))
@@ -46,26 +36,7 @@ def precision_scales(precision: PrecisionTarget, target: IdentificationTarget) -
 
 
 def allowed_half_widths(precision: PrecisionTarget, target: IdentificationTarget) -> Array:
-    """Largest half-width of each base parameter, in its unit, shape (b,); infinite where nothing is asked of it.
-
-    Parameters
-    ----------
-    precision : PrecisionTarget
-    target : IdentificationTarget
-
-    Returns
-    -------
-    ndarray, shape (b,)
-        Nothing is asked of parameters of which the robot's description states neither value nor size, unless they are
-        named or have a scale.
-
-    Raises
-    ------
-    UnknownName
-        A parameter that is not in the base.
-    InputError
-        A parameter that is named, of which neither value nor size is described; or nothing is asked of any.
-    """
+    """Largest half-width of each base parameter, in its unit, shape (b,); infinite where nothing is asked of it."""
     base = target.base
     scale = precision_scales(precision, target)
     share = np.array([_share(precision, base.columns[k]) for k in base.index])

@@ -31,18 +31,10 @@ _RIDGE = 1e-13  # of the normalised matrix: keeps the factor of a singular one f
 
 @dataclass(frozen=True, eq=False)
 class ChosenParameters(Criterion):
-    """A criterion of the Schur complement ``M_S`` of the chosen columns.
+    """A criterion of the Schur complement ``M_S`` of the chosen columns."""
 
-    Parameters
-    ----------
-    criterion : Criterion
-        Applied to ``M_S``.
-    chosen : tuple of int
-        Numbers of the chosen columns.
-    """
-
-    criterion: Criterion
-    chosen: tuple[int, ...]
+    criterion: Criterion  # applied to ``M_S``
+    chosen: tuple[int, ...]  # numbers of the chosen columns
 
     @property
     def name(self) -> str:  # type: ignore[override]

@@ -36,13 +36,7 @@ _HIDDEN = 1e-6  # component of a direction that is not determined, in columns of
 
 
 def geometry(robot: Robot) -> str:
-    """Hash of what a robot's parameters mean: joints, bodies and drives, neither limits nor values.
-
-    Parameters
-    ----------
-    robot : Robot
-        The moving robot, in which links behind locked joints are one.
-    """
+    """Hash of what a robot's parameters mean: joints, bodies and drives, neither limits nor values."""
     described: Any = robot.description()
     drives = (described["transmission"] or {}).get("drives", ())
     content = {
@@ -57,15 +51,7 @@ def geometry(robot: Robot) -> str:
 
 
 def check_earlier(earlier: Sequence[EarlierInformation], robot: Robot, moving: Robot, task: Task) -> None:
-    """Raise `InputError` where earlier information is about other parameters, or counts the same data twice.
-
-    Parameters
-    ----------
-    earlier : sequence of EarlierInformation
-    robot, moving : Robot
-        The whole robot, and the moving one, see `excite.information.target.moving_robot`.
-    task : Task
-    """
+    """Raise `InputError` where earlier information is about other parameters, or counts the same data twice."""
     payload = payload_text(task)
     for one in earlier:
         if one.robot_sha256 != robot.sha256() and one.robot != robot.name:
@@ -104,16 +90,6 @@ def noise_in_hand(earlier: Sequence[EarlierInformation], model: RegressorModel, 
     """Noise of the rows of a task: as stated, else as results have measured it, else as designs state it.
 
     The density of the noise is kept, so that rows of another rate have another standard deviation.
-
-    Returns
-    -------
-    tuple of float, or None
-        One per equation; None where nothing is known of it.
-
-    Raises
-    ------
-    InputError
-        The results are of other equations.
     """
     if task.objective.noise is not None:
         return task.objective.noise
@@ -148,37 +124,15 @@ def _interval(model: RegressorModel, task: Task) -> float:
 
 @dataclass(frozen=True, eq=False)
 class InformationInHand:
-    """What earlier experiments together tell of the base parameters of a task.
+    """What earlier experiments together tell of the base parameters of a task."""
 
-    Parameters
-    ----------
-    R : ndarray, shape (k, b)
-        Rows with the information ``R'R``.
-    degrees_of_freedom : int
-        Of the noise that they have estimated, or will.
-    values : ndarray, shape (b,)
-        Estimate by the results among them; NaN where there is none.
-    """
-
-    R: Array
-    degrees_of_freedom: int
-    values: Array
+    R: Array  # (k, b) rows with the information ``R'R``
+    degrees_of_freedom: int  # of the noise that they have estimated, or will
+    values: Array  # (b,) estimate by the results among them; NaN where there is none
 
 
 def information_in_hand(target: IdentificationTarget, task: Task) -> InformationInHand | None:
-    """What is in hand; None where a task names no earlier experiment.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-        Its earlier information is read, see `excite.design.information_in_hand`.
-
-    Raises
-    ------
-    InputError
-        The noise of an earlier design's equations is not known.
-    """
+    """What is in hand; None where a task names no earlier experiment."""
     earlier = task.objective.after
     if not earlier:
         return None
@@ -187,30 +141,12 @@ def information_in_hand(target: IdentificationTarget, task: Task) -> Information
 
 
 def earlier_root(target: IdentificationTarget, task: Task) -> Array:
-    """Rows R with the information in hand ``P = R'R`` of the base parameters of a task, shape (k, b).
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-        Its earlier information is read, see `excite.design.information_in_hand`.
-
-    Raises
-    ------
-    InputError
-        The noise of an earlier design's equations is not known.
-    """
+    """Rows R with the information in hand ``P = R'R`` of the base parameters of a task, shape (k, b)."""
     return _rows_of_base(target, task, task.objective.after)[0]
 
 
 def earlier_estimate(target: IdentificationTarget, task: Task) -> Array:
-    """Estimate of the base parameters by all earlier results of a task together; NaN where there is none, shape (b,).
-
-    Parameters
-    ----------
-    target, task
-        See `earlier_root`.
-    """
+    """Base parameters by all earlier results of a task together; NaN where there is none, shape (b,)."""
     R, y = _rows_of_base(target, task, [one for one in task.objective.after if one.kind == RESULT])
     known = np.isfinite(deviations_of(R))
     values = np.full(target.base.rank, np.nan)
@@ -262,13 +198,7 @@ def _without_rounding(A: Array) -> Array:
 
 
 def deviations_of(R: Array) -> Array:
-    """Standard deviations ``sqrt(diag((R'R)^-1))`` of parameters; infinite where R does not determine one, shape (b,).
-
-    Parameters
-    ----------
-    R : ndarray, shape (k, b)
-        Rows divided by their noise.
-    """
+    """Standard deviations ``sqrt(diag((R'R)^-1))``; infinite where R does not determine one, shape (b,)."""  # R (k, b)
     size = np.linalg.norm(R, axis=0)
     size = np.where(size > 0.0, size, 1.0)
     _, s, Vt = np.linalg.svd(np.linalg.qr(R / size, mode="r"))

@@ -14,26 +14,13 @@ _NOTHING = 1e-12  # of a drive's velocity along the motion
 
 
 def turning_drives(target: IdentificationTarget) -> tuple[str, ...]:
-    """Names of the drives that turn in a target's motions.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    """
+    """Names of the drives that turn in a target's motions."""
     drives = drives_with_friction(target.robot)
     return tuple(name for name, row in drives if np.any(np.abs(row @ target.motion.matrix) > _NOTHING))
 
 
 def left_out_notes(asked: ModelChoice, target: IdentificationTarget, curves: FrictionCurves) -> tuple[str, ...]:
-    """Note on further friction parameters that were asked for, but only of turning drives whose friction is known.
-
-    Parameters
-    ----------
-    asked : ModelChoice
-    target : IdentificationTarget
-    curves : FrictionCurves
-        Known friction.
-    """
+    """Note on further friction parameters that were asked for, but only of turning drives whose friction is known."""
     numbers = moving_drive_numbers(target.robot)
     turning = {numbers[name] for name in turning_drives(target)}
 

@@ -19,21 +19,11 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """What a criterion takes from the model.
+    """What a criterion takes from the model."""
 
-    Parameters
-    ----------
-    chosen : tuple of int
-        Columns of the parameters of interest; none where all count alike.
-    torques : ndarray, shape (K, b), optional
-        Rows of the torques to be predicted, for a criterion of them.
-    ratios : ndarray, shape (R, b), optional
-        Values of parameters of plausible robots over the described ones.
-    """
-
-    chosen: tuple[int, ...] = ()
-    torques: Array | None = None
-    ratios: Array | None = None
+    chosen: tuple[int, ...] = ()  # columns of the parameters of interest; none where all count alike
+    torques: Array | None = None  # (K, b) rows of the torques to be predicted, for a criterion of them
+    ratios: Array | None = None  # (R, b) values of parameters of plausible robots over the described ones
 
     def of(self, criterion: Criterion) -> Criterion:
         """A criterion as a function of M in the chosen convention."""
@@ -44,19 +34,7 @@ class Goal:
 
 
 def goal_of(target: IdentificationTarget, task: Task) -> Goal:
-    """Goal of a task.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-
-    Raises
-    ------
-    InputError
-        Parameters of interest that the base does not have, or a single one for a condition number; or a task motion
-        that the criterion does not use.
-    """
+    """Goal of a task."""
     objective = task.objective
     criterion: Criterion = instance("criterion", objective.criterion)
     name = name_of(objective.criterion)

@@ -26,36 +26,12 @@ def residual_degrees_of_freedom(rows: float, parameters: int, equations: int) ->
 
     A quarter of the rows of each equation, less the parameters, at least 3: what `excite.identify` counts for its
     robust covariance, where the spectrum of the noise is estimated too.
-
-    Parameters
-    ----------
-    rows : float
-        Of all runs and equations, less those that are correlated with others.
-    parameters, equations : int
-
-    Returns
-    -------
-    int
     """
     return max(FEWEST_DEGREES, int((rows - parameters) / (ROWS_PER_DEGREE * equations)))
 
 
 def half_width_factor(degrees_of_freedom: int, *, level: float = LEVEL, probability: float = PROBABILITY) -> float:
-    """Half-width over standard deviation that is not exceeded with a probability, ``t sqrt(chi2 / f)``.
-
-    Parameters
-    ----------
-    degrees_of_freedom : int
-        f.
-    level : float
-        Confidence level of the interval, between 0 and 1.
-    probability : float
-        With which no half-width is larger, between 0 and 1.
-
-    Returns
-    -------
-    float
-    """
+    """Half-width over standard deviation that is not exceeded with a probability, ``t sqrt(chi2 / f)``."""
     f = degrees_of_freedom
     t, chi2 = scipy.special.stdtrit(f, 0.5 + 0.5 * level), scipy.special.chdtri(f, 1.0 - probability)
     return float(t * np.sqrt(chi2 / f))
@@ -64,22 +40,6 @@ def half_width_factor(degrees_of_freedom: int, *, level: float = LEVEL, probabil
 def half_widths(
     factor: Array, degrees_of_freedom: int, *, level: float = LEVEL, probability: float = PROBABILITY
 ) -> Array:
-    """Predicted half-width of each parameter's confidence interval, h of the module, shape (b,).
-
-    Parameters
-    ----------
-    factor : ndarray, shape (b, k)
-        H with the covariance ``C = H H'`` for the stated noise, such as that of
-        `excite.information.visible_base.inverse_half`.
-    degrees_of_freedom : int
-        Of the noise estimated from residuals, see `residual_degrees_of_freedom`.
-    level, probability : float
-        See `half_width_factor`.
-
-    Returns
-    -------
-    ndarray, shape (b,)
-        In the units of the parameters.
-    """
+    """Predicted half-width of each parameter's confidence interval, h of the module, shape (b,)."""  # factor (b, k)
     scale = half_width_factor(degrees_of_freedom, level=level, probability=probability)
     return np.asarray(scale * np.linalg.norm(factor, axis=1))

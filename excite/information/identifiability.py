@@ -16,13 +16,7 @@ _TOLERANCE = 1e-7
 
 
 class Identifiability:
-    """Row spaces of a model under partial motions.
-
-    Parameters
-    ----------
-    model : RegressorModel
-        Model of all joints of the moving robot.
-    """
+    """Row spaces of a model under partial motions."""
 
     def __init__(self, model: RegressorModel) -> None:
         self.model = model
@@ -32,18 +26,7 @@ class Identifiability:
         self._scale = np.where(sizes > 0, sizes, 1.0)
 
     def rows(self, motion: PartialMotion, equations: tuple[str, ...] | None = None) -> Array:
-        """Basis of the row space of a partial motion, columns scaled by their norm for motions of all joints.
-
-        Parameters
-        ----------
-        motion : PartialMotion
-        equations : tuple of str, optional
-            See `RegressorModel.restricted`.
-
-        Returns
-        -------
-        ndarray, shape (rank, p)
-        """
+        """Basis of the row space of a partial motion, columns scaled by their norm for motions of all joints."""
         W = self.model.restricted(motion, equations).instants(motion.states(self._states))
         return _independent(triangular_factor(W) / self._scale)
 
@@ -67,28 +50,14 @@ def _independent(rows: Array) -> Array:
 
 
 def partial_motions(model: RegressorModel, at_once: int) -> list[tuple[tuple[str, ...], PartialMotion]]:
-    """Motions of every selection of at most ``at_once`` drives, fewest first.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    at_once : int
-        Largest number of drives that move at the same time.
-    """
+    """Motions of every selection of at most ``at_once`` drives, fewest first."""
     names = drive_names(model.robot)
     sizes = range(1, min(at_once, len(names)) + 1)
     return [(moving, of_drives(model.robot, moving)) for size in sizes for moving in combinations(names, size)]
 
 
 def identifying_motion(model: RegressorModel, parameter: int) -> tuple[str, ...] | None:
-    """Fewest drives whose motion identifies a parameter individually; None if no motion does.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    parameter : int
-        Index of its column.
-    """
+    """Fewest drives whose motion identifies a parameter individually; None if no motion does."""
     identifiability = Identifiability(model)
     for moving, motion in partial_motions(model, len(drive_names(model.robot))):
         if parameter in identifiability.shown([identifiability.rows(motion)]):

@@ -28,18 +28,6 @@ def columns_of_interest(target: IdentificationTarget, task: Task) -> tuple[int, 
     group is one of ``inertial``, ``rotor``, ``friction``; a kind of column, such as ``mass``, ``first-moment`` or
     ``coulomb``; ``gravity``, the parameters of bodies and rotors that act on a robot at rest; or ``inertia``, those
     that act only in motion.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-
-    Raises
-    ------
-    UnknownName
-        Neither a parameter of the model nor a group.
-    InputError
-        A parameter that is not a base parameter of its own, or a group without any.
     """
     base = base_columns(target, task)
     chosen = [number for name in task.objective.interest for number in _columns(target, task, base, name)]
@@ -47,14 +35,7 @@ def columns_of_interest(target: IdentificationTarget, task: Task) -> tuple[int, 
 
 
 def base_columns(target: IdentificationTarget, task: Task) -> Index:
-    """Numbers of the model's columns that the criterion's convention has, in its order, shape (b,).
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-        Of another convention than the orthonormal one.
-    """
+    """Numbers of the model's columns that the criterion's convention has, in its order, shape (b,)."""
     T, D = target.transforms[task.objective.base], target.base.D
     return np.array([int(np.argmin(np.linalg.norm(D - column[:, None], axis=0))) for column in T.T])
 

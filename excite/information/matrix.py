@@ -21,23 +21,12 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """M at one point, with the intermediate results that its derivative needs.
+    """M at one point, with the intermediate results that its derivative needs."""
 
-    Parameters
-    ----------
-    x : ndarray
-        The point.
-    M : ndarray, shape (b, b)
-    motion : list of ndarray, shape (n, T)
-        q, dq, ddq at the instants.
-    W : ndarray, shape (b, r, N)
-        Rows of W divided by their noise: column, scalar equation, instant.
-    """
-
-    x: Array
-    M: Array
-    motion: list[Array]
-    W: Array
+    x: Array  # the point
+    M: Array  # (b, b)
+    motion: list[Array]  # (n, T) q, dq, ddq at the instants
+    W: Array  # (b, r, N) rows of W divided by their noise: column, scalar equation, instant
 
 
 class Information:
@@ -45,19 +34,7 @@ class Information:
 
     Where columns are ordered along the chain, the equations of later joints do not depend on the first ones; products
     with W leave these zeros out.
-
-    Parameters
-    ----------
-    function : VectorisedFunction
-        The model's expression in the base columns, of (q, dq, ddq): r states, above r densities where there are any.
-    family : Family
-    combination : Combination
-        Map from values to rows of W.
-    motion : PartialMotion
-        Map from the moving coordinates to the joints.
-    noise : ndarray, shape (r,), optional
-        Divisor of the rows of each equation; 1 if not given.
-    """
+    """  # noise (r,)
 
     def __init__(
         self,
@@ -124,10 +101,6 @@ class Information:
         """Gradient of a function of M with respect to x, from its gradient G = df/dM.
 
         ``df = <G, dM> = sum_k <2/N S_k^-1 W_k G, dW_k>``: one reverse sweep with the seeds ``2/N S_k^-1 W_k G``.
-
-        Returns
-        -------
-        ndarray, of the shape of x
         """
         return self._gradients([(at, G)])[0]
 

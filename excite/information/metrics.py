@@ -67,13 +67,7 @@ class PredictedAccuracy:
 
 
 def noise_per_row(noise: tuple[float, ...] | None, model: RegressorModel) -> Array:
-    """Standard deviation of the noise of each of a model's equations, shape (r,), in their units.
-
-    Raises
-    ------
-    InputError
-        Neither one value nor one per equation.
-    """
+    """Standard deviation of the noise of each of a model's equations, shape (r,), in their units."""
     given = noise if noise is not None else (DEFAULT_NOISE,)
     labels = [name for name, _ in model.row_labels]
     if len(given) not in (1, len(labels)):
@@ -106,20 +100,7 @@ def _singular_values(W: Array) -> Array:
 
 
 def measures(target: IdentificationTarget, samples: Samples, noise: Array) -> dict[str, float]:
-    """All metrics of one motion, defined in `CONVENTIONS`.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    samples : Samples
-        The motion, at the instants that the model requires.
-    noise : ndarray, shape (r,)
-        Noise per equation, in its unit.
-
-    Returns
-    -------
-    dict of str to float
-    """
+    """All metrics of one motion, defined in `CONVENTIONS`."""  # noise (r,)
     base = target.base
     W = target.model.assemble(samples)[:, base.index]
     count = W.shape[0] // noise.size
@@ -151,13 +132,7 @@ def measures(target: IdentificationTarget, samples: Samples, noise: Array) -> di
 
 
 def predictions(target: IdentificationTarget, samples: Samples, noise: Array) -> tuple[PredictedAccuracy, ...]:
-    """Standard deviation of each base parameter, ``sqrt(diag((W' S^-1 W)^-1))`` with S the noise covariance.
-
-    Parameters
-    ----------
-    target, samples, noise
-        See `measures`.
-    """
+    """Standard deviation of each base parameter, ``sqrt(diag((W' S^-1 W)^-1))`` with S the noise covariance."""
     base = target.base
     W = target.model.assemble(samples)[:, base.index]
     W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
@@ -177,23 +152,12 @@ def singular_spectrum(target: IdentificationTarget, samples: Samples) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class MotionMeasures:
-    """What one motion says of the parameters of a target.
+    """What one motion says of the parameters of a target."""
 
-    Parameters
-    ----------
-    criteria : dict of str to float
-        See `CONVENTIONS`.
-    predicted : tuple of PredictedAccuracy
-    spectrum : ndarray, shape (b,)
-        Singular values of W, largest first.
-    rows : int
-        Number of rows of W.
-    """
-
-    criteria: dict[str, float]
+    criteria: dict[str, float]  # see `CONVENTIONS`
     predicted: tuple[PredictedAccuracy, ...]
-    spectrum: Array
-    rows: int
+    spectrum: Array  # (b,) singular values of W, largest first
+    rows: int  # number of rows of W
 
     @classmethod
     def of(cls, target: IdentificationTarget, samples: Samples, noise: Array) -> MotionMeasures:

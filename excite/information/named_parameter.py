@@ -11,20 +11,7 @@ from regressors.models.model import RegressorModel
 
 
 def named_parameter(model: RegressorModel, name: str, also: Sequence[str] = ()) -> int:
-    """Number of a parameter by its name, or by that of the standard parameter that it is a multiple of.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    name : str
-    also : sequence of str
-        Other names that are allowed, for the message.
-
-    Raises
-    ------
-    UnknownName
-        No such parameter.
-    """
+    """Number of a parameter by its name, or by that of the standard parameter that it is a multiple of."""
     if name in model.names:
         return model.names.index(name)
     definition, standard = model.definition()

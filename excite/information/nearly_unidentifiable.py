@@ -82,16 +82,7 @@ class NearlyUnidentifiable:
 def nearly_unidentifiable(
     target: IdentificationTarget, samples: Samples, noise: Array
 ) -> tuple[NearlyUnidentifiable, ...]:
-    """Base parameters that a motion leaves more uncertain than `FACTOR` times their size, worst first.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    samples : Samples
-        The motion, at the instants that the model asks for.
-    noise : ndarray, shape (r,)
-        Noise per equation, in its unit.
-    """
+    """Base parameters that a motion leaves more uncertain than `FACTOR` times their size, worst first."""  # noise (r,)
     base, size = target.base, base_sizes(target.model, target.base)
     W = target.model.assemble(samples)[:, base.index]
     W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
@@ -141,19 +132,7 @@ def _words(column: Column, robot: Robot) -> str:
 def nearly_unidentifiable_note(
     found: tuple[NearlyUnidentifiable, ...], target: IdentificationTarget, noise: str, *, dropped: bool = False
 ) -> str:
-    """What the user must know first: which parameters are hardly seen, why, and what to do.
-
-    Parameters
-    ----------
-    found : tuple of NearlyUnidentifiable
-        At least one, worst first.
-    target : IdentificationTarget
-        Whose parameters they are.
-    noise : str
-        For which noise, see `excite.information.metrics.noise_text`.
-    dropped : bool
-        Those that are hidden from all motions have been left out.
-    """
+    """What the user must know first: which parameters are hardly seen, why, and what to do."""
     listed = "; ".join(parameter.text for parameter in found[:_NAMED])
     more = f"; and {', '.join(p.name for p in found[_NAMED:])}" if len(found) > _NAMED else ""
     cause = rounded_angles(target.robot)
@@ -168,16 +147,7 @@ def nearly_unidentifiable_note(
 
 
 def hardly_excited_note(target: IdentificationTarget, samples: Samples, noise: tuple[float, ...] | None) -> str | None:
-    """Name the joints at which the known masses hardly cause a torque, with what helps; None if there are none.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    samples : Samples
-        The motion of the moving robot.
-    noise : tuple of float, optional
-        Stated noise of each equation of the target's model.
-    """
+    """Name the joints at which the known masses hardly cause a torque, with what helps; None if there are none."""
     if not target.model.rows_are_joint_torques:
         return None
     model = DifferentialModel(target.robot.replace(structure=Structure())).restricted(target.motion)

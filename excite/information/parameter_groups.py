@@ -6,14 +6,7 @@ from regressors.models.columns import COMBINATION, FIRST_MOMENT, FRICTION_KINDS,
 
 
 def group_of(kind: str, unit: str) -> str | None:
-    """Group in `excite.tasks.precision_target.GROUPS` of a column; None for what belongs to none.
-
-    Parameters
-    ----------
-    kind : str
-        Of the column; a combination is told apart by its unit.
-    unit : str
-    """
+    """Group in `excite.tasks.precision_target.GROUPS` of a column; None for what belongs to none."""
     if kind in FRICTION_KINDS:
         return "friction"
     if kind in (MASS, FIRST_MOMENT) or (kind == COMBINATION and unit in ("kg", "kg m")):

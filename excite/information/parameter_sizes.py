@@ -24,15 +24,6 @@ def standard_sizes(model: RegressorModel) -> dict[str, float]:
     of which it says nothing has the size ``M, M L, M L^2``, with the mean mass M of the bodies described and the mean
     distance L between joints; a rotor whose inertia is not described has ``M L^2`` seen from its drive coordinate.
     Friction that is not described has no size.
-
-    Parameters
-    ----------
-    model : RegressorModel
-
-    Returns
-    -------
-    dict of str to float
-        Above zero [kg, kg m, kg m^2, Nm, Nm s/rad, or with m].
     """
     mass, length = _typical(model.robot)
     bodies = {c.name: mass * length ** _POWER[c.kind] for c in model.standard_columns if c.kind in BODY_KINDS}
@@ -46,18 +37,7 @@ def standard_sizes(model: RegressorModel) -> dict[str, float]:
 
 
 def base_sizes(model: RegressorModel, base: Base) -> Array:
-    """Size of each base parameter, the root of the summed squares of its terms; infinite where a term has none.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    base : Base
-        Of the model.
-
-    Returns
-    -------
-    ndarray, shape (b,)
-    """
+    """Size of each base parameter, the root of the summed squares of its terms; infinite where a term has none."""
     return _sizes(model, base.D)
 
 

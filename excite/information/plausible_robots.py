@@ -31,16 +31,10 @@ class WorstRobot(Criterion):
 
     The approximation ``(1/p) log sum_r exp(p f_r)`` of the criterion's own f is never below their largest, and tends to
     it as p grows.
-
-    Parameters
-    ----------
-    criterion : Criterion
-    ratios : ndarray, shape (R, b)
-        Diagonals of ``R_r``.
     """
 
     criterion: Criterion
-    ratios: Array
+    ratios: Array  # (R, b) diagonals of ``R_r``
     stages: tuple[float, ...] = (1.0, 4.0, 16.0, 64.0)
 
     @property
@@ -69,13 +63,6 @@ def value_ratios(target: IdentificationTarget, task: Task, count: int) -> Array:
     The first robot is the described one; the others have standard parameters drawn independently from the prior, normal
     with its deviations, with the seed `SEED`. A value counts with at least its prior deviation: relative precision
     about zero has no meaning.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-        With prior knowledge, and columns scaled by values.
-    count : int
     """
     T = target.transforms[task.objective.base]
     prior = prior_of(target.model, target.base, task.objective.prior)

@@ -28,21 +28,12 @@ _MOST_RUNS = 10**9
 
 @dataclass(frozen=True)
 class ParameterPrecision:
-    """Half-width of one base parameter's confidence interval, or of the error of a joint's torque on a task motion.
-
-    Parameters
-    ----------
-    name, unit : str
-    half_width : float
-        Predicted, after all runs.
-    allowed : float, optional
-        The largest that meets the target; None where nothing is asked.
-    """
+    """Half-width of one base parameter's confidence interval, or of the error of a joint's torque on a task motion."""
 
     name: str
     unit: str
-    half_width: float
-    allowed: float | None
+    half_width: float  # predicted, after all runs
+    allowed: float | None  # the largest that meets the target; None where nothing is asked
 
     @property
     def use(self) -> float:

@@ -26,21 +26,11 @@ _NOTHING = 1e-9  # of a sum's terms: smaller values and coefficients count as ze
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Base parameters as known beforehand.
+    """Base parameters as known beforehand."""
 
-    Parameters
-    ----------
-    A : ndarray, shape (b, s)
-        ``beta = A u``.
-    values : ndarray, shape (s,)
-        u in SI; NaN where not known.
-    deviations : ndarray, shape (s,)
-        Their standard deviations; infinite where unknown.
-    """
-
-    A: Array
-    values: Array
-    deviations: Array
+    A: Array  # (b, s) ``beta = A u``
+    values: Array  # (s,) u in SI; NaN where not known
+    deviations: Array  # (s,) their standard deviations; infinite where unknown
 
     @property
     def root(self) -> Array:
@@ -76,25 +66,7 @@ def _without_rounding(A: NDArray[np.floating]) -> Array:
 
 
 def prior_of(model: RegressorModel, base: Base, prior: float | tuple[Belief, ...] | None) -> Prior:
-    """Prior of a model's base parameters.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    base : Base
-        Base of the model.
-    prior : float, tuple of Belief, or None
-        Relative uncertainty of what the robot's description states (see `stated_deviations`); or values with deviations
-        of standard parameters, or of the model's own columns where these are sums of standard ones; or, if None, the
-        values of the description with unknown deviations.
-
-    Raises
-    ------
-    UnknownName
-        A parameter that the model does not have.
-    InputError
-        The description states none of the model's parameters.
-    """
+    """Prior of a model's base parameters."""
     definition, names = model.definition()
     values = standard_values(model.robot)
     deviations: dict[str, float] = {}

@@ -15,10 +15,6 @@ def rounded_angles(robot: Robot) -> tuple[str, ...]:
     """Axes that nearly follow the one before, or stand nearly at a right angle to it, in words.
 
     The first joint's axis is compared with gravity.
-
-    Parameters
-    ----------
-    robot : Robot
     """
     before = robot.gravity / (np.linalg.norm(robot.gravity) or 1.0)
     name = "gravity"
@@ -32,14 +28,7 @@ def rounded_angles(robot: Robot) -> tuple[str, ...]:
 
 
 def left_out_by_rounding(robot: Robot, base: Base) -> tuple[str, ...]:
-    """Note on the parameters that a base leaves out because only rounding shows them; none where there are none.
-
-    Parameters
-    ----------
-    robot : Robot
-    base : Base
-        Of the robot.
-    """
+    """Note on the parameters that a base leaves out because only rounding shows them; none where there are none."""
     if not base.by_rounding:
         return ()
     cause = "; ".join(rounded_angles(robot)) or "their torques are as small as those of rounded angles and lengths"

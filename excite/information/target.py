@@ -28,17 +28,6 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
 
     Where the robot's description names its parameters for a set of joints that includes the selected ones, that form is
     kept, and the other joints of the set are held (see `motion_of`).
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-
-    Raises
-    ------
-    InputError
-        Unknown joints, invalid limits, or a friction curve of a drive that the robot does not have.
     """
     robot = task.limits.applied(robot)
     if isinstance(task.model.friction_curves, FrictionCurves):
@@ -58,22 +47,7 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
 
 
 def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) -> FrictionCurves:
-    """Friction curves without those of locked joints.
-
-    Parameters
-    ----------
-    friction : FrictionCurves
-        Curves of drives of the whole robot.
-    robot : Robot
-        The whole robot.
-    moving : Robot
-        See `moving_robot`.
-
-    Raises
-    ------
-    UnknownName
-        A curve of a drive that the robot does not have.
-    """
+    """Friction curves without those of locked joints."""
     friction.check(robot)
     if moving.transmission is not None:
         return friction  # all its drives are kept, moving or not
@@ -81,16 +55,7 @@ def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) ->
 
 
 def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:
-    """Partial motion of the moving robot that a task asks for.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot, whose joints the task numbers.
-    moving : Robot
-        See `moving_robot`.
-    task : Task
-    """
+    """Partial motion of the moving robot that a task asks for."""
     if task.model.drives is not None:
         return of_drives(moving, task.model.drives)
     wanted = task.model.joints
@@ -99,16 +64,7 @@ def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:
 
 
 def model_of(robot: Robot, task: Task, sign_width: float = 0.0) -> RegressorModel:
-    """Model that a task asks for.
-
-    Parameters
-    ----------
-    robot : Robot
-        See `moving_robot`.
-    task : Task
-    sign_width : float
-        Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign.
-    """
+    """Model that a task asks for."""
     return task.model.built(robot).softened(sign_width)
 
 
@@ -142,19 +98,7 @@ class IdentificationTarget:
     "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
 )
 def left_to_right_base(robot: Robot, task: Task) -> tuple[PartialMotion, Base]:
-    """Moving coordinates and left-to-right base of a task, without the other conventions.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-
-    Raises
-    ------
-    InputError
-        As of `target_of`.
-    """
+    """Moving coordinates and left-to-right base of a task, without the other conventions."""
     moving, motion, whole = _moving(robot, task, 0.0)
     model = _restricted(whole, motion, task)
     states = motion.states(random_states(moving, few_states(model)))
@@ -184,23 +128,7 @@ def _restricted(model: RegressorModel, motion: PartialMotion, task: Task) -> Reg
 def target_of(
     robot: Robot, task: Task, sign_width: float = 0.0, *, instantaneous: bool = False
 ) -> IdentificationTarget:
-    """Moving robot, model and base columns of a task.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-    sign_width : float
-        See `model_of`.
-    instantaneous : bool
-        Use the model at single instants, whatever windows it is identified over.
-
-    Raises
-    ------
-    InputError
-        Unknown joints, drives or links, or invalid limits.
-    """
+    """Moving robot, model and base columns of a task."""
     moving, motion, whole = _moving(robot, task, sign_width)
     model = _restricted(whole.instantaneous() if instantaneous else whole, motion, task)
     states = motion.states(random_states(moving, enough_states(model)))

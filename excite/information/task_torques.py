@@ -22,16 +22,6 @@ def task_torques(target: IdentificationTarget, task: Task) -> Array:
     Torques are those of the moving coordinates, divided by their noise where the criterion's rows are. Without a stated
     motion they are those of `STATES` independent states, uniform within the limits of position, velocity and
     acceleration, with the seed `SEED`. Joints that the moving robot does not have count as at rest.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-
-    Raises
-    ------
-    InputError
-        A motion without one of the moving joints, or one that a file of results names only.
     """
     model = model_of(target.robot, task).instantaneous().restricted(target.motion, task.model.equations)
     states = _states(target, task)

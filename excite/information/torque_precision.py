@@ -19,22 +19,12 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True, eq=False)
 class TorquePrecision:
-    """Torques along a task motion, and how well they are to be predicted.
+    """Torques along a task motion, and how well they are to be predicted."""
 
-    Parameters
-    ----------
-    names, units : tuple of str
-        Of the joints' torques.
-    rows : ndarray, shape (r, N, b)
-        Y of every equation, over the root of N.
-    allowed : ndarray, shape (r,)
-        Largest half-width of each root mean square error [Nm or N].
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the joints' torques
     units: tuple[str, ...]
-    rows: Array
-    allowed: Array
+    rows: Array  # (r, N, b) Y of every equation, over the root of N
+    allowed: Array  # (r,) largest half-width of each root mean square error [Nm or N]
 
     def deviations(self, half: Array) -> Array:
         """Root mean square error of each torque, for a factor ``C = half half'``, shape (r,)."""
@@ -51,18 +41,6 @@ def torque_precision(torques: TaskTorques, target: IdentificationTarget) -> Torq
     """The torques of a task motion in the base columns of a target.
 
     Described parameters state the torque that shares are taken of; friction that is not described counts as none.
-
-    Parameters
-    ----------
-    torques : TaskTorques
-        Its motion is of the moving joints, in any order.
-    target : IdentificationTarget
-        Of a model of single instants.
-
-    Raises
-    ------
-    InputError
-        It does not state every moving joint, the model integrates over time windows, or a joint has no torque.
     """
     motion, names = torques.motion, target.robot.joint_names
     missing = [name for name in names if name not in motion.joints]

@@ -23,12 +23,7 @@ _NOTHING = 1e-6  # of a coefficient of what is explained
 
 
 def inverse_half(W: Array) -> Array:
-    """H with ``(W'W)^-1 = H H'``, shape (b, b), of columns of any size.
-
-    Parameters
-    ----------
-    W : ndarray, shape (k, b)
-    """
+    """H with ``(W'W)^-1 = H H'``, shape (b, b), of columns of any size."""  # W (k, b)
     length = np.linalg.norm(W, axis=0)
     length = np.where(length > 0, length, 1.0)
     return np.asarray(np.linalg.pinv(np.linalg.qr(W / length, mode="r"), rcond=1e-15) / length[:, None])
@@ -37,20 +32,7 @@ def inverse_half(W: Array) -> Array:
 def visible_bases(
     model: RegressorModel, torques: RegressorModel, bases: tuple[Base, ...], states: Samples, task: Task
 ) -> tuple[Base, ...]:
-    """Base columns of both choices, without parameters that are nearly unidentifiable.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    torques : RegressorModel
-        Its form at single instants, of whose equations deviations are predicted: for the noise that the task gives, or
-        for noise 1 where the model itself is one over time windows.
-    bases : tuple of Base
-        As `regressors.models.base.CHOICES`.
-    states : Samples
-        Independent ones.
-    task : Task
-    """
+    """Base columns of both choices, without parameters that are nearly unidentifiable."""
     base = bases[0]
     given = (1.0,) if model.window is not None or task.objective.noise is None else task.objective.noise
     rows = len(torques.row_labels)

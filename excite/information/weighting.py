@@ -36,21 +36,12 @@ _NO_SAY = 30.0  # by which columns of parameters that do not matter are longer t
 
 @dataclass(frozen=True, eq=False)
 class Weighting:
-    """Weighting of the rows of W in the information matrix of a criterion.
+    """Weighting of the rows of W in the information matrix of a criterion."""
 
-    Parameters
-    ----------
-    noise : ndarray, shape (r,)
-        Divisor of the rows of each equation: their noise, or 1.
-    precision : ndarray, shape (b, b)
-        P in the columns of the left-to-right base; zero without prior knowledge and earlier experiments.
-    transform : ndarray, shape (b, b)
-        T.
-    """
-
-    noise: Array
+    noise: Array  # (r,) divisor of the rows of each equation: their noise, or 1
+    # (b, b) P in the columns of the left-to-right base; zero without prior knowledge and earlier experiments
     precision: Array
-    transform: Array
+    transform: Array  # (b, b) T
 
     def rows(self, W: Array) -> Array:
         """Rows of W, of all equations at each instant in turn, divided by their noise."""
@@ -63,18 +54,7 @@ class Weighting:
 
 
 def weighting_of(target: IdentificationTarget, task: Task) -> Weighting:
-    """Weighting that a task asks for.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-
-    Raises
-    ------
-    InputError
-        A parameter to be scaled by unknown prior knowledge, or names that the model does not have.
-    """
+    """Weighting that a task asks for."""
     objective = task.objective
     noise = noise_per_row(objective.noise if _by_noise(task) else (1.0,), target.model)
     T, in_hand = target.transforms[objective.base], earlier_root(target, task)
@@ -191,20 +171,7 @@ class PriorAndPosterior:
 
 
 def known_with(target: IdentificationTarget, task: Task, samples: Samples) -> tuple[PriorAndPosterior, ...]:
-    """Before and after the experiment, ``sqrt(diag((W' S^-1 W + P)^-1))``, of each parameter.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    task : Task
-    samples : Samples
-        The motion, at the instants that the model requires.
-
-    Returns
-    -------
-    tuple of PriorAndPosterior
-        Empty without prior knowledge and earlier experiments; no value is known of a parameter without the former.
-    """
+    """Before and after the experiment, ``sqrt(diag((W' S^-1 W + P)^-1))``, of each parameter."""
     if task.objective.prior is None and not task.objective.after:
         return ()
     prior, eye = prior_of(target.model, target.base, task.objective.prior), np.eye(target.base.rank)

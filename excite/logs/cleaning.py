@@ -16,29 +16,14 @@ _FEWEST = 3
 
 @dataclass(frozen=True, eq=False)
 class CleanLog:
-    """A log that is fit to be differentiated.
+    """A log that is fit to be differentiated."""
 
-    Parameters
-    ----------
-    log : Log
-        What was left out is in its `removed`.
-    events : tuple of Event
-        What was found of the whole log: a rate, an uneven clock.
-    """
-
-    log: Log
-    events: tuple[Event, ...] = ()
+    log: Log  # what was left out is in its `removed`
+    events: tuple[Event, ...] = ()  # what was found of the whole log: a rate, an uneven clock
 
 
 def cleaned(log: Log, robot: Robot) -> CleanLog:
-    """Leave out held rows and wrong readings of positions, and rebuild the time where its stamps jitter.
-
-    Parameters
-    ----------
-    log : Log
-    robot : Robot
-        Of some of its joints.
-    """
+    """Leave out held rows and wrong readings of positions, and rebuild the time where its stamps jitter."""
     if log.count <= _FEWEST:
         return CleanLog(log)
     fresh = without_held_rows(log)

@@ -23,17 +23,10 @@ _LONG = 100  # rows over which the rate is judged
 
 @dataclass(frozen=True, eq=False)
 class Clocked:
-    """A log with the times at which its rows were sampled.
-
-    Parameters
-    ----------
-    log : Log
-    events : tuple of Event
-        That the time was rebuilt; none where the stamps were kept.
-    """
+    """A log with the times at which its rows were sampled."""
 
     log: Log
-    events: tuple[Event, ...] = ()
+    events: tuple[Event, ...] = ()  # that the time was rebuilt; none where the stamps were kept
 
 
 def with_true_time(log: Log) -> Clocked:
@@ -42,10 +35,6 @@ def with_true_time(log: Log) -> Clocked:
     They are where cubics through eleven successive positions leave more than 1.25 times the residual over the stamps
     than over the numbers of the rows, in the median over the motion. The time is then a robust line through the stamps
     over the numbers, which jumps by whole steps where the stamps show for good that rows are missing.
-
-    Parameters
-    ----------
-    log : Log
     """
     if log.count < 4 * _LONG:
         return Clocked(log)
@@ -77,12 +66,7 @@ def _ticks(log: Log) -> Index:
 
 
 def smoother_over_rows(log: Log) -> float:
-    """How many times smoother the positions are over the numbers of the rows than over their time stamps.
-
-    Parameters
-    ----------
-    log : Log
-    """
+    """How many times smoother the positions are over the numbers of the rows than over their time stamps."""
     moving = np.any(moves(log), axis=1)
     centres = np.flatnonzero(moving[_HALF:-_HALF]) + _HALF
     centres = centres[:: max(1, centres.size // _MOST_FITS)]
@@ -104,18 +88,7 @@ def _residual(x: Array, q: Array) -> Array:
 
 
 def even_time(log: Log) -> Array:
-    """Times on a robust line through time stamps over row numbers, with the steps that passed without a row [s].
-
-    Parameters
-    ----------
-    log : Log
-        Of 400 rows or more.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        [s]
-    """
+    """Times on a robust line through time stamps over row numbers, with the steps that passed without a row [s]."""
     stamps, numbers = log.time, log.row_numbers
     step = float(np.median((stamps[_LONG:] - stamps[:-_LONG]) / (numbers[_LONG:] - numbers[:-_LONG])))
     return _line((numbers + missed_steps(log, step)).astype(float), stamps)

@@ -8,24 +8,14 @@ from collections.abc import Iterable
 
 
 def header_text(names: Iterable[str]) -> str:
-    """The line, without its end.
-
-    Parameters
-    ----------
-    names : iterable of str
-    """
+    """The line, without its end."""
     line = io.StringIO()
     csv.writer(line, lineterminator="").writerow(names)
     return line.getvalue()
 
 
 def header_names(line: str) -> list[str]:
-    """Names in the line, without white space around them.
-
-    Parameters
-    ----------
-    line : str
-    """
+    """Names in the line, without white space around them."""
     try:
         return [name.strip() for name in next(csv.reader([line], skipinitialspace=True)) or [""]]
     except csv.Error:  # a name of more than 131072 characters

@@ -13,28 +13,14 @@ _SHOWN = 5
 
 @dataclass(frozen=True)
 class Event:
-    """One event of a log.
+    """One event of a log."""
 
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    begin, end : float
-        First and last instant that it concerns [s].
-    rows : tuple of two int
-        First and last row of what was recorded that it concerns, 1 for the first.
-    text : str
-        What happened, such as ``joint q2 changed its velocity by 0.3 rad/s``.
-    left_out : bool
-        Whether its instants make no equations.
-    """
-
-    kind: str
-    begin: float
+    kind: str  # one of `KINDS`
+    begin: float  # first and last instant that it concerns [s]
     end: float
-    rows: tuple[int, int]
-    text: str
-    left_out: bool = True
+    rows: tuple[int, int]  # first and last row of what was recorded that it concerns, 1 for the first
+    text: str  # what happened, such as ``joint q2 changed its velocity by 0.3 rad/s``
+    left_out: bool = True  # whether its instants make no equations
 
     @property
     def seconds(self) -> float:

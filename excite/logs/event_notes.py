@@ -14,14 +14,7 @@ _WHAT = {
 
 
 def event_notes(events: Sequence[Event], step: float) -> list[str]:
-    """Notes on events, but for those that are noted where they are found: when a file is read, and torques at limits.
-
-    Parameters
-    ----------
-    events : sequence of Event
-    step : float
-        Sample time of the log [s].
-    """
+    """Notes on events, except those noted where they are found (a file that is read, torques at limits)."""
     notes = []
     for kind in KINDS:
         if those := [event for event in events if event.kind == kind]:

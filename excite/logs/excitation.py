@@ -33,21 +33,6 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
     stretch that lasts at least a fifth of the longest and is not a point-to-point motion, in which no joint reverses;
     where all stretches are point-to-point motions, only their length counts. A tenth of a second of rest is kept at
     both ends.
-
-    Parameters
-    ----------
-    log : Log
-
-    Returns
-    -------
-    rows : slice
-    summary : str
-        The rows and those left out, in rows (1 for the first) and seconds.
-
-    Raises
-    ------
-    InputError
-        No joint moves.
     """
     stretches = _stretches(log) if log.count >= _FEWEST else []
     if not stretches:

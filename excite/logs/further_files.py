@@ -24,25 +24,7 @@ from regressors.samples import Array
 
 
 def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str], zero: float = 0.0) -> Log:
-    """The log with the channels that a mapping says are in other files, interpolated linearly onto its rows.
-
-    Parameters
-    ----------
-    log : Log
-        From the file of the positions.
-    path : path
-        That file. Names of others are relative to its folder; ``{log}`` in them stands for its name without the ending.
-    mapping : LogMapping
-    drop : frozenset of str
-        See `excite.logs.log_reading.read_log`.
-    zero : float
-        What was subtracted from the times of the log [s].
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read, or that was recorded at another time.
-    """
+    """The log with the channels that a mapping says are in other files, interpolated linearly onto its rows."""
     for file in sorted({section.file for section in mapping.sections.values() if section.file is not None}):
         log = _with_file(log, path.parent / file.replace("{log}", path.stem), file, mapping, drop, zero)
     return log
@@ -87,13 +69,7 @@ def _of_file(path: Path, file: str, mapping: LogMapping, drop: frozenset[str], z
 
 
 def in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:
-    """Which instants lie in gaps of another clock, where it says nothing.
-
-    Parameters
-    ----------
-    new, time : ndarray
-        Instants; those of the other clock [s].
-    """
+    """Which instants lie in gaps of another clock, where it says nothing."""
     step = np.diff(time)
     before = np.clip(np.searchsorted(time, new, side="right") - 1, 0, step.size - 1)
     return np.asarray((step[before] > STEPS * np.median(step)) & (new > time[before]) & (new < time[before + 1]))

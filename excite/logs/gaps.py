@@ -18,21 +18,11 @@ LONGEST = 1.0  # [s]; what is left out of a motion, but does not end it
 
 @dataclass(frozen=True)
 class Gap:
-    """A time step that is too long.
+    """A time step that is too long."""
 
-    Parameters
-    ----------
-    row : int
-        Row after which it is, 0 for the first.
-    number : int
-        Its number in what was recorded.
-    time, length : float
-        Where it begins, and how long it is [s].
-    """
-
-    row: int
-    number: int
-    time: float
+    row: int  # row after which it is, 0 for the first
+    number: int  # its number in what was recorded
+    time: float  # where it begins, and how long it is [s]
     length: float
 
     def __str__(self) -> str:
@@ -40,12 +30,7 @@ class Gap:
 
 
 def gaps(log: Log) -> tuple[Gap, ...]:
-    """Time steps longer than 3.5 times the median one and than 20 ms.
-
-    Parameters
-    ----------
-    log : Log
-    """
+    """Time steps longer than 3.5 times the median one and than 20 ms."""
     step = np.diff(log.time)
     if not step.size:
         return ()
@@ -54,24 +39,7 @@ def gaps(log: Log) -> tuple[Gap, ...]:
 
 
 def segments(log: Log, shortest: float = SHORTEST) -> tuple[Log, ...]:
-    """Parts of a log between its gaps.
-
-    Parameters
-    ----------
-    log : Log
-    shortest : float
-        Shorter parts are left out, which is noted in the others [s].
-
-    Returns
-    -------
-    tuple of Log
-        The log itself, where it has no gaps.
-
-    Raises
-    ------
-    InputError
-        No part is long enough.
-    """
+    """Parts of a log between its gaps."""
     if not (intervals := gaps(log)):
         return (log,)
     ends = [0, *(gap.row + 1 for gap in intervals), log.count]

@@ -13,24 +13,7 @@ MOST = 0.01  # of the lines, that are left out without being asked
 
 
 def garbage_rows(text: Text, layout: Layout, rows: Sequence[str], offset: int, *, asked: bool) -> list[int]:
-    """Which rows are garbage, 0 for the first, where they are few enough to be left out.
-
-    Parameters
-    ----------
-    text : Text
-    layout : Layout
-    rows : sequence of str
-        Lines of the table.
-    offset : int
-        Line of the first of them, 1 for the first of the file.
-    asked : bool
-        Whether as many as there are may be left out.
-
-    Raises
-    ------
-    InputError
-        More than one line in a hundred is garbage; with the line and column of the first.
-    """
+    """Which rows are garbage, 0 for the first, where they are few enough to be left out."""
     garbage = [
         k for k, row in enumerate(rows) if row_length(row, layout) != len(layout.names) or _has_text(row, layout)
     ]

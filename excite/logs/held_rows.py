@@ -24,16 +24,10 @@ _MOSTLY = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Fresh:
-    """A log without its held rows.
-
-    Parameters
-    ----------
-    log : Log
-    events : tuple of Event
-        A lower rate than that of the rows, if there is one; what single rows were held is in `Log.removed`.
-    """
+    """A log without its held rows."""
 
     log: Log
+    # A lower rate than that of the rows, if there is one; what single rows were held is in `Log.removed`
     events: tuple[Event, ...] = ()
 
 
@@ -44,11 +38,6 @@ def without_held_rows(log: Log) -> Fresh:
     joint has moved by four steps of its encoder since then, or the torques are otherwise never equal. Where fresh rows
     come at even intervals of two rows or more, or at even intervals in all, the values were updated more slowly than
     they were recorded: that is their rate, and no event.
-
-    Parameters
-    ----------
-    log : Log
-        Three rows or more.
     """
     held = held_rows(log)
     if not held.any():
@@ -66,13 +55,7 @@ def _ends(log: Log) -> tuple[int, int]:
 
 
 def held_rows(log: Log) -> NDArray[np.bool_]:
-    """Which rows are held, shape (N,).
-
-    Parameters
-    ----------
-    log : Log
-        Three rows or more.
-    """
+    """Which rows are held, shape (N,)."""
     moving = np.any(moves(log), axis=1)
     return np.asarray(moving & ~_standstill(log) & (_held_positions(log) | _held_torques(log, moving)))
 

@@ -32,24 +32,12 @@ _ENDS = 0.2  # [s] that are cut by the filters anyway
 
 @dataclass(frozen=True)
 class Impact:
-    """One impact.
+    """One impact."""
 
-    Parameters
-    ----------
-    time : float
-        [s]
-    joint : int
-        Whose velocity jumped most.
-    jump : float
-        Of the velocity [rad/s or m/s].
-    torque : float
-        Height of the largest spike [Nm or N].
-    """
-
-    time: float
-    joint: int
-    jump: float
-    torque: float
+    time: float  # [s]
+    joint: int  # whose velocity jumped most
+    jump: float  # of the velocity [rad/s or m/s]
+    torque: float  # height of the largest spike [Nm or N]
 
 
 def impacts(log: Log) -> list[Impact]:
@@ -60,11 +48,6 @@ def impacts(log: Log) -> list[Impact]:
     three times what nine of ten blocks of the motion reach and a fair share of the motion's speed and torque; a jump
     twice as large needs no spike, since a blow from outside reaches the motors only through their controller. A joint
     that comes to rest or starts slowly is taken to do so by friction.
-
-    Parameters
-    ----------
-    log : Log
-        Uniform, with torques.
     """
     h = float(log.time[1] - log.time[0])
     half = max(_FEWEST, round(_HALF / h))
@@ -90,15 +73,7 @@ def impacts(log: Log) -> list[Impact]:
 
 
 def velocity_jumps(q: Array, half: int) -> Array:
-    """Jump of the slope about each sample, per sample time, shape (N, n); zero at the ends.
-
-    Parameters
-    ----------
-    q : ndarray, shape (N, n)
-        Uniform samples.
-    half : int
-        Samples on either side of each fit.
-    """
+    """Jump of the slope about each sample, per sample time, shape (N, n); zero at the ends."""  # q (N, n)
     i = np.arange(-half, half + 1) / half
     after = i > 0
     basis = np.column_stack([np.ones_like(i), i, i**2, i**3, after * i**2, after * i])
@@ -142,17 +117,7 @@ def _range(x: Array) -> Array:
 
 
 def impact_events(log: Log, recorded: Log, units: Sequence[str]) -> tuple[Event, ...]:
-    """Impacts as events, from just before them until the controller has answered.
-
-    Parameters
-    ----------
-    log : Log
-        Uniform, with torques.
-    recorded : Log
-        The same as recorded, for the numbers of the rows.
-    units : sequence of str
-        Of the joints' positions, ``rad`` or ``m``.
-    """
+    """Impacts as events, from just before them until the controller has answered."""
     events = []
     for hit in impacts(log):
         begin, end = hit.time - _HALF, hit.time + _SETTLING

@@ -42,35 +42,17 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Layout of the columns and lines of a file.
+    """Layout of the columns and lines of a file."""
 
-    Parameters
-    ----------
-    separator : str or None
-        Between two cells; None for any white space.
-    first : int
-        Number of lines before the first row.
-    names : tuple of str
-        All columns, for messages.
-    time : int
-        Column of the time.
-    second : float
-        Seconds per unit of the time column.
-    joints : tuple of str
-    channels : dict of str to Channel
-        By the names of `excite.logs.log.Log`: ``q``, ``dq``, ``effort``, ``temperature``, ``wrench``.
-    preface : int
-        Lines before the header that were found to be something else.
-    """
-
-    separator: str | None
-    first: int
-    names: tuple[str, ...]
-    time: int
-    second: float
+    separator: str | None  # between two cells; None for any white space
+    first: int  # number of lines before the first row
+    names: tuple[str, ...]  # all columns, for messages
+    time: int  # column of the time
+    second: float  # seconds per unit of the time column
     joints: tuple[str, ...]
+    # by the names of `excite.logs.log.Log`: ``q``, ``dq``, ``effort``, ``temperature``, ``wrench``
     channels: dict[str, Channel]
-    preface: int = 0
+    preface: int = 0  # lines before the header that were found to be something else
 
     @property
     def used(self) -> tuple[int, ...]:
@@ -90,13 +72,7 @@ def cells(line: str, separator: str | None) -> list[str]:
 
 
 def head_cells(source: str, line: str, separator: str | None) -> list[str]:
-    """Cells of the line that says how many columns there are.
-
-    Raises
-    ------
-    InputError
-        More than `MOST_COLUMNS`.
-    """
+    """Cells of the line that says how many columns there are."""
     return _columns(source, cells(line, separator))
 
 
@@ -107,12 +83,7 @@ def _columns(source: str, head: list[str]) -> list[str]:
 
 
 def header_line(lines: Sequence[str]) -> int:
-    """Line with the names of the columns, 0 for the first, which it is where no other one can be.
-
-    Parameters
-    ----------
-    lines : sequence of str
-    """
+    """Line with the names of the columns, 0 for the first, which it is where no other one can be."""
     return next((k for k, line in enumerate(lines[:_PREFACE]) if _is_header(line)), 0)
 
 
@@ -125,20 +96,6 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None, preface
     """Layout by the column names ``time``, ``NAME.position``, ``NAME.velocity``, ..., ``wrench.force.x``.
 
     A column ``temperature`` without a joint's name applies to all joints.
-
-    Parameters
-    ----------
-    source, header : str
-        Name of the file, its line with the names.
-    joints : sequence of str, optional
-        Joints to read; all that have a position if not given.
-    preface : int
-        Lines before the header.
-
-    Raises
-    ------
-    InputError
-        No header, no time, missing joints, or channels that some joints lack.
     """
     names = _columns(source, header_names(header))
     _check_header(source, names)

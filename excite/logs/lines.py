@@ -18,15 +18,7 @@ _SPACES = b" \t\n\r\x0b\x0c\x1c\x1d\x1e\x1f"  # those of `str.rstrip`
 
 
 class Lines(Sequence[str]):
-    """Lines of a file in UTF-8, or some of them.
-
-    Parameters
-    ----------
-    stream : binary file
-        Open as long as lines are read.
-    starts, ends : ndarray of int, shape (N,)
-        Places of their first byte, and behind their last [bytes from the start of the file].
-    """
+    """Lines of a file in UTF-8, or some of them."""  # starts, ends (N,)
 
     def __init__(self, stream: BinaryIO, starts: Index, ends: Index) -> None:
         self._stream, self._starts, self._ends = stream, starts, ends
@@ -90,14 +82,7 @@ def _decoded(line: bytes) -> str:
 
 
 def blocks_of(stream: BinaryIO, longest: int) -> Iterator[bytes]:
-    """Content of a file in blocks that end where a line ends, but for the last one and one longer than ``longest``.
-
-    Parameters
-    ----------
-    stream : binary file
-    longest : int
-        [bytes]
-    """
+    """Content of a file in blocks that end where a line ends, but for the last one and one longer than ``longest``."""
     rest = b""
     while block := stream.read(_BLOCK):
         end = block.rfind(b"\n") + 1
@@ -114,23 +99,7 @@ def blocks_of(stream: BinaryIO, longest: int) -> Iterator[bytes]:
 
 
 def places_of_lines(blocks: Iterable[bytes], first: int = 0) -> tuple[Index, Index, bool] | None:
-    """Where the lines of a text begin and end, without blank lines and white space at its end.
-
-    Parameters
-    ----------
-    blocks : iterable of bytes
-        Each ends where a line ends, but for the last.
-    first : int
-        Place of the first line.
-
-    Returns
-    -------
-    starts, ends : ndarray of int, shape (N,)
-    complete : bool
-        Whether the last line has its end.
-    None
-        For a text without any character but white space.
-    """
+    """Where the lines of a text begin and end, without blank lines and white space at its end."""  # result (N,)
     newlines: list[Index] = []
     size, last = 0, -1
     for block in blocks:

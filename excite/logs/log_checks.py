@@ -25,29 +25,7 @@ _CHECKS: tuple[Callable[[Case], Iterator[Finding]], ...] = (
 
 
 def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) -> tuple[str, ...]:
-    """Check a log for plausibility, and return notes on a usable one.
-
-    Parameters
-    ----------
-    log : Log
-    robot : Robot
-        Of some of the log's joints; it may have others.
-    should_move : sequence of str, optional
-        Joints that have to move in the log; at least one joint if not given, none if empty.
-
-    Returns
-    -------
-    tuple of str
-        What is unusual about it: joints that the robot does not have or that rest, torques that are held at an extreme,
-        limits passed by a little.
-
-    Raises
-    ------
-    InputError
-        It cannot be used: joints of another robot only, gaps (see `excite.logs.gaps.segments`), positions or velocities
-        in degrees, positions far beyond the limits, velocities that are not the slope of the positions, channels that
-        do not change while the joint moves, torques far beyond the limits. All problems are reported together.
-    """
+    """Check a log for plausibility, and return notes on a usable one."""
     known, others = joints_of(log, robot)
     if log.count < 3:
         raise InputError(f"{log.source}: {log.count} rows are too few to be checked")
@@ -61,18 +39,7 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
 
 
 def joints_of(log: Log, robot: Robot) -> tuple[list[str], list[str]]:
-    """Joints of a log that the robot has, and those that it does not have.
-
-    Parameters
-    ----------
-    log : Log
-    robot : Robot
-
-    Raises
-    ------
-    InputError
-        The robot has none of them.
-    """
+    """Joints of a log that the robot has, and those that it does not have."""
     known = [name for name in log.joints if name in robot.joint_names]
     if known:
         return known, [name for name in log.joints if name not in known]

@@ -14,20 +14,7 @@ from excite.storage.finite import check_table
 
 
 def write_log(log: Log, path: str | Path) -> None:
-    """Write a log as CSV that reads back to the same bits.
-
-    Parameters
-    ----------
-    log : Log
-    path : path
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
-    NumericalError
-        A number that is not finite, named by its column.
-    """
+    """Write a log as CSV that reads back to the same bits."""
     header, columns = ["time"], [log.time[:, None]]
     for k, joint in enumerate(log.joints):
         for name, suffix in CHANNELS.items():

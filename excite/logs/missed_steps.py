@@ -22,13 +22,6 @@ def missed_steps(log: Log, step: float) -> Index:
 
     Candidates are rows after which the stamps are later for good; a number of steps is believed where the positions
     about a row are smoother with them than without, by cubics.
-
-    Parameters
-    ----------
-    log : Log
-        With uneven time stamps.
-    step : float
-        Of the clock [s].
     """
     numbers = log.row_numbers
     late = (log.time - log.time[0]) / step - (numbers - numbers[0])

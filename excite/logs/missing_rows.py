@@ -26,10 +26,6 @@ def missing_rows(log: Log) -> tuple[Event, ...]:
     """Where rows are missing: numbers of rows that jump, and time steps of 1.75 times the median one or more.
 
     Where time steps are irregular, only those longer than 3.5 times the median one count.
-
-    Parameters
-    ----------
-    log : Log
     """
     if log.count < 3:
         return ()

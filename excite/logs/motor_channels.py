@@ -24,20 +24,7 @@ from regressors.samples import Array
 
 
 def at_the_joints(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
-    """The log with the channels that a mapping describes on the motors' side converted to the joints.
-
-    Parameters
-    ----------
-    log : Log
-        As read, each column of such a channel belonging to the drive of the same number as its joint.
-    mapping : LogMapping
-    robot : Robot, optional
-
-    Raises
-    ------
-    InputError
-        No robot is given, it states no gear, or it couples a drive to a joint that was not recorded.
-    """
+    """The log with the channels that a mapping describes on the motors' side converted to the joints."""
     sections = mapping.sections
     motor = {name: s for name, s in sections.items() if isinstance(s, GearedSection) and s.side == "motor"}
     if not motor:

@@ -27,13 +27,7 @@ def span_ends(log: Log) -> tuple[Index, Index]:
 
 
 def mean_speed(log: Log) -> Array:
-    """Mean velocity over the spans, ``(q(b) - q(a)) / (b - a)`` [rad/s or m/s], shape (N, n).
-
-    Parameters
-    ----------
-    log : Log
-        Of two rows or more.
-    """
+    """Mean velocity over the spans, ``(q(b) - q(a)) / (b - a)`` [rad/s or m/s], shape (N, n)."""
     first, last = span_ends(log)
     duration = log.time[last] - log.time[first]
     begin, end = int(np.count_nonzero(first == 0)) - 1, int(np.count_nonzero(last < log.count - 1))
@@ -51,11 +45,6 @@ def moves(log: Log) -> NDArray[np.bool_]:
 
     It does where its mean speed is above 0.5 % of its greatest, above what noise and rounding of the positions cause at
     rest, and above 1e-3 rad/s or m/s.
-
-    Parameters
-    ----------
-    log : Log
-        Of three rows or more.
     """
     if log not in _KNOWN:
         _KNOWN[log] = _moves(log)
@@ -72,11 +61,6 @@ def _moves(log: Log) -> NDArray[np.bool_]:
 
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First row of each run of true flags, and the row after its last.
-
-    Parameters
-    ----------
-    flags : ndarray of bool, shape (N,)
-    """
+    """First row of each run of true flags, and the row after its last."""  # flags (N,)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

@@ -16,37 +16,14 @@ def noise_deviation(x: Array) -> Array:
 
     White noise of deviation s has k-th differences of deviation ``s sqrt((2 k)! / (k!)^2)``, and motion only adds to
     them: the least estimate over k = 2 ... 8 is taken, no less than that of rounding, ``quantum / sqrt(12)``.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N, n)
-        Uniform samples, N > 2.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [unit of x]
-    """
+    """  # x (N, n)
     orders = [k for k in _ORDERS if k < x.shape[0]]
     estimates = [np.sqrt(np.mean(np.diff(x, k, axis=0) ** 2, axis=0) / math.comb(2 * k, k)) for k in orders]
     return np.asarray(np.maximum(np.min(estimates, axis=0), quantum(x) / np.sqrt(12)))
 
 
 def quietest_deviation(x: Array, block: int) -> Array:
-    """Standard deviation of noise in the quietest tenth of the blocks of a signal, where it is at rest if it ever is.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N, n)
-        Uniform samples.
-    block : int
-        Samples per block.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Zero where nothing changes there, or where there is less than one block.
-    """
+    """Standard deviation of noise in the quietest tenth of the blocks of a signal."""  # x (N, n)
     squares = np.diff(x, 2, axis=0) ** 2 / math.comb(4, 2)
     count = squares.shape[0] // block
     if count == 0:
@@ -56,11 +33,6 @@ def quietest_deviation(x: Array, block: int) -> Array:
 
 
 def quantum(x: Array) -> Array:
-    """Least difference of two different values, shape (n,); zero where all are equal.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N, n)
-    """
+    """Least difference of two different values, shape (n,); zero where all are equal."""  # x (N, n)
     steps = (np.diff(np.unique(column)) for column in x.T)
     return np.array([step.min() if step.size else 0.0 for step in steps])

@@ -28,20 +28,11 @@ _ALIKE = 0.2  # of a jump, by which the jump back may differ
 
 @dataclass(frozen=True)
 class Jump:
-    """A joint's position that is another from a row on.
-
-    Parameters
-    ----------
-    joint : int
-    row : int
-        First row after it, 0 for the first of the log.
-    size : float
-        Beyond the joint's motion [rad or m].
-    """
+    """A joint's position that is another from a row on."""
 
     joint: int
-    row: int
-    size: float
+    row: int  # first row after it, 0 for the first of the log
+    size: float  # beyond the joint's motion [rad or m]
 
 
 def without_spikes(log: Log, robot: Robot) -> Log:
@@ -49,12 +40,6 @@ def without_spikes(log: Log, robot: Robot) -> Log:
 
     A position jumps where it changes from one row to the next by 1.5 times more than its velocity limit allows, and by
     12 times its noise. Of a joint without a limit, three times the speed of its motion stands for it.
-
-    Parameters
-    ----------
-    log : Log
-    robot : Robot
-        Of some of its joints; the others are not looked at.
     """
     lost = np.zeros(log.count, dtype=bool)
     for jumps, _ in _all_jumps(log, robot):
@@ -65,18 +50,7 @@ def without_spikes(log: Log, robot: Robot) -> Log:
 
 
 def check_resets(log: Log, robot: Robot) -> None:
-    """Refuse a log whose positions jump and do not come back.
-
-    Parameters
-    ----------
-    log, robot
-        See `without_spikes`.
-
-    Raises
-    ------
-    InputError
-        An encoder was reset.
-    """
+    """Refuse a log whose positions jump and do not come back."""
     for jumps, unit in _all_jumps(log, robot):
         for jump, back in _pairs(jumps):
             if back is None:

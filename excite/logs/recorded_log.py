@@ -29,23 +29,6 @@ def recorded_log(
     """Log of a recording whose streams have clocks of their own.
 
     The rows are those of the positions; everything else is interpolated linearly onto them, but not over its gaps.
-
-    Parameters
-    ----------
-    path : Path
-        File or folder.
-    channels : SampledChannels
-        What was read of it.
-    joints : tuple of str
-    drop : frozenset of str
-        Faulty rows to leave out, see `excite.logs.log_reading.read_log`.
-    only : (int, int), optional
-        First and last row of the positions to read, 1 for the first.
-
-    Raises
-    ------
-    InputError
-        Time runs backwards, or streams were recorded at different times.
     """
     source, notes = str(path), list(channels.notes)
     base = max((one for one in channels.columns if one.channel == "q"), key=lambda one: one.time.size)

@@ -25,61 +25,27 @@ class Unusable(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """One column of a channel.
+    """One column of a channel."""
 
-    Parameters
-    ----------
-    channel : str
-        Of `excite.logs.log.Log`, such as ``q``.
-    place : int
-        Column of the channel.
-    stream : str
-        Stream, or column of a table, for messages.
-    time : ndarray, shape (N,)
-        [s]
-    values : ndarray, shape (N,)
-        [SI], finite.
-    rows : ndarray of int, shape (N,)
-        Rows of the stream, 1 for the first.
-    """
-
-    channel: str
-    place: int
-    stream: str
-    time: Array
-    values: Array
-    rows: Index
+    channel: str  # of `excite.logs.log.Log`, such as ``q``
+    place: int  # column of the channel
+    stream: str  # stream, or column of a table, for messages
+    time: Array  # (N,) [s]
+    values: Array  # (N,) [SI], finite
+    rows: Index  # (N,) rows of the stream, 1 for the first
 
 
 @dataclass(frozen=True, eq=False)
 class SampledChannels:
-    """What a mapping names of one recording.
-
-    Parameters
-    ----------
-    columns : tuple of Sampled
-    notes : tuple of str
-    zero : float
-        What was subtracted from all times [s].
-    """
+    """What a mapping names of one recording."""
 
     columns: tuple[Sampled, ...]
     notes: tuple[str, ...]
-    zero: float = 0.0
+    zero: float = 0.0  # what was subtracted from all times [s]
 
 
 def samples_of_table(source: str, layout: Layout, table: Table, zero: float | None = None) -> SampledChannels:
-    """Columns of a table in text, whose cells may be NaN, in SI.
-
-    Parameters
-    ----------
-    source : str
-        Name of the file, for messages.
-    layout : Layout
-    table : Table
-    zero : float, optional
-        See `sampled_channels`.
-    """
+    """Columns of a table in text, whose cells may be NaN, in SI."""
     place = {column: k for k, column in enumerate(layout.used)}
     time = table.values[:, place[layout.time]] * layout.second
     own = zero is None
@@ -125,26 +91,7 @@ class _Wanted:
 def sampled_channels(
     form: RecordingFormat, path: Path, mapping: LogMapping, file: str | None = None, zero: float | None = None
 ) -> SampledChannels:
-    """Columns that a mapping names, in SI.
-
-    Parameters
-    ----------
-    form : RecordingFormat
-        Format of the file.
-    path : Path
-    mapping : LogMapping
-    file : str, optional
-        Name of the file in the mapping; that of the log itself if not given.
-    zero : float, optional
-        Whole seconds to subtract from the times; where a clock counts many, its first ones if not given [s].
-
-    Raises
-    ------
-    InputError
-        A damaged file, a stream without a time, infinite values.
-    UnknownName
-        A column that the file does not have.
-    """
+    """Columns that a mapping names, in SI."""
     contents = form.contents(path)
     sections = {name: section for name, section in mapping.sections.items() if section.file == file}
     wanted = [one for name, section in sections.items() for one in _wanted(contents, mapping, name, section)]
@@ -228,24 +175,12 @@ _LARGE = 1e6  # [s]
 
 
 def whole_seconds(first: float) -> float:
-    """Seconds to count times from: none, or the first ones of a clock that counts so many that a float loses digits.
-
-    Parameters
-    ----------
-    first : float
-        Time of the first row [s].
-    """
+    """Seconds to count times from: none, or the first ones of a clock that counts so many that a float loses digits."""
     return float(int(first)) if np.isfinite(first) and abs(first) > _LARGE else 0.0
 
 
 def zero_note(zero: float) -> str:
-    """Note that times are not counted from where their clock does.
-
-    Parameters
-    ----------
-    zero : float
-        [s]
-    """
+    """Note that times are not counted from where their clock does."""
     return f"time is counted from {zero:.0f} s of its clock"
 
 
@@ -263,15 +198,7 @@ def _sampled(recording: Recording, one: _Wanted, section: ChannelSection, zero: 
 
 
 def seconds_of(clock: Numbers, second: float, zero: float) -> Array:
-    """Times of a clock less a zero [s].
-
-    Parameters
-    ----------
-    clock : ndarray, shape (N,)
-        Integers lose no digits.
-    second, zero : float
-        Seconds per unit of the clock; whole seconds.
-    """
+    """Times of a clock less a zero [s]."""  # clock (N,)
     if clock.dtype.kind in "iu" and zero:
         return np.asarray((clock - clock.dtype.type(round(zero / second))) * second, dtype=float)
     return np.asarray(clock, dtype=float) * second - zero

@@ -44,31 +44,13 @@ class Saturation:
 
 
 def saturation_of(label: str, limit: float, unit: str, time: Array, at_limit: NDArray[np.bool_]) -> Saturation:
-    """Saturation at flagged instants.
-
-    Parameters
-    ----------
-    label, limit, unit
-        See `Saturation`.
-    time : ndarray, shape (N,)
-        [s]
-    at_limit : ndarray of bool, shape (N,)
-    """
+    """Saturation at flagged instants."""  # time (N,); at_limit (N,)
     spans = tuple((float(time[a]), float(time[b - 1])) for a, b in runs(at_limit))
     return Saturation(label, float(limit), unit, int(np.count_nonzero(at_limit)), spans)
 
 
 def within(time: Array, spans: Spans, begin: Array | None = None) -> NDArray[np.bool_]:
-    """Which instants lie in one of the spans, or which time windows meet one.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Instants, or ends of windows [s].
-    spans : tuple of (float, float)
-    begin : ndarray, shape (N,), optional
-        Where the windows begin [s].
-    """
+    """Which instants lie in one of the spans, or which time windows meet one."""  # time (N,); begin (N,)
     if not spans:
         return np.zeros(time.size, dtype=bool)
     first, last = np.array(joined_spans(spans)).T
@@ -83,12 +65,6 @@ def measured_saturation(log: Log, robot: Robot) -> tuple[Saturation, ...]:
     A torque counts where it keeps its extreme value for five samples or more while the robot moves, has come there at
     speed, and that value is 0.999 of the joint's limit or more. Extremes below are never taken for the limit, whatever
     they look like, and with noise on the torque no value is kept.
-
-    Parameters
-    ----------
-    log : Log
-        Of some of the robot's joints, three rows or more.
-    robot : Robot
     """
     if log.effort is None:
         return ()
@@ -109,14 +85,8 @@ def measured_saturation(log: Log, robot: Robot) -> tuple[Saturation, ...]:
 
 
 def plateaus(tau: Array, extreme: float, moving: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """First row of each stretch in which a torque keeps an extreme value that it came to at speed, and the row after.
-
-    Parameters
-    ----------
-    tau : ndarray, shape (N,)
-    extreme : float
-    moving : ndarray of bool, shape (N,)
-    """
+    """First row, and row after, of each stretch in which a torque keeps an extreme that it reached at speed."""
+    # tau (N,); moving (N,)
     least = 4 * float(quantum(tau[:, None])[0])
     for a, b in runs((tau == extreme) & moving):
         if b - a >= _HELD and _sudden(tau, a, b, least):

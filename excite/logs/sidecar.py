@@ -20,13 +20,7 @@ LOG = "log"
 
 
 def sidecar_path(log: str | Path) -> Path:
-    """Path of the sidecar file of a log.
-
-    Parameters
-    ----------
-    log : path
-        The log.
-    """
+    """Path of the sidecar file of a log."""
     path = Path(log)
     if path.suffix == ".json":
         raise InputError(f"{path}: a log ending in .json leaves no name for the file beside it")
@@ -42,31 +36,7 @@ def write_sidecar(
     seed: int | None = None,
     truth: Mapping[str, float] | None = None,
 ) -> Path:
-    """Write the sidecar file of a log, with the log's hash where it is there already.
-
-    Parameters
-    ----------
-    log : path
-        The log.
-    robot : Robot
-        Robot that moved.
-    design : str, optional
-        SHA-256 of the design that was played.
-    settings : mapping, optional
-        How the log was made, plain JSON values.
-    seed : int, optional
-    truth : mapping of str to float, optional
-        True standard parameters, of a simulated log [SI].
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
-    """
+    """Write the sidecar file of a log, with the log's hash where it is there already."""
     path = sidecar_path(log)
     content = {
         "schema": SCHEMA,
@@ -88,18 +58,7 @@ def log_entry(log: Path) -> dict[str, Any]:
 
 
 def read_sidecar(log: str | Path) -> dict[str, Any] | None:
-    """Content of the sidecar file of a log; None where there is none.
-
-    Parameters
-    ----------
-    log : path
-        The log.
-
-    Raises
-    ------
-    InputError
-        Not JSON, of another schema, or not valid by the schema.
-    """
+    """Content of the sidecar file of a log; None where there is none."""
     if Path(log).suffix == ".json" or not (path := sidecar_path(log)).exists():
         return None
     settle_files(Path(log))
@@ -129,20 +88,7 @@ def saturation_content(one: Saturation) -> dict[str, Any]:
 
 
 def saturated_torques(content: Mapping[str, Any], source: str | Path) -> tuple[Saturation, ...]:
-    """Torques that a file beside a log says were at their limit; none where it says nothing of it.
-
-    Parameters
-    ----------
-    content : mapping
-        Of the file.
-    source : path
-        For messages.
-
-    Raises
-    ------
-    InputError
-        Not what the schema says.
-    """
+    """Torques that a file beside a log says were at their limit; none where it says nothing of it."""
     given = content.get("saturated", [])
     if not (isinstance(given, list) and all(_is_saturation(one) for one in given)):
         raise InputError(
@@ -167,18 +113,6 @@ def with_sidecar(log: Log, robot: Robot) -> Log:
 
     A sidecar file of a log that was edited since is ignored, which `Log.left_out` says: what it says of rows and times
     need not hold any longer. One without the hash of its log is used as it is.
-
-    Parameters
-    ----------
-    log : Log
-        As read from the file `Log.source`.
-    robot : Robot
-        Robot that moved.
-
-    Raises
-    ------
-    InputError
-        See `read_sidecar`; or the log is of another robot.
     """
     content = read_sidecar(log.source)
     if content is None:

@@ -26,43 +26,16 @@ _COPIES, _PER_LINE = 2.0, 4.0  # numbers of each cell, and of each line
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Rows that were read.
+    """Rows that were read."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (N, columns)
-        Cells of the layout's used columns, in the units of the file.
-    lines : ndarray of int, shape (N,)
-        Line of each row, 1 for the first of the file.
-    left_out : tuple of str
-        Rows that were left out, with their count.
-    removed : tuple of Removed
-        Which, by their numbers.
-    """
-
-    values: Array
-    lines: Index
-    left_out: tuple[str, ...]
-    removed: tuple[Removed, ...] = ()
+    values: Array  # (N, columns) cells of the layout's used columns, in the units of the file
+    lines: Index  # (N,) line of each row, 1 for the first of the file
+    left_out: tuple[str, ...]  # rows that were left out, with their count
+    removed: tuple[Removed, ...] = ()  # which, by their numbers
 
 
 def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
-    """Numbers in the rows of a text.
-
-    Parameters
-    ----------
-    text : Text
-    layout : Layout
-    drop : frozenset of str
-        Faulty rows to leave out instead of refusing the file, of `excite.registry.DROPPABLE`.
-    only : (int, int), optional
-        First and last row to read, 1 for the first of the table; the others may hold what they like.
-
-    Raises
-    ------
-    InputError
-        Rows of different length, cells that are not finite numbers, time that does not increase; with line and column.
-    """
+    """Numbers in the rows of a text."""
     values, lines, left_out, removed = _cells(text, layout, drop, only, "nan" in drop)
 
     def leave(keep: NDArray[np.bool_], why: str) -> None:
@@ -81,22 +54,7 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
 
 
 def sparse_table(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
-    """Numbers in the rows of a text whose cells may be empty, which is NaN, and whose time may be anything.
-
-    Parameters
-    ----------
-    text : Text
-    layout : Layout
-    drop : frozenset of str
-        See `table_of`.
-    only : (int, int), optional
-        See `table_of`.
-
-    Raises
-    ------
-    InputError
-        Rows of different length, cells that are no numbers; with line and column.
-    """
+    """Numbers in the rows of a text whose cells may be empty, which is NaN, and whose time may be anything."""
     values, lines, left_out, removed = _cells(text, layout, drop, only, True)
     return Table(values, lines, tuple(left_out), tuple(removed))
 
@@ -125,15 +83,7 @@ def _cells(
 
 
 def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
-    """Memory of the numbers of the rows; beside them only where lines begin is held.
-
-    Parameters
-    ----------
-    text : Text
-    layout : Layout
-    rows : int
-        How many are read.
-    """
+    """Memory of the numbers of the rows; beside them only where lines begin is held."""
     columns, remedy = len(layout.used), "choose fewer rows with `rows`"
     held = FLOAT * rows * (_COPIES * columns + _PER_LINE)
     return WorkPrediction(f"reading {text.source}", (MemoryPart("rows", rows, columns, held, remedy=remedy),))

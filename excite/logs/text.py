@@ -24,42 +24,18 @@ LONGEST_LINE = 8 * 2**20  # bytes
 
 @dataclass(frozen=True)
 class Text:
-    """Lines of a text file.
+    """Lines of a text file."""
 
-    Parameters
-    ----------
-    source : str
-        Name of the file, for messages.
-    sha256 : str
-        Hash of its bytes.
-    lines : Lines
-        Without their ends, and without empty lines at the end of the file.
-    complete : bool
-        Whether the last line has its end.
-    mended : tuple of str
-        What was repaired to get the lines.
-    """
-
-    source: str
-    sha256: str
-    lines: Lines
-    complete: bool
-    mended: tuple[str, ...]
+    source: str  # name of the file, for messages
+    sha256: str  # hash of its bytes
+    lines: Lines  # without their ends, and without empty lines at the end of the file
+    complete: bool  # whether the last line has its end
+    mended: tuple[str, ...]  # what was repaired to get the lines
 
 
 @contextmanager
 def text_of(path: Path) -> Iterator[Text]:
-    """Text of a file in UTF-8, which stays open as long as its lines are read.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        Cannot be read, empty, not a text file in UTF-8, or with a line of more than `LONGEST_LINE` bytes.
-    """
+    """Text of a file in UTF-8, which stays open as long as its lines are read."""
     source = str(path)
     try:
         with opened(path, LOG) as stream:

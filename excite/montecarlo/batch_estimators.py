@@ -22,21 +22,11 @@ _FLOOR = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Second moments of the rows of each of r equations.
+    """Second moments of the rows of each of r equations."""
 
-    Parameters
-    ----------
-    G : ndarray, shape (r, k, k)
-        ``A'A`` of ``A = [W e]``, or of ``[Z W e]`` with instruments Z.
-    count : int
-        Rows of each equation.
-    sizes : ndarray, shape (r,)
-        Root mean square of y within each equation.
-    """
-
-    G: Array
-    count: int
-    sizes: Array
+    G: Array  # (r, k, k) ``A'A`` of ``A = [W e]``, or of ``[Z W e]`` with instruments Z
+    count: int  # rows of each equation
+    sizes: Array  # (r,) root mean square of y within each equation
 
     @property
     def floor(self) -> Array:
@@ -63,31 +53,17 @@ class Moments:
 
 
 class Solved(NamedTuple):
-    """One repetition's estimate.
+    """One repetition's estimate."""
 
-    Parameters
-    ----------
-    error : ndarray, shape (b,)
-        Estimate less true value.
-    half : ndarray, shape (b, b)
-        ``half half'`` is the covariance that the formula of the estimator predicts from this repetition's residuals.
-    noise : ndarray, shape (r,)
-        Standard deviation of each equation's residuals.
-    """
-
-    error: Array
+    error: Array  # (b,) estimate less true value
+    # (b, b) ``half half'`` is the covariance that the formula of the estimator predicts from this repetition's
+    # residuals
     half: Array
-    noise: Array
+    noise: Array  # (r,) standard deviation of each equation's residuals
 
 
 def least_squares(moments: Moments) -> Solved:
-    """Unweighted, with covariance ``s^2 (W'W)^-1``; see `excite.identification.estimators.least_squares`.
-
-    Parameters
-    ----------
-    moments : Moments
-        Of ``[W e]``.
-    """
+    """Unweighted, with covariance ``s^2 (W'W)^-1``; see `excite.identification.estimators.least_squares`."""
     G = moments.weighted(np.ones(len(moments.G)))
     error, half = _solution(G)
     freedom = len(moments.G) * moments.count - error.size
@@ -107,13 +83,7 @@ def weighted(moments: Moments) -> Solved:
 
 
 def instrumental(moments: Moments) -> Solved:
-    """``(Z' Sigma^-1 W)^-1 Z' Sigma^-1 y`` with the noise-free regressor Z, as the estimator ``instrumental``.
-
-    Parameters
-    ----------
-    moments : Moments
-        Of ``[Z W e]``.
-    """
+    """``(Z' Sigma^-1 W)^-1 Z' Sigma^-1 y`` with the noise-free regressor Z, as the estimator ``instrumental``."""
     b = moments.G.shape[1] // 2
     rows = moments.without(b)
     spare = np.full(len(moments.G), moments.count * (1 - b / (len(moments.G) * moments.count)))

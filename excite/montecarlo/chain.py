@@ -22,17 +22,7 @@ _WELL = 1e5  # condition number up to which second moments of the columns are ac
 
 
 class Chain:
-    """The true motion of an experiment, its equations, and their columns.
-
-    Parameters
-    ----------
-    experiment : Experiment
-
-    Raises
-    ------
-    InputError
-        Not all parameters are identifiable.
-    """
+    """The true motion of an experiment, its equations, and their columns."""
 
     def __init__(self, experiment: Experiment) -> None:
         self.experiment = experiment
@@ -68,13 +58,7 @@ class Chain:
         return 1 if self.jax is None else self.jax.batch(self.samples.time.size)
 
     def repetitions(self, seed: int, numbers: Sequence[int]) -> Iterator[Solved]:
-        """Estimates of some repetitions, by their numbers.
-
-        Parameters
-        ----------
-        seed : int
-        numbers : sequence of int
-        """
+        """Estimates of some repetitions, by their numbers."""
         if self.jax is None:
             moments: Iterable[Array] = (self._moments(*self._measured(seed, number)) for number in numbers)
         else:
@@ -117,13 +101,7 @@ class Chain:
         return [np.concatenate(pieces, axis=1) for pieces in zip(*parts, strict=True)]
 
     def _conditioned(self, true: Samples) -> Array | None:
-        """Matrix P by which columns are multiplied, so that their moments are accurate; None where that changes little.
-
-        Raises
-        ------
-        InputError
-            Not all parameters are identifiable, from the true motion or from that by the method.
-        """
+        """Matrix P that makes the moments of columns accurate; None where that changes little."""
         names = self.experiment.base.names
         check_shown(self._factor(self.columns.parts(true)), self.rows, names)
         R = self._factor(self.columns.parts(self.samples) if self.fixed is None else self._held())

@@ -15,23 +15,7 @@ Part = tuple[slice, Sequence[Array]]
 
 
 class EquationColumns:
-    """Base columns of each equation of a model.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    index : ndarray of int, shape (b,)
-        Base columns of the model.
-    decimation : Decimation, optional
-        Low-pass and decimation of the rows.
-
-    Attributes
-    ----------
-    direct : bool
-        See `is_direct`.
-    used : list of ndarray of int
-        Base parameters of each equation's columns.
-    """
+    """Base columns of each equation of a model."""  # index (b,)
 
     def __init__(self, model: RegressorModel, index: Index, decimation: Decimation | None = None) -> None:
         self.model, self.index, self.decimation = model, index, decimation
@@ -43,19 +27,7 @@ class EquationColumns:
             self._function = model.function.selection(np.concatenate(entries))
 
     def parts(self, samples: Samples) -> Iterator[Part]:
-        """Columns along a motion, in blocks of rows.
-
-        Parameters
-        ----------
-        samples : Samples
-
-        Yields
-        ------
-        rows : slice
-            Of the instants, or windows.
-        X : list of ndarray, shape (p_j, k) each
-            Transposed columns of each equation; `used` says of which parameters.
-        """
+        """Columns along a motion, in blocks of rows."""  # result (p_j, k)
         if not self.direct:
             W = self.model.assembled_entries(samples, self.index)
             yield slice(0, W.shape[2]), self._filtered(list(W))
@@ -75,12 +47,7 @@ class EquationColumns:
 
 
 def is_direct(model: RegressorModel) -> bool:
-    """Whether a model's rows are its expression at single instants.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    """
+    """Whether a model's rows are its expression at single instants."""
     own = type(model)
     return model.window is None and all(
         getattr(own, name) is getattr(RegressorModel, name) for name in ("assemble", "instants", "function")
@@ -88,14 +55,7 @@ def is_direct(model: RegressorModel) -> bool:
 
 
 def entries_of_equations(model: RegressorModel, index: Index) -> list[int]:
-    """Number of the columns of each equation, without those that are zero by its structure.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    index : ndarray of int, shape (b,)
-        Base columns of the model.
-    """
+    """Number of the columns of each equation, without those that are zero by its structure."""  # index (b,)
     if not is_direct(model):
         return [index.size] * len(model.row_labels)
     return [k.size for k in _entries(model, index)[0]]

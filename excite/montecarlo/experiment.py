@@ -20,47 +20,19 @@ _SHOWN = 1e-10  # least singular value of an identifiable scaled regressor, rela
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """One experiment, from the true motion to the estimate.
+    """One experiment, from the true motion to the estimate."""
 
-    Parameters
-    ----------
-    model : RegressorModel
-        Model in which the parameters are identified, and with which the true efforts are computed.
-    base : Base
-        Its base columns.
-    samples : Samples
-        True motion, N uniform instants.
-    beta : ndarray, shape (b,)
-        True base parameters.
-    noise : Noise
-    method : Method, optional
-        How velocity and acceleration are obtained from measured positions, with the settings that it chooses for the
-        true ones; without one the regressor is that of the true motion.
-    low_pass : float, optional
-        The same low-pass on both sides of the equations [Hz].
-    every : int
-        Decimation factor of the equations, after the low-pass.
-    estimator : {"least-squares", "weighted", "instrumental"}
-        Instruments are the regressor of the true motion.
-
-    Raises
-    ------
-    InputError
-        Inconsistent shapes, noisy positions without a method, a motion from which the parameters are not identifiable,
-        or filtered windows.
-    UnknownName
-        No such estimator.
-    """
-
-    model: RegressorModel
-    base: Base
-    samples: Samples
-    beta: Array
+    model: RegressorModel  # model in which the parameters are identified, and with which the true efforts are computed
+    base: Base  # its base columns
+    samples: Samples  # True motion, N uniform instants
+    beta: Array  # (b,) True base parameters
     noise: Noise = field(default_factory=Noise)
+    # how velocity and acceleration are obtained from measured positions, with the settings that it chooses for the
+    # true ones; without one the regressor is that of the true motion
     method: Method | None = None
-    low_pass: float | None = None
-    every: int = 1
-    estimator: str = "weighted"
+    low_pass: float | None = None  # the same low-pass on both sides of the equations [Hz]
+    every: int = 1  # decimation factor of the equations, after the low-pass
+    estimator: str = "weighted"  # instruments are the regressor of the true motion
 
     def __post_init__(self) -> None:
         n = self.samples.q.shape[1]
@@ -98,21 +70,7 @@ class Experiment:
 
 
 def check_shown(R: Array, rows: int, names: tuple[str, ...]) -> Array:
-    """Singular values of the columns scaled to length one, shape (b,).
-
-    Parameters
-    ----------
-    R : ndarray, shape (k, b)
-        Triangular factor of the columns, or the columns themselves.
-    rows : int
-        Number of rows.
-    names : tuple of str, length b
-
-    Raises
-    ------
-    InputError
-        Not every parameter is identifiable from the motion on its own.
-    """
+    """Singular values of the columns scaled to length one, shape (b,)."""  # R (k, b)
     sizes = np.linalg.norm(R, axis=0)
     if np.any(sizes == 0.0):
         raise InputError(f"experiment: {names[int(np.argmin(sizes))]} is not identifiable from the motion")

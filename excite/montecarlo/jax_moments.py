@@ -34,14 +34,7 @@ def has_gpu() -> bool:
 
 
 class JaxMoments:
-    """`MomentSums.of` for batches of repetitions.
-
-    Parameters
-    ----------
-    sums : MomentSums
-    columns : EquationColumns
-        Of a model with a JAX form, without decimation.
-    """
+    """`MomentSums.of` for batches of repetitions."""
 
     def __init__(self, sums: MomentSums, columns: EquationColumns) -> None:
         from regressors.jax_models import JaxModel
@@ -57,13 +50,7 @@ class JaxMoments:
         return cls(sums, columns)
 
     def batch(self, instants: int) -> int:
-        """Repetitions whose rows fit at once.
-
-        Parameters
-        ----------
-        instants : int
-            Of each repetition.
-        """
+        """Repetitions whose rows fit at once."""
         width = len(self._columns.used) * self._sums.size
         return max(1, min(_MOST, int(_AT_ONCE / (instants * width))))
 

@@ -27,15 +27,7 @@ _log = logging.getLogger(__name__)
 
 
 class KeptRepetitions:
-    """A file with the repetitions of an experiment that are computed.
-
-    Parameters
-    ----------
-    path : Path
-        In an existing folder; written every few seconds, and removed when all are there.
-    common : SeededExperiment
-        A file of another experiment or seed, or of other versions of the packages, is not used, which is logged.
-    """
+    """A file with the repetitions of an experiment that are computed."""
 
     def __init__(self, path: Path, common: SeededExperiment) -> None:
         self.path, self._identity = path, _identity(common)
@@ -61,13 +53,7 @@ class KeptRepetitions:
         return found
 
     def save(self, repetitions: Mapping[int, Repetition], *, now: bool = False) -> bool:
-        """Write them, not more often than every few seconds if not ``now``; say whether they can be used later.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written.
-        """
+        """Write them, not more often than every few seconds if not ``now``; say whether they can be used later."""
         if not self._identity or not repetitions:
             return False
         if now or time.monotonic() >= self._next:

@@ -14,24 +14,12 @@ from regressors.samples import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class MomentSums:
-    """How rows become moments of ``[W P, e]``, or of ``[Z P, W P, e]`` with instruments Z; ``e = y - W beta``.
+    """How rows become moments of ``[W P, e]``, or of ``[Z P, W P, e]`` with instruments Z; ``e = y - W beta``."""
 
-    Parameters
-    ----------
-    used : list of ndarray of int
-        Base parameters of each equation's columns.
-    beta : ndarray, shape (b,)
-        True parameters.
-    change : ndarray, shape (b, b), optional
-        Matrix P by which columns are multiplied; none if not given.
-    instruments : list of ndarray, shape (p_j, m) each, optional
-        Transposed columns of Z.
-    """
-
-    used: list[Index]
-    beta: Array
-    change: Array | None = None
-    instruments: list[Array] | None = None
+    used: list[Index]  # base parameters of each equation's columns
+    beta: Array  # (b,) True parameters
+    change: Array | None = None  # (b, b) matrix P by which columns are multiplied; none if not given
+    instruments: list[Array] | None = None  # (p_j, m) transposed columns of Z
 
     @property
     def front(self) -> int:
@@ -44,14 +32,7 @@ class MomentSums:
         return self.front + self.beta.size + 1
 
     def of(self, parts: Iterable[Part], y: Array) -> Array:
-        """Moments of all rows, shape (r, k, k).
-
-        Parameters
-        ----------
-        parts : iterable
-            Blocks of rows and the transposed columns of each equation.
-        y : ndarray, shape (m, r)
-        """
+        """Moments of all rows, shape (r, k, k)."""  # y (m, r)
         b = self.beta.size
         G = np.zeros((len(self.used), self.size, self.size))
         sums = [np.zeros((used.size + 1, used.size + 1)) for used in self._places]
@@ -82,14 +63,8 @@ class MomentSums:
         return G
 
     def with_errors(self, shared: Array, parts: Iterable[Part], e: Array) -> Array:
-        """Moments of columns that are those of `shared`, with other errors, shape (r, k, k).
-
-        Parameters
-        ----------
-        shared : ndarray, shape (r, k, k)
-        parts : iterable
-        e : ndarray, shape (m, r)
-        """
+        """Moments of columns that are those of `shared`, with other errors, shape (r, k, k)."""
+        # shared (r, k, k); e (m, r)
         G = shared.copy()
         for rows, X in parts:
             for j, x in enumerate(X):

@@ -48,45 +48,7 @@ def repeat_experiment(
     workers: int | None = None,
     kept: str | Path | None = None,
 ) -> Repetitions:
-    """Estimates from repetitions with different noise.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    count : int
-        Number of repetitions.
-    seed : int
-        Repetition k of a seed is the same to the last digit whatever `count`, `executor` and `workers` are; on a GPU to
-        rounding.
-    progress : callable, optional
-        Called with the number of repetitions done and `count`: after each in this process, elsewhere after some.
-    executor : str or UnitExecutor
-        ``process``, ``serial``, ``dask://HOST:PORT``, ``dask-file:PATH``, ``dask-local`` or ``dask-local:N``: where
-        repetitions are computed. ``process`` is worker processes of this machine, but this process where all
-        repetitions are predicted to take less than 10 s, where JAX finds a GPU, and where there would be one worker
-        only. A worker that is not forked took 1.4 to 2.7 s of processor time to start, so that two of them are quicker
-        from 6 s on, and the prediction is right within a factor of three; other machines were not measured.
-    workers : int, optional
-        Processes of this machine; if not given one per core, or as many as fit into the cap on memory.
-    kept : path, optional
-        File in which repetitions are kept until all are there, so that the same call goes on after it was killed, or
-        its workers were lost. Those of a model of one's own whose source is not accessible are not kept.
-
-    Returns
-    -------
-    Repetitions
-        After Ctrl-C those that were completed, `interrupted`, if there are two or more. Repetitions that end their
-        worker again and again are left out, which is logged.
-
-    Raises
-    ------
-    InputError
-        Fewer than two repetitions, asked for or left, more memory than the cap, a motion from which the parameters are
-        not identifiable, a method that chooses its settings from the positions, Dask not reachable, or a file that
-        cannot be written.
-    LostWorkersError
-        Worker processes end again and again, or the Dask scheduler went away.
-    """
+    """Estimates from repetitions with different noise."""
     check("repeats", count)
     check("seed", seed)
     if count < _FEWEST:
@@ -112,15 +74,7 @@ def _summary(common: SeededExperiment, found: Mapping[int, Repetition], *, inter
 
 
 class _Running:
-    """Repetitions that are there, and those that are to come.
-
-    Parameters
-    ----------
-    count : int
-        Of all.
-    kept : KeptRepetitions, optional
-    progress : callable, optional
-    """
+    """Repetitions that are there, and those that are to come."""
 
     def __init__(self, count: int, kept: KeptRepetitions | None, progress: Callable[[int, int], None] | None) -> None:
         self.count, self._kept, self._progress = count, kept, progress

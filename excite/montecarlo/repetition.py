@@ -39,28 +39,6 @@ def repetitions(
     The true motion is the filtered motion of the log; the noise of positions is what was filtered out of them, the
     noise of torques the residual of the estimate at every instant, both taken as white. Friction has the sign of the
     velocity, smoothed over the sign width if there is one; presliding over a distance is left out.
-
-    Parameters
-    ----------
-    result : Identification
-    count : int
-        Number of repetitions.
-    seed : int
-    progress : callable, optional
-        Called with the number of repetitions done, and `count`.
-    executor : str or UnitExecutor
-        Where they are computed, see `excite.montecarlo.repeated.repeat_experiment`; the numbers are the same.
-    workers : int, optional
-        Processes of this machine; if not given one per core, or as many as fit into the cap on memory.
-    kept : path, optional
-        File in which they are kept until all are there, likewise.
-
-    Raises
-    ------
-    InputError
-        See `Recipe.check_repeatable`; known friction; or a motion from which the parameters are not identifiable.
-    LostWorkersError
-        Worker processes end again and again, or the Dask scheduler went away.
     """
     if result.friction is not None:
         raise not_repeated()

@@ -25,13 +25,6 @@ def experiment_prediction(experiment: Experiment, processes: int = 0) -> WorkPre
     Columns of single instants are computed in blocks; those of windows and those that are filtered, at once. Where only
     torques are noisy, and for instruments, the columns are held. From once to twice what was measured with 20,000 to
     1,000,000 rows.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    processes : int
-        Worker processes of this machine, each of which holds as much as this one; what forked ones share with it is
-        counted for each, which keeps all of them within once to twice what was measured with two.
     """
     model, N = experiment.model, experiment.samples.time.size
     channels = model.robot.n + (6 if model.channel == "wrench" else model.robot.n)
@@ -60,12 +53,7 @@ def _of_workers(own: WorkPrediction, processes: int) -> MemoryPart:
 
 
 def fitting_workers(experiment: Experiment) -> int:
-    """Number of worker processes that fit into the cap on memory beside this one.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    """
+    """Number of worker processes that fit into the cap on memory beside this one."""
     own = experiment_prediction(experiment).bytes
     return max(0, int(memory_cap() / own) - 1)
 

@@ -13,12 +13,6 @@ def repetition_seconds(experiment: Experiment, count: int) -> float:
 
     The unit that it grows with is a number of the regressor: rows times joints times joints. Measured with 300 to
     20,000 rows of 3 to 7 joints; fewer than 8000 rows with a low-pass took up to five times as long.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    count : int
-        Of the repetitions.
     """
     joints, rows = experiment.model.robot.n, experiment.samples.time.size
     whole = experiment.model.window is not None or experiment.low_pass is not None

@@ -38,19 +38,11 @@ numerical_repetition = partial(
 
 @dataclass(frozen=True, eq=False)
 class SeededExperiment:
-    """What all repetitions of an experiment have in common, in whatever process they are computed.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    seed : int
-    versions : dict of str to str
-        Packages that a process elsewhere must have in the same version.
-    """
+    """What all repetitions of an experiment have in common, in whatever process they are computed."""
 
     experiment: Experiment
     seed: int
-    versions: dict[str, str]
+    versions: dict[str, str]  # packages that a process elsewhere must have in the same version
 
     @cached_property
     def chain(self) -> Chain:
@@ -65,13 +57,7 @@ class SeededExperiment:
 
 @numerical_repetition()
 def repeat_numbers(common: SeededExperiment, numbers: range) -> list[Repetition]:
-    """Repetitions of some numbers.
-
-    Parameters
-    ----------
-    common : SeededExperiment
-    numbers : range
-    """
+    """Repetitions of some numbers."""
     return [_repetition(common.chain, solved) for solved in common.chain.repetitions(common.seed, numbers)]
 
 
@@ -89,26 +75,7 @@ def repeat_in_one_thread(common: SeededExperiment, numbers: range) -> list[Repet
 def executor_of_repetitions(
     given: str | UnitExecutor, workers: int | None, experiment: Experiment, count: int
 ) -> UnitExecutor:
-    """What runs the repetitions of an experiment; memory is checked for the processes that it has here.
-
-    Parameters
-    ----------
-    given : str or UnitExecutor
-        ``process`` is this process where the repetitions are predicted to take less than `SHORT`, JAX finds a GPU, or
-        there would be one worker only.
-    workers : int, optional
-        Processes of this machine; one per core, if the cap on memory allows, if not given.
-    experiment : Experiment
-    count : int
-        Of the repetitions.
-
-    Raises
-    ------
-    TooLargeError
-        More memory than the cap.
-    UnknownName, InputError
-        See `excite.executors.unit_executors.unit_executor`.
-    """
+    """What runs the repetitions of an experiment; memory is checked for the processes that it has here."""
     executor = unit_executor(given, workers)
     experiment_prediction(experiment).check()
     if given == "process" and isinstance(executor, InProcesses):

@@ -13,53 +13,27 @@ from regressors.samples import Array
 
 
 class Repetition(NamedTuple):
-    """One repetition.
+    """One repetition."""
 
-    Parameters
-    ----------
-    error : ndarray, shape (b,)
-        Estimate less true value.
-    deviation : ndarray, shape (b,)
-        Standard deviation that the estimator predicts, from this repetition's residuals.
-    noise : ndarray, shape (r,)
-        Standard deviation of each equation's residuals.
-    """
-
-    error: Array
-    deviation: Array
-    noise: Array
+    error: Array  # (b,) estimate less true value
+    deviation: Array  # (b,) standard deviation that the estimator predicts, from this repetition's residuals
+    noise: Array  # (r,) standard deviation of each equation's residuals
 
 
 @dataclass(frozen=True, eq=False)
 class Repetitions:
-    """Estimates of the same b parameters in R repetitions of an experiment.
-
-    Parameters
-    ----------
-    names, units : tuple of str, length b
-    beta : ndarray, shape (b,)
-        True values.
-    estimates : ndarray, shape (R, b)
-    predicted : ndarray, shape (R, b)
-        Standard deviation that the estimator predicts in each repetition, from that repetition's residuals.
-    noise : ndarray, shape (R, r)
-        Standard deviation of each equation's residuals.
-    degrees_of_freedom : int
-        Of Student's t for the intervals.
-    seed : int
-    interrupted : bool
-        Whether Ctrl-C ended the repetitions before the last one.
-    """
+    """Estimates of the same b parameters in R repetitions of an experiment."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    beta: Array
-    estimates: Array
+    beta: Array  # (b,) True values
+    estimates: Array  # (R, b)
+    # (R, b) standard deviation that the estimator predicts in each repetition, from that repetition's residuals
     predicted: Array
-    noise: Array
-    degrees_of_freedom: int
+    noise: Array  # (R, r) standard deviation of each equation's residuals
+    degrees_of_freedom: int  # of Student's t for the intervals
     seed: int
-    interrupted: bool = False
+    interrupted: bool = False  # whether Ctrl-C ended the repetitions before the last one
 
     @property
     def count(self) -> int:

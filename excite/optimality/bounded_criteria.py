@@ -18,58 +18,28 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """A dual point.
+    """A dual point."""
 
-    Parameters
-    ----------
-    lower, upper : ndarray, shape (b, b)
-    constant : float
-        1 where `upper` is zero, otherwise 0.
-    moments : ndarray, shape (m,)
-        ``c`` of the moment conditions.
-    """
-
-    lower: Array
-    upper: Array
-    constant: float
-    moments: Array
+    lower: Array  # (b, b)
+    upper: Array  # (b, b)
+    constant: float  # 1 where `upper` is zero, otherwise 0
+    moments: Array  # (m,) ``c`` of the moment conditions
 
 
 @dataclass(frozen=True, eq=False)
 class ConicPart:
-    """Rows ``A x + s = b`` of a criterion, for x = (own variables, weights of the states).
+    """Rows ``A x + s = b`` of a criterion, for x = (own variables, weights of the states)."""
 
-    Parameters
-    ----------
-    objective : ndarray
-        To be minimised, of the own variables.
-    zero : tuple of (sparse array, ndarray)
-        Rows of equations.
-    psd : list of (sparse array, ndarray, int)
-        Rows of positive semidefinite matrices, with their sizes.
-    exponential : list of (sparse array, ndarray)
-        Three rows each, of exponential cones.
-    total : bool
-        Whether the weights are to sum to one.
-    """
-
-    objective: Array
-    psd: list[tuple[sp.spmatrix, Array, int]]
-    exponential: list[tuple[sp.spmatrix, Array]]
-    total: bool
+    objective: Array  # to be minimised, of the own variables
+    psd: list[tuple[sp.spmatrix, Array, int]]  # rows of positive semidefinite matrices, with their sizes
+    exponential: list[tuple[sp.spmatrix, Array]]  # three rows each, of exponential cones
+    total: bool  # whether the weights are to sum to one
 
 
 class BoundedCriterion(ABC):
-    """A criterion of `excite.information.criteria`, smaller is better, of which a lower bound can be proven.
+    """A criterion of `excite.information.criteria`, smaller is better, of which a lower bound can be proven."""
 
-    Attributes
-    ----------
-    name : str
-        That of the criterion.
-    described : str
-    """
-
-    name: str
+    name: str  # that of the criterion
     described: str
 
     @abstractmethod

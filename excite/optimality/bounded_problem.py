@@ -15,12 +15,7 @@ _LEFT_OUT = ("class", "criterion", "require", "interest", "task_motion", "plausi
 
 
 def bounded_problem_sha256(design: DesignedMotion) -> str | None:
-    """Hash of the problem that a design's bound belongs to; None where parts of one's own make it unknown.
-
-    Parameters
-    ----------
-    design : DesignedMotion
-    """
+    """Hash of the problem that a design's bound belongs to; None where parts of one's own make it unknown."""
     content: dict[str, object] = {"robot": design.robot.sha256(), "method": _METHOD}
     try:
         for name in _PARTS:

@@ -26,42 +26,22 @@ _FEWER = 0.85  # of the steps' lengths from one to the next
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """The best dual point that was found.
-
-    Parameters
-    ----------
-    multipliers : Multipliers
-    factor : float
-        Largest ratio over all states that were looked at with these multipliers.
-    looked_at : int
-        Number of these states.
-    states : ndarray, shape (N, 3 k)
-        States that carry the measure, and the motion in hand.
-    """
+    """The best dual point that was found."""
 
     multipliers: Multipliers
-    factor: float
-    looked_at: int
-    states: Array
+    factor: float  # largest ratio over all states that were looked at with these multipliers
+    looked_at: int  # number of these states
+    states: Array  # (N, 3 k) states that carry the measure, and the motion in hand
 
 
 @dataclass(frozen=True, eq=False)
 class CuttingPlanes:
-    """Search for a dual point of a criterion.
-
-    Parameters
-    ----------
-    rows : StateRows
-    states : LimitedStates
-    conditions : MomentConditions
-    motion : ndarray, shape (N, 3 k)
-        States of a motion within the limits, at equal steps, which keep the relaxation feasible.
-    """
+    """Search for a dual point of a criterion."""
 
     rows: StateRows
     states: LimitedStates
     conditions: MomentConditions
-    motion: Array
+    motion: Array  # (N, 3 k) states of a motion within the limits, at equal steps, which keep the relaxation feasible
 
     def run(
         self,
@@ -71,23 +51,7 @@ class CuttingPlanes:
         begin: Array | None = None,
         tell: Callable[[str], None] = lambda _: None,
     ) -> Relaxed:
-        """Solve and add states, round by round.
-
-        Parameters
-        ----------
-        criterion : BoundedCriterion
-        rounds : int
-        rng : numpy Generator
-        begin : ndarray, shape (N, 3 k), optional
-            States to begin with beside random ones.
-        tell : callable, optional
-            Takes a sentence on the progress.
-
-        Raises
-        ------
-        ConicSolverError
-            No round was solved.
-        """
+        """Solve and add states, round by round."""  # begin (N, 3 k)
         first = [self.motion, self.states.drawn(_FIRST, rng)]
         S = np.concatenate(first if begin is None else [*first, begin])
         best: Relaxed | None = None

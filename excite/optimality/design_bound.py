@@ -146,17 +146,7 @@ class DesignBound:
 
 
 def stored_bound(design: DesignedMotion) -> DesignBound | None:
-    """The bound in a design's folder; None where there is none, or that of another problem.
-
-    Parameters
-    ----------
-    design : DesignedMotion
-
-    Raises
-    ------
-    InputError
-        The file is damaged.
-    """
+    """The bound in a design's folder; None where there is none, or that of another problem."""
     path = None if design.folder is None else design.folder / NAME
     if path is None or not path.exists():
         return None
@@ -261,14 +251,7 @@ def _criterion(name: str) -> BoundedCriterion:
 
 
 def cutting_planes(formulation: Formulation, design: DesignedMotion) -> CuttingPlanes:
-    """The relaxation of a design problem.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    design : DesignedMotion
-        A motion within the limits.
-    """
+    """The relaxation of a design problem."""
     blueprint, family = formulation.blueprint, formulation.task.trajectory.family()
     harmonics = family.harmonic_frequencies
     frequencies = np.zeros(0) if harmonics is None else harmonics
@@ -317,14 +300,7 @@ def _bound(
 
 
 def reached_by(design: DesignedMotion, name: str) -> float:
-    """Criterion of a design's motion, sampled at its rate.
-
-    Parameters
-    ----------
-    design : DesignedMotion
-    name : str
-        Of the criterion.
-    """
+    """Criterion of a design's motion, sampled at its rate."""
     task = design.task
     target = target_of(design.robot, task)
     samples = design.trajectory.samples(target.model.times(design.trajectory.duration, task.output.rate))

@@ -16,14 +16,7 @@ _LEAST = 1e-12  # of the largest denominator
 
 @dataclass(frozen=True, eq=False)
 class DualCertificate:
-    """``(<F(s), lower> + c' h(s)) / (<F(s), upper> + constant)``; its largest value over all states proves a bound.
-
-    Parameters
-    ----------
-    rows : StateRows
-    conditions : MomentConditions
-    multipliers : Multipliers
-    """
+    """``(<F(s), lower> + c' h(s)) / (<F(s), upper> + constant)``; its largest value over all states proves a bound."""
 
     rows: StateRows
     conditions: MomentConditions

@@ -25,31 +25,16 @@ class LimitedStates:
 
     A trigonometric polynomial f of degree N and period T that stays within R has ``df^2 + (N w f)^2 <= (N w R)^2``,
     w = 2 pi / T [Szegoe 1928]; this links position with velocity and velocity with acceleration.
-
-    Parameters
-    ----------
-    directions : ndarray, shape (m, k)
-        ``D``, the largest number of each row is 1.
-    low, high : ndarray, shape (m,)
-        Bounds on z [rad or m]; infinite where there are none.
-    velocity, acceleration : ndarray, shape (m,)
-        Bounds on ``|dz|`` and ``|ddz|``; infinite where there are none.
-    bandwidth : float or None
-        ``N w`` [rad/s]; None for motions without a highest frequency.
-    centre : ndarray, shape (k,)
-        A pose inside the bounds.
-    speeds : ndarray of bool, shape (m,)
-        Functions whose velocity is limited by itself, such as those of drives.
     """
 
-    directions: Array
-    low: Array
-    high: Array
-    velocity: Array
-    acceleration: Array
-    bandwidth: float | None
-    centre: Array
-    speeds: NDArray[np.bool_]
+    directions: Array  # (m, k) ``D``, the largest number of each row is 1
+    low: Array  # (m,) bounds on z [rad or m]; infinite where there are none
+    high: Array  # (m,)
+    velocity: Array  # (m,) bounds on ``|dz|`` and ``|ddz|``; infinite where there are none
+    acceleration: Array  # (m,)
+    bandwidth: float | None  # ``N w`` [rad/s]; None for motions without a highest frequency
+    centre: Array  # (k,) A pose inside the bounds
+    speeds: NDArray[np.bool_]  # (m,) functions whose velocity is limited by itself, such as those of drives
 
     @property
     def n(self) -> int:
@@ -72,13 +57,7 @@ class LimitedStates:
         return _extent(self.directions, bound)
 
     def excess(self, S: Array) -> Array:
-        """Largest relative excess over a bound of each state, shape (N,); at most zero inside.
-
-        Parameters
-        ----------
-        S : ndarray, shape (N, 3 k)
-            y, dy, ddy side by side.
-        """
+        """Largest relative excess over a bound of each state, shape (N,); at most zero inside."""  # S (N, 3 k)
         z, dz, ddz = (part @ self.directions.T for part in np.split(S, 3, axis=1))
         bounded = np.isfinite(self.radius)
         z, dz_of = (z - self.middle)[:, bounded], dz[:, bounded]
@@ -129,22 +108,7 @@ class LimitedStates:
 
 
 def limited_states(limits: Sequence[LinearConstraint], centre: Array, bandwidth: float | None) -> LimitedStates:
-    """States within linear limits on the moving coordinates.
-
-    Parameters
-    ----------
-    limits : sequence of LinearConstraint
-        Of the moving coordinates; those of jerk are left out.
-    centre : ndarray, shape (k,)
-        A pose strictly inside the position limits.
-    bandwidth : float or None
-        Highest angular frequency of the motions [rad/s]; None where there is none.
-
-    Raises
-    ------
-    InputError
-        Velocity or acceleration of a coordinate is not bounded.
-    """
+    """States within linear limits on the moving coordinates."""  # centre (k,)
     D: list[Array] = []
     bounds: list[list[float]] = []
     for limit in limits:

@@ -21,19 +21,11 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class MomentConditions:
-    """``E[h(s)] = B p``, p the triangles of positive semidefinite matrices.
-
-    Parameters
-    ----------
-    states : LimitedStates
-    counted : ndarray of bool, shape (k,)
-        Coordinates whose bounded positions are used.
-    frequencies : ndarray, shape (K,)
-        Angular frequencies of the motions' harmonics [rad/s]; none for motions without a spectrum.
-    """
+    """``E[h(s)] = B p``, p the triangles of positive semidefinite matrices."""
 
     states: LimitedStates
-    counted: NDArray[np.bool_]
+    counted: NDArray[np.bool_]  # (k,) coordinates whose bounded positions are used
+    # (K,) angular frequencies of the motions' harmonics [rad/s]; none for motions without a spectrum
     frequencies: Array
 
     @property

@@ -27,49 +27,23 @@ _LOWEST = 1e-3  # of the highest velocity, where none is possible
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """Corners of cells, shape (N, c) in positions that count, and what holds in all cells around each.
+    """Corners of cells, shape (N, c) in positions that count, and what holds in all cells around each."""
 
-    Parameters
-    ----------
-    corners : ndarray, shape (N, c)
-    widths : ndarray, shape (N, c)
-        Largest width of the cells around, along the axes.
-    highest : ndarray, shape (N, k)
-        Highest velocities around, as parts of their limits.
-    axes : ndarray, shape (c, c)
-        The steps of the positions along each axis, in its columns.
-    """
-
-    corners: Array
-    widths: Array
-    highest: Array
-    axes: Array
+    corners: Array  # (N, c)
+    widths: Array  # (N, c) largest width of the cells around, along the axes
+    highest: Array  # (N, k) highest velocities around, as parts of their limits
+    axes: Array  # (c, c) the steps of the positions along each axis, in its columns
 
 
 @dataclass(frozen=True, eq=False)
 class ProvenFactor:
-    """Proof of the dual inequality for all states of a problem of few coordinates.
-
-    Parameters
-    ----------
-    certificate : DualCertificate
-    states : LimitedStates
-    """
+    """Proof of the dual inequality for all states of a problem of few coordinates."""
 
     certificate: DualCertificate
     states: LimitedStates
 
     def run(self, guess: float, seed: int, tell: Callable[[str], None]) -> float | None:
-        """Factor that is proven for all states; None where this problem is not of the kind that can be proven.
-
-        Parameters
-        ----------
-        guess : float
-            The largest ratio that was found; up to twice as much can be proven.
-        seed : int
-        tell : callable
-            Takes a sentence on the progress.
-        """
+        """Factor that is proven for all states; None where this problem is not of the kind that can be proven."""
         chosen = self._functions()
         if chosen is None:
             return None

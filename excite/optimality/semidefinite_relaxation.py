@@ -24,30 +24,7 @@ _USABLE = ("Solved", "AlmostSolved", "MaxIterations", "InsufficientProgress")
 def relaxation(
     criterion: BoundedCriterion, F: Array, h: Array, conditions: MomentConditions, scale: float
 ) -> tuple[Array, Multipliers]:
-    """Best measure on some states, and the dual point.
-
-    Parameters
-    ----------
-    criterion : BoundedCriterion
-    F : ndarray, shape (N, b, b)
-        Information of each state.
-    h : ndarray, shape (N, m)
-        Values of the conditions at each state.
-    conditions : MomentConditions
-    scale : float
-        Size of the smallest eigenvalue of M.
-
-    Returns
-    -------
-    weights : ndarray, shape (N,)
-        Of the states, of total 1.
-    multipliers : Multipliers
-
-    Raises
-    ------
-    ConicSolverError
-        The solver ended without a solution.
-    """
+    """Best measure on some states, and the dual point."""  # F (N, b, b); h (N, m); result (N,)
     part = criterion.part(F, scale)
     own, N = part.objective.size, len(F)
     B = conditions.cone()

@@ -39,19 +39,11 @@ _INSTANTS = 1001
 
 @dataclass(frozen=True)
 class SensitivityRow:
-    """One change of a design's problem, and what was found to come of it.
-
-    Parameters
-    ----------
-    change : str
-    value : float
-        Criterion of the motion after the change.
-    gain : float
-        ``1 - value / reference``: 0.1 where the criterion becomes 10 % lower; negative where it becomes higher.
-    """
+    """One change of a design's problem, and what was found to come of it."""
 
     change: str
-    value: float
+    value: float  # criterion of the motion after the change
+    # ``1 - value / reference``: 0.1 where the criterion becomes 10 % lower; negative where it becomes higher
     gain: float
 
 
@@ -97,21 +89,6 @@ def sensitivity(design: DesignedMotion, progress: Callable[[str], None] = lambda
     range. The motion is first refined without a change until that brings less than 0.1 %. Every gain is relative to the
     same refinement once more, so that it is not that of a longer search; motions of 1.5 times the period begin at three
     motions, since this one is none of them.
-
-    Parameters
-    ----------
-    design : Design or StoredDesign
-    progress : callable, optional
-        Takes a sentence on the progress.
-
-    Returns
-    -------
-    Sensitivity
-
-    Raises
-    ------
-    InputError
-        See `excite.design.formulation.formulate`.
     """
     began = time.process_time()
     with threadpool_limits(1), np.errstate(all="ignore"):
@@ -129,19 +106,11 @@ def sensitivity(design: DesignedMotion, progress: Callable[[str], None] = lambda
 
 @dataclass(frozen=True, eq=False)
 class ChangedProblem:
-    """A problem after a change, and where improvement begins.
-
-    Parameters
-    ----------
-    problem : Problem
-    starts : tuple of ndarray
-        One or more.
-    known : float
-        Criterion of a motion that keeps the limits after the change too; infinite where there is none.
-    """
+    """A problem after a change, and where improvement begins."""
 
     problem: Problem
-    starts: tuple[Array, ...]
+    starts: tuple[Array, ...]  # one or more
+    # criterion of a motion that keeps the limits after the change too; infinite where there is none
     known: float = np.inf
 
     def best(self, solver: Solver) -> tuple[Array, float]:
@@ -152,22 +121,12 @@ class ChangedProblem:
 
 @dataclass(frozen=True, eq=False)
 class ProblemChanges:
-    """Changes of one design problem.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    solver : Solver
-    x : ndarray
-        A motion of the moving coordinates that refinement without a change has settled at.
-    reference : float
-        Criterion after one more refinement.
-    """
+    """Changes of one design problem."""
 
     formulation: Formulation
     solver: Solver
-    x: Array
-    reference: float
+    x: Array  # A motion of the moving coordinates that refinement without a change has settled at
+    reference: float  # criterion after one more refinement
 
     @classmethod
     def of(cls, design: DesignedMotion, progress: Callable[[str], None] = lambda _: None) -> ProblemChanges:
@@ -208,14 +167,7 @@ class ProblemChanges:
         return [use for limit in self.formulation.limits for use in limit_uses(limit, trajectory.extrema(limit))]
 
     def looser(self, label: str, factor: float = _LOOSER) -> ChangedProblem:
-        """The range of one limit about its middle enlarged by a factor.
-
-        Parameters
-        ----------
-        label : str
-            Of one function of joints or drives, such as ``joint q1 velocity``.
-        factor : float
-        """
+        """The range of one limit about its middle enlarged by a factor."""
         problem = self.formulation.problem
         linear = tuple(loosened(limit, label, factor) for limit in problem.limits.linear)
         return ChangedProblem(_with_linear(problem, linear), (self.x,), self.reference)
@@ -234,13 +186,7 @@ class ProblemChanges:
         return ChangedProblem(_with_linear(changed, linear), (start,), self.reference)
 
     def longer(self, richness: int | None = None) -> ChangedProblem | None:
-        """Motions that last 1.5 times as long, begun with the same shape, and with the same speed and a rest.
-
-        Parameters
-        ----------
-        richness : int, optional
-            Number of harmonics, or what the family has instead; the design's if not given.
-        """
+        """Motions that last 1.5 times as long, begun with the same shape, and with the same speed and a rest."""
         choice = self.formulation.task.trajectory
         option, count = choice.richness
         changed = self._problem(period=_LONGER * choice.period, **{option: richness or count})
@@ -278,15 +224,7 @@ def _choice(task: Task, **options: Any) -> TrajectoryChoice:
 
 
 def loosened(limit: GridConstraint, label: str, factor: float) -> GridConstraint:
-    """The constraint with the bounds of one of its functions, if it has it, further from their middle.
-
-    Parameters
-    ----------
-    limit : GridConstraint
-    label : str
-        Of the function.
-    factor : float
-    """
+    """The constraint with the bounds of one of its functions, if it has it, further from their middle."""
     mine = np.array([each == label for each in limit.function.constraint.labels])
     if not mine.any():
         return limit
@@ -300,15 +238,7 @@ def _with_linear(problem: Problem, linear: tuple[GridConstraint, ...]) -> Proble
 
 
 def same_motion(problem: Problem, x: Array, other: Problem) -> Array | None:
-    """The x of the same motion, over the whole duration, in the family of another problem; None if that has it not.
-
-    Parameters
-    ----------
-    problem : Problem
-    x : ndarray
-    other : Problem
-        Its duration may be another one: the motion keeps its shape.
-    """
+    """The x of the same motion, over the whole duration, in the family of another problem; None if that has it not."""
     u = np.linspace(0.0, 1.0, _INSTANTS)
     wanted = problem.family.motion(x, u * problem.family.duration, 0)
     time_there = u * other.family.duration
@@ -324,14 +254,6 @@ def best_of(problem: Problem, solver: Solver, x: Array, value: float = np.inf) -
 
     The solver goes on from the motion twice: in the last stage of the criterion, and through all of them, where it may
     leave a local minimum.
-
-    Parameters
-    ----------
-    problem : Problem
-    solver : Solver
-    x : ndarray
-    value : float
-        Criterion of x, or of a motion near it, that keeps the limits.
     """
     ends = [(x, value)]
     for improve in (solver.refine, lambda limited, start: solver.solve(limited, [start])):

@@ -32,21 +32,12 @@ def monomials(v: Array, a: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SignPattern:
-    """``Q(p)`` and ``D(p)`` for one choice of the signs of k speeds, in scaled v and a within [-1, 1].
-
-    Parameters
-    ----------
-    certificate : DualCertificate
-    states : LimitedStates
-    functions : ndarray of int, shape (k,)
-        The limited functions whose velocities and accelerations are v and a.
-    signs : ndarray, shape (k,)
-    """
+    """``Q(p)`` and ``D(p)`` for one choice of the signs of k speeds, in scaled v and a within [-1, 1]."""
 
     certificate: DualCertificate
     states: LimitedStates
-    functions: Index
-    signs: Array
+    functions: Index  # (k,) the limited functions whose velocities and accelerations are v and a
+    signs: Array  # (k,)
 
     def states_at(self, p: Array, v: Array, a: Array) -> Array:
         """States (y, dy, ddy) of positions, shape (N, counted), and scaled velocities and accelerations."""
@@ -60,13 +51,7 @@ class SignPattern:
         return S
 
     def matrices(self, p: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-        """``<F, lower>``, ``<F, upper> + constant`` and ``c' h`` as matrices of m, shape (N, |m|, |m|) each.
-
-        Raises
-        ------
-        NotPolynomial
-            Random velocities and accelerations do not agree with them.
-        """
+        """``<F, lower>``, ``<F, upper> + constant`` and ``c' h`` as matrices of m, shape (N, |m|, |m|) each."""
         k = self.states.n
         size = 1 + 2 * k + k * (k + 1) // 2
         v, a = self._drawn(2 * size, rng)
@@ -116,18 +101,7 @@ class SignPattern:
 
         From the Fourier coefficients over full turns, which are exact for trigonometric polynomials; c' h is
         quadratic in p.
-
-        Parameters
-        ----------
-        axes : ndarray, shape (counted, counted)
-            The steps of the positions along each axis, in its columns.
-        rng : numpy Generator
-
-        Raises
-        ------
-        NotPolynomial
-            Random positions do not agree with these polynomials.
-        """
+        """  # axes (counted, counted)
         n = int(self.certificate.conditions.counted.sum())
         if not n:
             size = self.matrices(np.zeros((1, 0)), rng)[0].shape

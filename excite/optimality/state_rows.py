@@ -18,38 +18,17 @@ from regressors.samples import Array, Index, Samples
 
 @dataclass(frozen=True, eq=False)
 class StateRows:
-    """``M = mean of F(s) + P`` with ``F = Y'Y``: Y the rows of one state, divided by their noise, times T.
+    """``M = mean of F(s) + P`` with ``F = Y'Y``: Y the rows of one state, divided by their noise, times T."""
 
-    Parameters
-    ----------
-    model : RegressorModel
-        Of single instants, with exact friction.
-    motion : PartialMotion
-        From the k moving coordinates to the joints.
-    index : ndarray of int, shape (b,)
-        Base columns.
-    transform : ndarray, shape (b, b)
-        T.
-    noise : ndarray, shape (r,)
-    prior : ndarray, shape (b, b)
-        P, per instant, in the columns of the convention.
-    """
-
-    model: RegressorModel
-    motion: PartialMotion
-    index: Index
-    transform: Array
-    noise: Array
-    prior: Array
+    model: RegressorModel  # of single instants, with exact friction
+    motion: PartialMotion  # from the k moving coordinates to the joints
+    index: Index  # (b,) base columns
+    transform: Array  # (b, b) T
+    noise: Array  # (r,)
+    prior: Array  # (b, b) P, per instant, in the columns of the convention
 
     def __call__(self, S: Array) -> Array:
-        """Y at every state, shape (N, r, b).
-
-        Parameters
-        ----------
-        S : ndarray, shape (N, 3 k)
-            y, dy, ddy side by side.
-        """
+        """Y at every state, shape (N, r, b)."""  # S (N, 3 k)
         y, dy, ddy = np.split(S, 3, axis=1)
         N, offset = self.motion.matrix.T, self.motion.offset
         q, dq, ddq = y @ N + offset, dy @ N, ddy @ N
@@ -72,17 +51,7 @@ class StateRows:
 
 
 def state_rows(formulation: Formulation) -> StateRows:
-    """Rows at single states of a design problem.
-
-    Parameters
-    ----------
-    formulation : Formulation
-
-    Raises
-    ------
-    InputError
-        The equations are integrals over time windows, so that M is no mean over states.
-    """
+    """Rows at single states of a design problem."""
     blueprint, task = formulation.blueprint, formulation.task
     model = model_of(formulation.target.robot, task).restricted(blueprint.motion, task.model.equations)
     if model.window is not None or not _is_instantaneous(model):

@@ -36,14 +36,7 @@ def _names(k: int) -> list[tuple[int, ...]]:
 
 
 class SumOfSquares:
-    """Certificates for scaled v and a of k functions, for given signs: ``0 <= signs v <= 1`` and ``|a| <= 1``.
-
-    Parameters
-    ----------
-    signs : ndarray, shape (k,)
-    linked : ndarray, shape (k,)
-        ``a_i^2 <= linked_i (1 - v_i^2)``; infinite where velocity and acceleration are not linked.
-    """
+    """Certificates for scaled v and a of k functions, for given signs: ``0 <= signs v <= 1`` and ``|a| <= 1``."""
 
     def __init__(self, signs: Array, linked: Array) -> None:
         k = signs.size
@@ -77,14 +70,8 @@ class SumOfSquares:
         return np.array([np.prod([highest[i] for i in name if i < self._k]) for name in self._names])
 
     def factor(self, Q: Array, D: Array, highest: Array) -> float:
-        """Smallest factor with a certificate of ``m' Q m <= factor m' D m``; infinite where none was found.
-
-        Parameters
-        ----------
-        Q, D : ndarray, shape (|m|, |m|)
-        highest : ndarray, shape (k,)
-            ``|v|`` that occurs, at most 1.
-        """
+        """Smallest factor with a certificate of ``m' Q m <= factor m' D m``; infinite where none was found."""
+        # Q, D (|m|, |m|); highest (k,)
         scales = self._scales(highest)
         of_Q, of_D = (self._of_m @ triangle(M * np.outer(scales, scales)) for M in (Q, D))
         A = np.concatenate([self._columns, self._links(highest)], axis=1)

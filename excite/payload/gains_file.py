@@ -44,26 +44,7 @@ class _Gains(BaseModel):
 
 @contextmanager
 def save_gains(path: Path, *, replace: bool = False) -> Iterator[Callable[..., None]]:
-    """Be the only writer of a file of gains, and get what writes it, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-    replace : bool
-        Replace a file that is already there.
-
-    Yields
-    ------
-    callable
-        Called with the arguments of `write_gains` without the path.
-
-    Raises
-    ------
-    TakenError
-        The file is there.
-    InputError
-        It cannot be written.
-    """
+    """Be the only writer of a file of gains, and get what writes it, whole or not at all."""
     with result_file(path):
         if path.exists() and not replace:
             raise TakenError(f"{path} already exists")
@@ -76,17 +57,7 @@ def save_gains(path: Path, *, replace: bool = False) -> Iterator[Callable[..., N
 
 
 def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float) -> None:
-    """Write a file of gains.
-
-    Parameters
-    ----------
-    gains : KnownGains
-    path : Path
-    robot : str
-        Its name.
-    mass : float
-        Of the load that they were calibrated with [kg].
-    """
+    """Write a file of gains."""
     deviation = gains.deviation
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = np.nan_to_num(gains.covariance / np.outer(deviation, deviation))
@@ -102,17 +73,7 @@ def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float) -> No
 
 
 def read_gains(path: Path) -> KnownGains:
-    """Read a file of gains.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        It cannot be read, is malformed, or has numbers that no gains have.
-    """
+    """Read a file of gains."""
     settle_files(path)
     try:
         text = read_text(path)

@@ -46,31 +46,15 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class HeldBody:
-    """Mass, centre of mass and inertia about it, in the axes of a frame.
+    """Mass, centre of mass and inertia about it, in the axes of a frame."""
 
-    Parameters
-    ----------
-    mass : float
-        [kg]
-    centre : ndarray, shape (3,)
-        [m]
-    inertia : ndarray, shape (3, 3)
-        About the centre of mass [kg m^2].
-    """
-
-    mass: float
-    centre: Array
-    inertia: Array
+    mass: float  # [kg]
+    centre: Array  # (3,) [m]
+    inertia: Array  # (3, 3) about the centre of mass [kg m^2]
 
     @classmethod
     def of(cls, phi: ArrayLike) -> HeldBody:
-        """The body with ten parameters about the frame's origin, ``I_C = I_O + m skew(c) skew(c)``.
-
-        Parameters
-        ----------
-        phi : array_like, shape (10,)
-            m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz [kg, kg m, kg m^2].
-        """
+        """The body with ten parameters about the frame's origin, ``I_C = I_O + m skew(c) skew(c)``."""  # phi (10,)
         phi = np.asarray(phi, dtype=float)
         centre = phi[1:4] / phi[0]
         return cls(float(phi[0]), centre, inertia_tensor(phi) + phi[0] * skew(centre) @ skew(centre))
@@ -114,20 +98,8 @@ def _nearest(axes: Array) -> list[int]:
 
 
 def spread_of(function: Callable[[Array], Array], at: Array, covariance: Array) -> Array:
-    """Standard deviations of a function of uncertain numbers, to first order.
-
-    Parameters
-    ----------
-    function : callable
-        Of an array of shape (k,).
-    at : ndarray, shape (k,)
-    covariance : ndarray, shape (k, k)
-
-    Returns
-    -------
-    ndarray
-        ``sqrt(diag(G C G'))`` with central differences G, in the shape of the function's values.
-    """
+    """Standard deviations of a function of uncertain numbers, to first order."""
+    # function (k,); at (k,); covariance (k, k)
     size = np.sqrt(np.diag(covariance))
     columns = []
     for k, step in enumerate(_STEP * size):

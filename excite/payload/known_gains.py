@@ -94,14 +94,7 @@ class KnownGains:
 
 
 def stated_gains(drives: Sequence[str], common: float = STATED_COMMON, each: float = STATED_EACH) -> KnownGains:
-    """Gains as stated, which may all be off by one factor, and each by one of its own.
-
-    Parameters
-    ----------
-    drives : sequence of str
-    common, each : float
-        Standard deviations of these factors.
-    """
+    """Gains as stated, which may all be off by one factor, and each by one of its own."""
     k = len(drives)
     origin = f"the stated gains are taken as known to {100 * np.hypot(common, each):.2g} % (standard deviation)"
     if common:

@@ -18,36 +18,16 @@ from regressors.samples import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class LoadEquations:
-    """Rows of all logs, and what is known beforehand.
+    """Rows of all logs, and what is known beforehand."""
 
-    Parameters
-    ----------
-    observations : Observations
-        W and y, in corrected gains.
-    load : ndarray, shape (m, 10)
-        K; zero in rows without the load.
-    friction : ndarray, shape (m, f)
-        F; zero in rows without the load.
-    known : ndarray, shape (p,), optional
-        beta of an earlier identification; unknown if not given.
-    covariance : ndarray, shape (p, p), optional
-        Of `known`.
-    changes : ndarray, shape (f,)
-        Standard deviations of d.
-    gains : ndarray, shape (k, k)
-        Covariance of e, one for each equation; of no rows where gains do not matter.
-    scales_all : bool
-        False where e changes K phi only, since beta is from torques with the same gains.
-    """
-
-    observations: Observations
-    load: Array
-    friction: Array
-    changes: Array
-    gains: Array
-    known: Array | None = None
-    covariance: Array | None = None
-    scales_all: bool = True
+    observations: Observations  # W and y, in corrected gains
+    load: Array  # (m, 10) K; zero in rows without the load
+    friction: Array  # (m, f) F; zero in rows without the load
+    changes: Array  # (f,) standard deviations of d
+    gains: Array  # (k, k) covariance of e, one for each equation; of no rows where gains do not matter
+    known: Array | None = None  # (p,) beta of an earlier identification; unknown if not given
+    covariance: Array | None = None  # (p, p) of `known`
+    scales_all: bool = True  # False where e changes K phi only, since beta is from torques with the same gains
 
     @property
     def p(self) -> int:
@@ -81,14 +61,8 @@ class LoadEquations:
         return self.observations.equation[[rows[0] for rows in self.groups]]
 
     def with_measured(self, y: Array, gains: Array | None = None) -> LoadEquations:
-        """The same equations with another measurement, whose factors need not be computed again.
-
-        Parameters
-        ----------
-        y : ndarray, shape (m,)
-        gains : ndarray, shape (k, k), optional
-            Covariance of e.
-        """
+        """The same equations with another measurement, whose factors need not be computed again."""
+        # y (m,); gains (k, k)
         other = replace(
             self, observations=replace(self.observations, y=y), gains=self.gains if gains is None else gains
         )

@@ -71,31 +71,12 @@ class LoadEstimate:
 
 
 def estimate_load(equations: LoadEquations, mass: float | None = None, start: float = 1.0) -> LoadEstimate:
-    """Estimate a load, with all that is uncertain beside it.
-
-    Parameters
-    ----------
-    equations : LoadEquations
-    mass : float, optional
-        Of the load where it is known, which makes the gains known [kg].
-    start : float
-        First guess of the torques with right gains over those with the stated ones.
-
-    Raises
-    ------
-    InputError
-        The motion does not show the load, or some of its parameters.
-    """
+    """Estimate a load, with all that is uncertain beside it."""
     return _Problem(equations, mass, start).solved()
 
 
 def fit_load(equations: LoadEquations) -> Array:
-    """Most probable parameters of a load, shape (10,), without what is uncertain of them.
-
-    Parameters
-    ----------
-    equations : LoadEquations
-    """
+    """Most probable parameters of a load, shape (10,), without what is uncertain of them."""
     problem = _Problem(equations, None, 1.0)
     problem.iterate()
     return np.asarray(problem.x[problem.places])

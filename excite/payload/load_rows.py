@@ -28,17 +28,7 @@ _KINDS = ("coulomb", "viscous", "root", "stribeck", "asymmetry")
 def paired_equations(
     bare: Identification, loaded: Sequence[PreparedLog], recipe: Recipe, gains: KnownGains
 ) -> LoadEquations:
-    """Equations of logs without and with the load, in torques of the drives and corrected gains.
-
-    Parameters
-    ----------
-    bare : Identification
-        From the logs without the load, in stated gains.
-    loaded : sequence of PreparedLog
-    recipe : Recipe
-    gains : KnownGains
-        Of the drives, see `excite.identification.torque_factors.drives_of_torques`.
-    """
+    """Equations of logs without and with the load, in torques of the drives and corrected gains."""
     parts = [*(replace(part, standing=()) for part in bare.prepared), *loaded]
     carries = [False] * len(bare.prepared) + [True] * len(loaded)
     observations, load = _rows(bare.target, parts, carries, recipe)
@@ -55,18 +45,8 @@ def modelled_equations(
     known: Array,
     covariance: Array,
 ) -> LoadEquations:
-    """Equations of logs with the load of a robot whose parameters are known, in torques as they were identified.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    loaded : sequence of PreparedLog
-    recipe : Recipe
-    gains : KnownGains
-        Of torques as the robot's parameters were identified from.
-    known : ndarray, shape (p,)
-    covariance : ndarray, shape (p, p)
-    """
+    """Equations of logs with the load of a robot whose parameters are known, in torques as they were identified."""
+    # known (p,); covariance (p, p)
     observations, load = _rows(target, loaded, [True] * len(loaded), recipe)
     friction, size = _friction(target.base, observations, load, known)
     load = load / gains.factor[observations.equation, None]
@@ -76,16 +56,7 @@ def modelled_equations(
 def wrench_equations(
     target: IdentificationTarget, bare: Sequence[PreparedLog], loaded: Sequence[PreparedLog], recipe: Recipe
 ) -> LoadEquations:
-    """Equations of a force/torque sensor: its offsets, what it carries without the load, and the load.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        Of the load model.
-    bare, loaded : sequence of PreparedLog
-        Without the load, of which there may be none, and with it.
-    recipe : Recipe
-    """
+    """Equations of a force/torque sensor: its offsets, what it carries without the load, and the load."""
     parts = [equations_of(target, part, recipe) for part in (*bare, *loaded)]
     observations = join_observations(parts)
     K = observations.matrix

@@ -16,17 +16,7 @@ _UNKNOWN = 1e3  # times its size, or one SI unit: deviation of a parameter that 
 
 
 def known_parameters(result: IdentificationResult) -> tuple[Array, Array]:
-    """Base parameters of a result, and their covariance.
-
-    Parameters
-    ----------
-    result : IdentificationResult
-
-    Raises
-    ------
-    InputError
-        A result without a covariance.
-    """
+    """Base parameters of a result, and their covariance."""
     values = np.asarray(result.coefficients, dtype=float)
     covariance = _covariance(result)
     unknown = ~np.isfinite(np.diag(covariance))
@@ -49,12 +39,7 @@ def _covariance(result: IdentificationResult) -> Array:
 
 
 def calibrated_gains(result: IdentificationResult) -> KnownGains | None:
-    """Gains that a result was identified with, as factors on corrected torques, which are one; None where as stated.
-
-    Parameters
-    ----------
-    result : IdentificationResult
-    """
+    """Gains that a result was identified with, as factors on corrected torques, which are one; None where as stated."""
     if isinstance(result, Identification):
         content: Any = None if result.calibration is None else result.calibration.content()
     else:

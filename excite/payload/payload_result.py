@@ -213,17 +213,7 @@ def check_no_payload(folder: Path, controllers: Collection[str] = (), *, replace
 
 
 def load_payload(path: str | Path) -> PayloadResult:
-    """Load a ``payload.json``.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    InputError
-        Another schema, entries that are missing, or a file that is not the one that was written.
-    """
+    """Load a ``payload.json``."""
     return read_record(Path(path), PayloadResult, KIND)
 
 

@@ -22,19 +22,7 @@ def nearest_possible(phi: Array, covariance: Array) -> Array:
     """Parameters of a real body that the estimate excludes least.
 
     ``min (x - phi)' C^-1 (x - phi)`` subject to a positive definite pseudo-inertia of x; phi itself where it is one.
-
-    Parameters
-    ----------
-    phi : ndarray, shape (10,)
-        m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz [kg, kg m, kg m^2], with a positive mass.
-    covariance : ndarray, shape (10, 10)
-        C.
-
-    Raises
-    ------
-    ConicSolverError
-        The conic solver found no solution.
-    """
+    """  # phi (10,); covariance (10, 10)
     if is_possible(phi):
         return phi
     length = max(

@@ -13,11 +13,5 @@ RATED = {
 
 
 def rated_payload(name: str) -> float | None:
-    """Largest payload of a robot; None where it is not known.
-
-    Parameters
-    ----------
-    name : str
-        Of the robot.
-    """
+    """Largest payload of a robot; None where it is not known."""
     return RATED.get(name)

@@ -127,19 +127,7 @@ def figures_of(design: Design) -> dict[str, Callable[[Design], Figure]]:
 
 
 def design_figures(design: Design) -> dict[str, Figure]:
-    """Draw every figure of a design.
-
-    Parameters
-    ----------
-    design : Design
-
-    Returns
-    -------
-    dict of str to Figure
-        ``motion``, ``phase``, ``spectrum`` and, where its starts are known, ``convergence``; ``workspace`` too, where
-        the surface that the robot is mounted on is checked, ``clearance`` and ``workspace``, where the task has a
-        world, and ``precision``, where one was sought.
-    """
+    """Draw every figure of a design."""
     figures = figures_of(design)
     figures = figures if design.precision_search is None else {**figures, "precision": _precision}
     return {name: figure(design) for name, figure in figures.items() if name != "convergence" or design.starts}
@@ -149,30 +137,7 @@ def design_figures(design: Design) -> dict[str, Figure]:
 def write_figures(
     design: Any, folder: str | Path, *, formats: str | Sequence[str] = ("png",), width: str = "screen"
 ) -> list[Path]:
-    """Draw every figure of a design, or of whatever else `excite.draw` draws, and write them all at once.
-
-    Parameters
-    ----------
-    design : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit, PayloadMotion or CampaignTable
-    folder : path
-        An existing folder; where it holds what is drawn, its manifest lists the figures too.
-    formats : str or sequence of str
-        Of ``png``, ``pdf`` (TrueType fonts embedded) and ``svg`` (text that can be edited).
-    width : {"screen", "single", "double"}
-        See `excite.draw`.
-
-    Returns
-    -------
-    list of Path
-        ``motion.png``, ``phase.png``, ``spectrum.png`` and ``convergence.png`` in the folder, and those of
-        `design_figures` that the design has besides. Or those of other formats, or of another object.
-
-    Raises
-    ------
-    InputError
-        Another format or width, or nothing that has figures; or the folder is being written by another process, or
-        cannot be written to.
-    """
+    """Draw every figure of a design, or of whatever else `excite.draw` draws, and write them all at once."""
     if isinstance(design, Design):
         return write_figure_files(lambda: design_figures(design), folder, "design", formats=formats, width=width)
     from excite.plots.drawable import write_drawable

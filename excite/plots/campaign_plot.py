@@ -22,19 +22,7 @@ _WHOLE = "cell"
 
 
 def campaign_figure(table: CampaignTable) -> Figure:
-    """Draw the condition number of every designed cell over the values of each option that varies.
-
-    Parameters
-    ----------
-    table : CampaignTable
-
-    Returns
-    -------
-    Figure
-        One panel per option, six at most: a dot per cell in the colour of its group, whose cells are comparable, a dash
-        at the median of each group, and below each value how many of its cells have no design. Condition numbers over
-        1000 times the least are triangles at the upper edge.
-    """
+    """Draw the condition number of every designed cell over the values of each option that varies."""
     names = list(table.often_varied)[:_MOST_PANELS] or [_WHOLE]
     columns = 2 if len(names) == 4 else min(_COLUMNS, len(names))
     rows = -(-len(names) // columns)

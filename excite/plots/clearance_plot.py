@@ -31,20 +31,7 @@ _NEAREST: dict[str, Any] = {"color": BLUE, "linewidth": 1.6}
 
 
 def clearance_figure(design: Design) -> Figure:
-    """Draw the nearest pair of bodies above all others, and a panel per pair, for the twelve nearest pairs.
-
-    Parameters
-    ----------
-    design : Design
-        Design of a task with a world.
-
-    Returns
-    -------
-    Figure
-        Distance between the surfaces at the task's rate. All panels have one scale, which is linear up to the
-        clearance and logarithmic above it, so that the nearest pair is the lowest everywhere. The range below the
-        clearance is shaded; the dot is the certified lower bound over all instants.
-    """
+    """Draw the nearest pair of bodies above all others, and a panel per pair, for the twelve nearest pairs."""
     uses, distances = _uses(design), _distances(design)
     nearest = sorted(uses, key=lambda use: use.extreme)[: _COLUMNS * _ROWS]
     columns = columns_that_fit(_COLUMNS, _LEAST)

@@ -85,13 +85,7 @@ class _Row:
 
 
 def lay_out(figure: Figure) -> None:
-    """Lay a figure out for the column of the style that is drawn in, see `excite.plots.drawing_style`.
-
-    Parameters
-    ----------
-    figure : Figure
-        As it is drawn for a screen.
-    """
+    """Lay a figure out for the column of the style that is drawn in, see `excite.plots.drawing_style`."""
     width = column_width()
     figure.draw_without_rendering()  # places what matplotlib's own layout places
     rows = _rows(figure)

@@ -70,19 +70,7 @@ def thin(artist: Artist) -> None:
 
 
 def break_lines(text: Text, width: float) -> int:
-    """Break a text between words, so that none of its lines is wider than a width, if its words are not.
-
-    Parameters
-    ----------
-    text : Text
-    width : float
-        [in]
-
-    Returns
-    -------
-    int
-        Number of lines.
-    """
+    """Break a text between words, so that none of its lines is wider than a width, if its words are not."""
     broken, whole = _WHOLE.get(text, ("", ""))
     if text.get_text() != broken:
         whole = text.get_text()
@@ -122,14 +110,7 @@ def titles(ax: Axes) -> tuple[Text, Text, Text]:
 
 
 def stack_titles(row: Sequence[Axes], widths: Sequence[float]) -> None:
-    """Put the names of a row's panels above their notes where both have no room side by side.
-
-    Parameters
-    ----------
-    row : sequence of Axes
-    widths : sequence of float
-        Of the panels, with the room beside them [in].
-    """
+    """Put the names of a row's panels above their notes where both have no room side by side."""
     lines = [_broken_notes(ax, width) for ax, width in zip(row, widths, strict=True)]
     alone = sum(bool(titles(ax)[1].get_text().strip()) for ax in row) == 1  # then it may be as wide as the row
     for ax, width, own in zip(row, widths, lines, strict=True):
@@ -159,12 +140,7 @@ def _broken_notes(ax: Axes, width: float) -> int:
 
 
 def fewer_numbers(axis: Axis) -> None:
-    """Leave out numbers of an axis until those that are left do not touch.
-
-    Parameters
-    ----------
-    axis : Axis
-    """
+    """Leave out numbers of an axis until those that are left do not touch."""
     locator = axis.get_major_locator()
     if isinstance(locator, MaxNLocator):
         for most in range(_MOST_NUMBERS, 1, -1):
@@ -211,14 +187,7 @@ def break_labels(ax: Axes, width: float, height: float) -> None:
 
 
 def legend_below_all(figure: Figure, old: Sequence[Legend], width: float) -> tuple[float, list[Legend]]:
-    """Draw the legends again at the lower edge, each in as many columns as have room.
-
-    Returns
-    -------
-    height : float
-        Of all of them [in].
-    legends : list of Legend
-    """
+    """Draw the legends again at the lower edge, each in as many columns as have room."""
     height, made = 0.0, []
     for legend in old:
         handles = [handle for handle in legend.legend_handles if handle is not None]

@@ -37,18 +37,7 @@ _MEASURES = {
 
 
 def convergence_figure(design: Design) -> Figure:
-    """Draw the objective at every accepted iterate and the best so far, for all starts.
-
-    Parameters
-    ----------
-    design : Design
-
-    Returns
-    -------
-    Figure
-        One panel. Per start a dotted line, the objective, and a solid one, its running minimum, which ends in a dot,
-        hollow if the start was stopped early; the start of the design's motion is blue.
-    """
+    """Draw the objective at every accepted iterate and the best so far, for all starts."""
     figure = figure_of(9.5, 5.4, _title(design))
     ax = figure.subplots()
     tidy(ax)

@@ -20,17 +20,7 @@ _WIDTH: ContextVar[str] = ContextVar("width", default="screen")
 
 @contextmanager
 def drawing_style(width: str) -> Iterator[None]:
-    """Draw and write in the style of a width; what the user's own matplotlibrc says does not count.
-
-    Parameters
-    ----------
-    width : {"screen", "single", "double"}
-
-    Raises
-    ------
-    InputError
-        Another width.
-    """
+    """Draw and write in the style of a width; what the user's own matplotlibrc says does not count."""
     if width not in FIGURE_WIDTHS:
         raise InputError(f"expected `width` to be one of {', '.join(FIGURE_WIDTHS)}, given {shown(width)}")
     files = [STYLES / "screen.mplstyle", *([] if width == "screen" else [STYLES / f"{width}.mplstyle"])]
@@ -54,25 +44,11 @@ def size_of(parameter: str) -> float:
 
 
 def columns_that_fit(most: int, width: float) -> int:
-    """Number of columns of equal panels.
-
-    Parameters
-    ----------
-    most : int
-        As many as there may be.
-    width : float
-        Least width of a panel with the numbers beside it [in].
-    """
+    """Number of columns of equal panels."""
     whole = column_width()
     return most if whole == float("inf") else min(most, max(1, int(whole / width)))
 
 
 def in_proportion(parameter: str) -> float:
-    """Size of the style that is drawn in, over that of figures for a screen.
-
-    Parameters
-    ----------
-    parameter : str
-        Of matplotlib, such as ``lines.linewidth``.
-    """
+    """Size of the style that is drawn in, over that of figures for a screen."""
     return size_of(parameter) / float(SCREEN[parameter])

@@ -21,22 +21,8 @@ _ALL = "#D9D9D9"
 
 
 def envelope(values: Array, bins: int) -> tuple[Index, Array]:
-    """Least value, 5th, 50th and 95th percentile and largest value of each of ``bins`` stretches.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        NaN where unknown.
-    bins : int
-        At most N.
-
-    Returns
-    -------
-    edges : ndarray of int, shape (bins + 1,)
-        Index where each stretch begins, and N.
-    percentiles : ndarray, shape (5, bins)
-        NaN where no value is known.
-    """
+    """Least value, 5th, 50th and 95th percentile and largest value of each of ``bins`` stretches."""
+    # values (N,); result (bins + 1,); result (5, bins)
     edges = np.linspace(0, values.size, bins + 1).astype(np.intp)
     parts = [part[np.isfinite(part)] for part in np.split(values, edges[1:-1])]
     unknown = np.full(len(PERCENTILES), np.nan)
@@ -44,16 +30,7 @@ def envelope(values: Array, bins: int) -> tuple[Index, Array]:
 
 
 def draw_values(ax: Axes, timeline: Timeline, time: Array, log: Index, values: Array) -> None:
-    """Draw values of several logs: curves, or bands where a log has many.
-
-    Parameters
-    ----------
-    ax : Axes
-    timeline : Timeline
-    time, values : ndarray, shape (m,)
-    log : ndarray of int, shape (m,)
-        Log of each row.
-    """
+    """Draw values of several logs: curves, or bands where a log has many."""  # time, values (m,); log (m,)
     if values.size < DENSE:
         ax.plot(*timeline.curve(time, log, values), color=DARK, linewidth=_WIDTH)
         return
@@ -70,15 +47,7 @@ def draw_values(ax: Axes, timeline: Timeline, time: Array, log: Index, values: A
 
 
 def values_legend(count: int, name: str) -> list[Artist]:
-    """Entries of a legend for what `draw_values` draws.
-
-    Parameters
-    ----------
-    count : int
-        Number of values of all logs.
-    name : str
-        Of the values, such as ``residual``.
-    """
+    """Entries of a legend for what `draw_values` draws."""
     if count < DENSE:
         return [Line2D([], [], color=DARK, linewidth=_WIDTH, label=name)]
     return [

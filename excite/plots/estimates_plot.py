@@ -30,25 +30,7 @@ _FAR = 6.0  # a reference further off than this many times the height of curve a
 
 
 def estimates_figure(result: Identification, reference: ReferenceValues | None = None) -> Figure:
-    """Draw every estimate over time, with its final 99 % interval.
-
-    Parameters
-    ----------
-    result : Identification
-    reference : ReferenceValues, optional
-
-    Returns
-    -------
-    Figure
-        One panel per parameter: the estimate after each instant, the final one as a line in the band of its interval,
-        the reference dotted, or stated beside an arrow where it is out of view. The vertical range is that of the last
-        three quarters of the motion.
-
-    Raises
-    ------
-    InputError
-        The estimator keeps no history.
-    """
+    """Draw every estimate over time, with its final 99 % interval."""
     estimate = result.estimate
     if estimate.history is None:
         raise InputError(f"the estimator {estimate.method} keeps no history of its estimates; recursive does")
@@ -95,16 +77,7 @@ def _draw_end(ax: Axes, estimate: Estimate, k: int, known: float, path: Array) -
 
 
 def settled_range(path: Array, value: float, half_width: float, known: float) -> tuple[float, float]:
-    """Vertical range for an estimate's path.
-
-    Parameters
-    ----------
-    path : ndarray, shape (k,)
-    value, half_width : float
-        Final value and half of its interval's width; not finite where the data do not identify them.
-    known : float
-        Reference values; NaN if there is none.
-    """
+    """Vertical range for an estimate's path."""  # path (k,)
     seen = path[int(_SETTLED * path.size) :]
     low, high = float(seen.min()), float(seen.max())
     if np.isfinite(value) and np.isfinite(half_width):

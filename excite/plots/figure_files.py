@@ -30,19 +30,7 @@ _PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it a
 
 
 def drawn_figures(draw: Callable[[], Mapping[str, Figure]], width: str = "screen") -> dict[str, Figure]:
-    """Draw figures in the style of a width, laid out for it, with all text literal.
-
-    Parameters
-    ----------
-    draw : callable
-        Draws them for a screen, by name.
-    width : {"screen", "single", "double"}
-
-    Raises
-    ------
-    InputError
-        Another width.
-    """
+    """Draw figures in the style of a width, laid out for it, with all text literal."""
     with drawing_style(width):
         figures = dict(draw())
         for figure in figures.values():
@@ -63,25 +51,6 @@ def write_figure_files(
     """Write figures, all at once, beside the files of a result that are there already.
 
     The same figures give the same bytes: files hold no dates, and identifiers do not change.
-
-    Parameters
-    ----------
-    figures : mapping of str to Figure, or callable
-        Figures by file name, without suffix, which are written as they are; or what draws them for a screen, so that
-        they are laid out for the width.
-    folder : path
-        An existing folder.
-    kind : str
-        Kind of the result that they show, such as ``design``; its manifest lists them too.
-    formats : str or sequence of str
-        Of ``png``, ``pdf`` and ``svg``.
-    width : {"screen", "single", "double"}
-        Of the figures: as wide as they like, or one or both columns of a paper.
-
-    Raises
-    ------
-    InputError
-        The folder is being written by another process, or cannot be written to; other files are as they were.
     """
     folder, formats = Path(folder), check_formats(formats)
     made = drawn_figures(figures, width) if callable(figures) else _literal(figures)

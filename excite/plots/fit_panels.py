@@ -39,23 +39,8 @@ def draw_fit(
     *,
     bottom: bool,
 ) -> None:
-    """Draw measured values, predicted ones on top of them, and their difference in a panel below, on its own scale.
-
-    Parameters
-    ----------
-    ax : Axes
-        Replaced by the two.
-    timeline : Timeline
-    time : ndarray, shape (m,)
-        [s]
-    log : ndarray of int, shape (m,)
-    fit : (ndarray, ndarray), shape (m,) each
-        Measured and predicted.
-    equation : (str, str)
-        Its name and unit.
-    bottom : bool
-        True for the last equation, whose axis has the numbers.
-    """
+    """Draw measured values, predicted ones on top of them, and their difference in a panel below, on its own scale."""
+    # time (m,); log (m,); fit (m,)
     (measured, predicted), (name, unit) = fit, equation
     upper, lower = split(ax, _LOWER, _GAP)
     upper.plot(*timeline.curve(time, log, measured), **MEASURED)
@@ -70,15 +55,7 @@ def draw_fit(
 
 
 def fit_legend(count: int, predicted: str) -> list[Artist]:
-    """Entries of a legend for `draw_fit`.
-
-    Parameters
-    ----------
-    count : int
-        Number of values of an equation.
-    predicted : str
-        What the prediction is.
-    """
+    """Entries of a legend for `draw_fit`."""
     return [
         Line2D([], [], **MEASURED, label="measured"),
         Line2D([], [], **PREDICTED, label=predicted),

@@ -30,18 +30,7 @@ _GRAVITY = {
 
 
 def friction_plan_figure(plan: FrictionPlan) -> Figure:
-    """Draw position and velocity of every coordinate over its runs, its break-away tests, and its torque ramps.
-
-    Parameters
-    ----------
-    plan : FrictionPlan
-
-    Returns
-    -------
-    Figure
-        One row per coordinate: position and velocity over all runs; where there are break-away tests, the way of their
-        creeping motion from the pose, on a scale of its own; and, where there are ramps of torque, torque over time.
-    """
+    """Draw position and velocity of every coordinate over its runs, its break-away tests, and its torque ramps."""
     columns = [column for column in _COLUMNS if any(column.shows(c) for c in plan.coordinates)]
     panel = Panel(widths=tuple(column.width for column in columns), height=_HEIGHT, left=_LEFT, between=_BETWEEN)
     figure, rows = panels(len(plan.coordinates), panel, f"{plan.robot.name}: runs to measure friction")

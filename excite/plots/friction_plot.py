@@ -31,14 +31,7 @@ _WARMER = 2.0  # [K]
 
 
 def friction_figure(robot: str, characteristics: Sequence[Characteristic]) -> Figure:
-    """Draw friction torque over speed, one panel per drive.
-
-    Parameters
-    ----------
-    robot : str
-        Name of the robot.
-    characteristics : sequence of Characteristic
-    """
+    """Draw friction torque over speed, one panel per drive."""
     columns = min(columns_that_fit(_COLUMNS, _LEAST), len(characteristics))
     rows = -(-len(characteristics) // columns)
     figure = figure_of(_WIDTH * columns + 0.6, _HEIGHT * rows + 0.9, f"{robot}: friction over speed")
@@ -200,18 +193,7 @@ def write_friction_figure(
     formats: str | Sequence[str] = ("png",),
     width: str = "screen",
 ) -> list[Path]:
-    """Write the figure as ``friction.png``.
-
-    Parameters
-    ----------
-    robot : str
-    characteristics : sequence of Characteristic
-    folder : path
-    formats : str or sequence of str
-        Of ``png``, ``pdf`` and ``svg``.
-    width : {"screen", "single", "double"}
-        See `excite.draw`.
-    """
+    """Write the figure as ``friction.png``."""
     return write_figure_files(
         lambda: {"friction": friction_figure(robot, characteristics)},
         folder,

@@ -34,19 +34,7 @@ _ALIKE = 0.01  # relative; logs whose sample times differ by less share an axis 
 
 
 def torques_figure(result: Identification) -> Figure:
-    """Draw measured and predicted values of the equations over time.
-
-    Parameters
-    ----------
-    result : Identification
-
-    Returns
-    -------
-    Figure
-        Two panels per equation with all logs in sequence: measured and predicted values, and below them their
-        difference on its own scale. Above are the root mean square of the difference and its ratio to that of the
-        measured values.
-    """
+    """Draw measured and predicted values of the equations over time."""
     observations = result.observations
     predicted = result.estimate.predicted(observations)
     timeline = Timeline.of(observations.logs, observations.time, observations.log)
@@ -66,17 +54,6 @@ def residuals_figure(result: Identification) -> Figure:
     """Draw the residuals of the equations over time, and their autocorrelation.
 
     ``r_k = mean(e_t e_{t+k}) / mean(e_t^2)``, with the residual e of each log divided by its root mean square.
-
-    Parameters
-    ----------
-    result : Identification
-
-    Returns
-    -------
-    Figure
-        Two panels per equation: residual over time, of long logs as bands of its extremes and percentiles, and its
-        autocorrelation up to a tenth of the longest log, with the band that 99 % of it would stay in if it were white
-        noise.
     """
     observations, estimate = result.observations, result.estimate
     residual = estimate.residual(observations)
@@ -100,17 +77,7 @@ def residuals_figure(result: Identification) -> Figure:
 
 
 def autocorrelation(residual: Array, log: Index, lags: int) -> Array:
-    """Autocorrelation of residuals of one equation within its logs, shape (lags + 1,).
-
-    Parameters
-    ----------
-    residual : ndarray, shape (m,)
-    log : ndarray of int, shape (m,)
-        Log of each row. Rows of different logs are not correlated; residuals are divided by their log's root mean
-        square.
-    lags : int
-        Largest lag in rows.
-    """
+    """Autocorrelation of residuals of one equation within its logs, shape (lags + 1,)."""  # residual (m,); log (m,)
     total = np.zeros(lags + 1)
     for k in np.unique(log):
         e = residual[log == k]
@@ -143,19 +110,7 @@ def _draw_autocorrelation(ax: Axes, time: Array, log: Index, residual: Array, *,
 
 
 def identification_figures(result: Identification, reference: ReferenceValues | None = None) -> dict[str, Figure]:
-    """Draw every figure of an identification.
-
-    Parameters
-    ----------
-    result : Identification
-    reference : ReferenceValues, optional
-        Values to compare the parameters with.
-
-    Returns
-    -------
-    dict of str to Figure
-        ``torques``, ``residuals``, ``parameters``, and ``estimates`` where the estimator keeps a history.
-    """
+    """Draw every figure of an identification."""
     figures = {
         "torques": torques_figure(result),
         "residuals": residuals_figure(result),
@@ -174,30 +129,6 @@ def write_identification_figures(
     formats: str | Sequence[str] = ("png",),
     width: str = "screen",
 ) -> list[Path]:
-    """Draw every figure of an identification and write them all at once.
-
-    Parameters
-    ----------
-    result : Identification
-    folder : path
-        An existing folder.
-    reference : ReferenceValues, optional
-        Values to compare the parameters with.
-    formats : str or sequence of str
-        Of ``png``, ``pdf`` and ``svg``.
-    width : {"screen", "single", "double"}
-        See `excite.draw`.
-
-    Returns
-    -------
-    list of Path
-        ``torques.png``, ``residuals.png``, ``parameters.png``, and ``estimates.png`` where the estimator keeps a
-        history; or those of other formats.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
-    """
+    """Draw every figure of an identification and write them all at once."""
     draw = partial(identification_figures, result, reference)
     return write_figure_files(draw, folder, "result", formats=formats, width=width)

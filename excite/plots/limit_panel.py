@@ -29,19 +29,7 @@ def draw_limited(
     closest: tuple[float, float, bool] | None,
     far: float = _FAR,
 ) -> None:
-    """Draw a curve, shade what its limits forbid, and mark the value that comes closest to one.
-
-    Parameters
-    ----------
-    ax : Axes
-    time, values : ndarray, shape (N,)
-    allowed : (float, float)
-        Lower and upper bound; infinite where there is none.
-    closest : (float, float, bool), optional
-        When and at which value, and whether the limit holds there.
-    far : float
-        A bound further from the curve than this many times the curve's height is not in view.
-    """
+    """Draw a curve, shade what its limits forbid, and mark the value that comes closest to one."""  # time, values (N,)
     view = view_range(values if closest is None else np.append(values, closest[1]), allowed, far)
     tidy(ax)
     _shade(ax, allowed, view)
@@ -55,17 +43,7 @@ def draw_limited(
 
 
 def view_range(values: Array, allowed: tuple[float, float], far: float = _FAR) -> tuple[float, float]:
-    """Vertical range of a panel: the curve, and each bound that is not so far off as to flatten the curve.
-
-    Parameters
-    ----------
-    values : ndarray
-        Values that must be in view.
-    allowed : (float, float)
-        Lower and upper bound.
-    far : float
-        Times the curve's height.
-    """
+    """Vertical range of a panel: the curve, and each bound that is not so far off as to flatten the curve."""
     low, high = float(values.min()), float(values.max())
     reach = far * (high - low) if high - low > _FLAT else np.inf
     near = [bound for bound in allowed if np.isfinite(bound) and max(low - bound, bound - high) <= reach]
@@ -83,19 +61,7 @@ def _shade(ax: Axes, allowed: tuple[float, float], view: tuple[float, float]) ->
 
 
 def write_use(ax: Axes, use: LimitUse | None, bound: float, owner: str = "") -> int:
-    """Write above a panel how much of its limit is used; number of lines.
-
-    Parameters
-    ----------
-    ax : Axes
-        With its vertical range.
-    use : LimitUse, optional
-        None where there is no limit.
-    bound : float
-        The limit as drawn.
-    owner : str
-        Whose limit it is, where that needs saying.
-    """
+    """Write above a panel how much of its limit is used; number of lines."""
     text, colour = _used(use, bound, owner, ax.get_ylim())
     lines = textwrap.wrap(text, _LETTERS, break_on_hyphens=False)
     ax.set_title(typeset("\n".join(lines)), loc="right", y=1.0, fontsize=NOTE, color=colour)

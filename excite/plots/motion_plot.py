@@ -50,25 +50,13 @@ _PER_TIME = ("", "/s", "/s^2", "/s^3")
 
 @dataclass(frozen=True)
 class Bound:
-    """One limit of a function or of one of its derivatives.
+    """One limit of a function or of one of its derivatives."""
 
-    Parameters
-    ----------
-    owner : str
-        ``joint NAME`` or ``drive NAME``.
-    lower, upper : float
-        Bounds on the limited value.
-    shift : float
-        Limited value minus the function as drawn.
-    use : LimitUse
-        Use of the limit by the motion.
-    """
-
-    owner: str
-    lower: float
+    owner: str  # ``joint NAME`` or ``drive NAME``
+    lower: float  # bounds on the limited value
     upper: float
-    shift: float
-    use: LimitUse
+    shift: float  # limited value minus the function as drawn
+    use: LimitUse  # use of the limit by the motion
 
     @property
     def extreme(self) -> float:
@@ -78,24 +66,13 @@ class Bound:
 
 @dataclass
 class MotionFunction:
-    """A function ``row q + offset`` of the joint positions, drawn in one row of panels.
-
-    Parameters
-    ----------
-    name : str
-    row : ndarray, shape (n,)
-    unit : str
-        ``rad`` or ``m``.
-    offset : float
-    bounds : list of list of Bound
-        Per order of derivative.
-    """
+    """A function ``row q + offset`` of the joint positions, drawn in one row of panels."""
 
     name: str
-    row: Array
-    unit: str
+    row: Array  # (n,)
+    unit: str  # ``rad`` or ``m``
     offset: float = 0.0
-    bounds: list[list[Bound]] = field(default_factory=lambda: [[] for _ in QUANTITIES])
+    bounds: list[list[Bound]] = field(default_factory=lambda: [[] for _ in QUANTITIES])  # per order of derivative
 
     def values(self, samples: Samples, derivative: int) -> Array:
         """The function or one of its derivatives at every instant, shape (N,)."""
@@ -116,16 +93,7 @@ class MotionFunction:
 def motion_functions(
     robot: Robot, limits: Sequence[LinearConstraint], uses: Sequence[LimitUse]
 ) -> list[MotionFunction]:
-    """Joints, then the other limited functions; limits on the same function of the joints are grouped.
-
-    Parameters
-    ----------
-    robot : Robot
-        Robot with the moving joints only.
-    limits : sequence of LinearConstraint
-    uses : sequence of LimitUse
-        One for each label.
-    """
+    """Joints, then the other limited functions; limits on the same function of the joints are grouped."""
     use_of = {use.label: use for use in uses}
     functions = {
         tuple(row): MotionFunction(joint.name, row, joint.unit)
@@ -164,21 +132,7 @@ def _name(function: MotionFunction, robot: Robot) -> str:
 
 
 def motion_figure(design: Design) -> Figure:
-    """Draw position, velocity, acceleration (and jerk, where limited) of every joint and limited function, and torques.
-
-    Parameters
-    ----------
-    design : Design
-
-    Returns
-    -------
-    Figure
-        One row of panels per joint, and per drive coordinate with limits that is not a joint's; one column per
-        quantity; below them a panel per torque with a limit. The forbidden range is shaded; a dot marks the value over
-        continuous time that comes closest to a limit, and the number above the panel is the fraction of the distance
-        from mid-range to the limit that the exciting motion uses. Approach and return are shaded too. The lines below
-        the title say what was checked and what was not.
-    """
+    """Draw position, velocity, acceleration, limited jerk and functions of every joint, and torques."""
     functions = motion_functions(design.moving, linear_limits(design.moving), design.limits)
     columns = 4 if any(function.bounds[3] for function in functions) else 3
     whole, _ = design.sequence.sampled()

@@ -25,38 +25,17 @@ _LETTER, _BOLD = 0.58, 0.7  # mean width of a letter over the size of the font
 
 @dataclass(frozen=True)
 class Panel:
-    """Size of a panel, and of its margins.
+    """Size of a panel, and of its margins."""
 
-    Parameters
-    ----------
-    widths : tuple of float
-        Width of the panels of each column [in].
-    height : float
-        [in]
-    left : float
-        Room on the left of each panel [in].
-    between : float
-        Room between two rows [in].
-    below : float
-        Room below the last row [in].
-    """
-
-    widths: tuple[float, ...]
-    height: float
-    left: float = 0.8
-    between: float = 0.5
-    below: float = 0.95
+    widths: tuple[float, ...]  # width of the panels of each column [in]
+    height: float  # [in]
+    left: float = 0.8  # room on the left of each panel [in]
+    between: float = 0.5  # room between two rows [in]
+    below: float = 0.95  # room below the last row [in]
 
 
 def panels(rows: int, panel: Panel, title: str) -> tuple[Figure, list[list[Axes]]]:
-    """Create a figure with a title and tidy panels, row by row.
-
-    Parameters
-    ----------
-    rows : int
-    panel : Panel
-    title : str
-    """
+    """Create a figure with a title and tidy panels, row by row."""
     columns = len(panel.widths)
     mean = sum(panel.widths) / columns
     width = sum(panel.widths) + columns * panel.left + _RIGHT
@@ -80,17 +59,7 @@ def panels(rows: int, panel: Panel, title: str) -> tuple[Figure, list[list[Axes]
 
 
 def split(ax: Axes, lower: float, gap: float) -> tuple[Axes, Axes]:
-    """Replace a panel by one above another, with the same range of time.
-
-    Parameters
-    ----------
-    ax : Axes
-        Of `panels`.
-    lower : float
-        Height of the lower one [in].
-    gap : float
-        Between them [in].
-    """
+    """Replace a panel by one above another, with the same range of time."""
     figure, place = ax.figure, ax.get_subplotspec()
     assert place is not None
     assert isinstance(figure, Figure)
@@ -115,15 +84,7 @@ def head(ax: Axes, name: str, note: str = "", colour: str = DARK) -> None:
 
 
 def value_axis(ax: Axes, label: str, numbers: int = 5) -> None:
-    """Label a vertical axis with full numbers, without an offset or a factor above it.
-
-    Parameters
-    ----------
-    ax : Axes
-    label : str
-    numbers : int
-        Largest number of ticks.
-    """
+    """Label a vertical axis with full numbers, without an offset or a factor above it."""
     ax.set_ylabel(typeset(label), fontsize=NOTE, color=DARK)
     ax.yaxis.set_major_locator(MaxNLocator(numbers, steps=ROUND))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: typeset(f"{value:.8g}")))

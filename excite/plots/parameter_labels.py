@@ -15,16 +15,7 @@ _FURTHER_LINE = 0.67  # of a row's height
 
 
 def parameter_label(name: str, expression: str, length: int, file: str) -> str:
-    """Expression of a base parameter over several lines, preceded by its name unless the sum begins with it.
-
-    Parameters
-    ----------
-    name, expression : str
-    length : int
-        Of a line; a term that is longer has a line of its own.
-    file : str
-        File with the expressions, named where one has more than `LINES` lines.
-    """
+    """Expression of a base parameter over several lines, preceded by its name unless the sum begins with it."""
     begins = expression == name or expression.startswith(f"{name} ")
     lines = wrapped_sum(expression if begins else f"{name} = {expression}", length)
     if len(lines) > LINES:
@@ -33,14 +24,7 @@ def parameter_label(name: str, expression: str, length: int, file: str) -> str:
 
 
 def wrapped_sum(text: str, length: int) -> list[str]:
-    """Lines of a sum, broken between its terms.
-
-    Parameters
-    ----------
-    text : str
-    length : int
-        Of a line, where its terms are no longer.
-    """
+    """Lines of a sum, broken between its terms."""
     lines = [""]
     for term in _terms(text):
         if lines[-1] and len(lines[-1]) + len(term) > length:
@@ -51,13 +35,7 @@ def wrapped_sum(text: str, length: int) -> list[str]:
 
 
 def row_places(labels: Sequence[str]) -> tuple[Array, float]:
-    """Middle of each label's row from the top, and the height of all, in heights of a row with one line.
-
-    Parameters
-    ----------
-    labels : sequence of str
-        With line breaks.
-    """
+    """Middle of each label's row from the top, and the height of all, in heights of a row with one line."""
     heights = np.array([1.0 + _FURTHER_LINE * label.count("\n") for label in labels])
     return np.cumsum(heights) - 0.5 * heights, float(heights.sum())
 

@@ -56,20 +56,7 @@ _UNCLEAR = 100.0  # [%]: from here on the interval holds zero
 
 
 def parameters_figure(result: Identification, reference: ReferenceValues | None = None) -> Figure:
-    """Draw every parameter with its 99 % interval, beside known values where there are any.
-
-    Parameters
-    ----------
-    result : Identification
-    reference : ReferenceValues, optional
-
-    Returns
-    -------
-    Figure
-        One row per parameter, by groups: with a reference, the difference from it over half the interval's width; then
-        half the interval's width over the value's magnitude, where bars beyond 300 % are cut and have their number in
-        them; then both in numbers. Rows of parameters that are not identifiable individually are marked.
-    """
+    """Draw every parameter with its 99 % interval, beside known values where there are any."""
     compared = reference is not None and bool(np.any(np.isfinite(reference.values)))
     table = _Table.of(result)
     numbers = _Numbers.of(result, reference if compared else None)
@@ -93,21 +80,11 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
 
 @dataclass(frozen=True)
 class _Table:
-    """Rows of the figure: titles of groups, and the parameters of each with their labels.
+    """Rows of the figure: titles of groups, and the parameters of each with their labels."""
 
-    Parameters
-    ----------
-    titles : tuple of (str, float)
-        Each with its place from the top, in heights of a row.
-    rows : tuple of (int, str, float)
-        Number, label and place of each parameter.
-    height : float
-        Of all.
-    """
-
-    titles: tuple[tuple[str, float], ...]
-    rows: tuple[tuple[int, str, float], ...]
-    height: float
+    titles: tuple[tuple[str, float], ...]  # each with its place from the top, in heights of a row
+    rows: tuple[tuple[int, str, float], ...]  # number, label and place of each parameter
+    height: float  # of all
 
     @classmethod
     def of(cls, result: Identification) -> _Table:
@@ -247,20 +224,12 @@ def _beyond(percent: float) -> str:
 
 @dataclass(frozen=True)
 class _Numbers:
-    """Estimates, half-widths and known values in columns.
+    """Estimates, half-widths and known values in columns."""
 
-    Parameters
-    ----------
-    values, half_widths, known : dict of int to str
-        By the parameter's number.
-    heading : str
-        Of the known values; empty where there are none.
-    """
-
-    values: dict[int, str]
+    values: dict[int, str]  # by the parameter's number
     half_widths: dict[int, str]
     known: dict[int, str]
-    heading: str
+    heading: str  # of the known values; empty where there are none
 
     @classmethod
     def of(cls, result: Identification, reference: ReferenceValues | None) -> _Numbers:
@@ -313,14 +282,7 @@ def _wide(texts: Iterable[str]) -> float:
 
 
 def decimal(value: float, half_width: float) -> str:
-    """A value rounded to the second significant digit of its interval's half-width.
-
-    Parameters
-    ----------
-    value : float
-    half_width : float
-        Not negative; the value has four digits where this is zero or not finite.
-    """
+    """A value rounded to the second significant digit of its interval's half-width."""
     if not (np.isfinite(half_width) and half_width > 0):
         return significant(value, 4)
     exponent = int(np.floor(np.log10(half_width)))

@@ -50,12 +50,7 @@ class _Coordinate:
 
 
 def phase_figure(design: Design) -> Figure:
-    """Draw velocity over position of every coordinate that has limits, over one period.
-
-    Parameters
-    ----------
-    design : Design
-    """
+    """Draw velocity over position of every coordinate that has limits, over one period."""
     coordinates = _coordinates(design)
     samples = design.trajectory.samples(np.linspace(0.0, design.trajectory.duration, _INSTANTS))
     columns = min(columns_that_fit(_COLUMNS, _LEAST), len(coordinates))

@@ -17,19 +17,7 @@ _MOST_PARAMETERS = 30
 
 
 def precision_figure(design: Design) -> Figure:
-    """Draw robot time against precision, and the half-width of each parameter over the allowed one.
-
-    Parameters
-    ----------
-    design : Design
-        With its `precision_search`.
-
-    Returns
-    -------
-    Figure
-        Left, a line of dots per period, one dot per number of runs; the front is a stair, the chosen experiment a
-        diamond. Right, a bar per parameter, the widest first, 30 at most.
-    """
+    """Draw robot time against precision, and the half-width of each parameter over the allowed one."""
     _, forecast = _of(design)
     shown = sorted((p for p in forecast.parameters if p.allowed is not None), key=lambda p: -p.use)[:_MOST_PARAMETERS]
     title = f"{design.robot.name}: {_runs(forecast)}, {forecast.robot_seconds:.4g} s of robot time"

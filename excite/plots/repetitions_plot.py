@@ -33,22 +33,7 @@ _UNLIKELY = 1e-3  # probability below which a coverage is marked
 
 
 def repetitions_figure(repetitions: Repetitions, robot: str) -> Figure:
-    """Draw the error of every estimate over half the width of its predicted interval.
-
-    Parameters
-    ----------
-    repetitions : Repetitions
-    robot : str
-        Its name.
-
-    Returns
-    -------
-    Figure
-        One row per parameter: a dot per repetition (the first 200), a line between the percentiles that hold 99 % of
-        all, a tick at their mean, and the predicted 99 % interval as a band; where the prediction is right, the line is
-        as long as the band is wide. On the right the deviations in numbers, and the share of the repetitions whose own
-        99 % interval holds the true value, marked where so few would be a coincidence of less than 0.1 %.
-    """
+    """Draw the error of every estimate over half the width of its predicted interval."""
     count = len(repetitions.names)
     names = max(_LEAST_NAMES, _LETTER * (2 + max(map(len, repetitions.names), default=0)))
     width, height = names + _PANEL + _NUMBERS, _ABOVE + _ROW * count + _BELOW
@@ -73,10 +58,6 @@ def relative_errors(repetitions: Repetitions) -> Array:
     """``(estimate - true value) / (t s)`` with the predicted deviation s of all repetitions, shape (R, b).
 
     t is the quantile of Student's distribution that makes ``t s`` half the width of a 99 % interval.
-
-    Parameters
-    ----------
-    repetitions : Repetitions
     """
     quantile = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, repetitions.degrees_of_freedom)
     half = quantile * repetitions.predicted_deviation
@@ -92,23 +73,7 @@ def write_repetitions_figure(
     formats: str | Sequence[str] = ("png",),
     width: str = "screen",
 ) -> list[Path]:
-    """Draw repetitions and write ``repetitions.png`` atomically into the folder of their result.
-
-    Parameters
-    ----------
-    repetitions : Repetitions
-    robot : str
-        Its name.
-    folder : path
-        An existing folder.
-    formats, width
-        See `excite.plots.write_figures`.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
-    """
+    """Draw repetitions and write ``repetitions.png`` atomically into the folder of their result."""
     return write_figure_files(
         lambda: {FIGURE: repetitions_figure(repetitions, robot)}, folder, "result", formats=formats, width=width
     )

@@ -47,20 +47,11 @@ _UNCLEAR = 100.0  # [%]: from here on the deviation is larger than the parameter
 
 @dataclass(frozen=True)
 class RelativeAccuracy:
-    """Predicted accuracy of a base parameter, relative to its size.
-
-    Parameters
-    ----------
-    predicted : PredictedAccuracy
-    percent : float
-        Standard deviation over size [%]; infinite where no size is known.
-    label : str
-        Name and expression, over one or more lines.
-    """
+    """Predicted accuracy of a base parameter, relative to its size."""
 
     predicted: PredictedAccuracy
-    percent: float
-    label: str
+    percent: float  # standard deviation over size [%]; infinite where no size is known
+    label: str  # name and expression, over one or more lines
 
     @property
     def text(self) -> str:
@@ -72,12 +63,7 @@ class RelativeAccuracy:
 
 
 def relative_accuracy(design: Design) -> list[RelativeAccuracy]:
-    """Predicted standard deviation of each base parameter over its size, see `base_sizes`.
-
-    Parameters
-    ----------
-    design : Design
-    """
+    """Predicted standard deviation of each base parameter over its size, see `base_sizes`."""
     base = design.target.base
     size = dict(zip(base.names, base_sizes(design.target.model, base), strict=True))
     accuracy = []
@@ -90,18 +76,7 @@ def relative_accuracy(design: Design) -> list[RelativeAccuracy]:
 
 
 def spectrum_figure(design: Design) -> Figure:
-    """Draw the singular values of W, and the predicted standard deviation of each base parameter over its size.
-
-    Parameters
-    ----------
-    design : Design
-
-    Returns
-    -------
-    Figure
-        The spectrum's panel first, then one or two with the parameters' bars, which share one scale. A parameter whose
-        size is not known, such as friction that is not described, has its deviation written instead of a bar.
-    """
+    """Draw the singular values of W, and the predicted standard deviation of each base parameter over its size."""
     accuracy = relative_accuracy(design)
     count = len(accuracy)
     rows = count if count <= _FEW else -(-count // 2)

@@ -24,40 +24,22 @@ _GRAVITY = {
 
 @dataclass(frozen=True, eq=False)
 class DrawnRuns:
-    """Runs of one coordinate.
-
-    Parameters
-    ----------
-    name, unit : str
-    time, position, velocity : ndarray, shape (N,)
-    windows : tuple of Window
-    breakaways : tuple of (float, float)
-        First and last instant of each test [s].
-    limit : float
-        Of the velocity.
-    gravity, note : str
-    """
+    """Runs of one coordinate."""
 
     name: str
     unit: str
-    time: Array
-    position: Array
-    velocity: Array
+    time: Array  # (N,)
+    position: Array  # (N,)
+    velocity: Array  # (N,)
     windows: tuple[Window, ...]
-    breakaways: tuple[tuple[float, float], ...]
-    limit: float
+    breakaways: tuple[tuple[float, float], ...]  # first and last instant of each test [s]
+    limit: float  # of the velocity
     gravity: str
     note: str
 
 
 def stored_runs_figure(robot: str, runs: Sequence[DrawnRuns]) -> Figure:
-    """Draw position and velocity of every coordinate over its runs.
-
-    Parameters
-    ----------
-    robot : str
-    runs : sequence of DrawnRuns
-    """
+    """Draw position and velocity of every coordinate over its runs."""
     figure, rows = panels(len(runs), _PANEL, f"{robot}: runs to measure friction")
     for (left, right), c in zip(rows, runs, strict=True):
         for ax, values, quantity, unit in (

@@ -43,14 +43,7 @@ _LOG_TICKS = (  # up to this many decades: numbers in each
 
 
 def figure_of(width: float, height: float, title: str) -> Figure:
-    """Create an empty figure with a title.
-
-    Parameters
-    ----------
-    width, height : float
-        [in]
-    title : str
-    """
+    """Create an empty figure with a title."""
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     figure.suptitle(plain(title), **TITLE_STYLE)
     return figure
@@ -103,14 +96,7 @@ def significant(value: float, digits: int) -> str:
 
 
 def log_scale(axis: XAxis | YAxis, lowest: float, highest: float) -> None:
-    """Set a logarithmic scale with plain numbers, more per decade the fewer decades there are.
-
-    Parameters
-    ----------
-    axis : XAxis or YAxis
-    lowest, highest : float
-        Ends of the axis, > 0.
-    """
+    """Set a logarithmic scale with plain numbers, more per decade the fewer decades there are."""
     decades = float(np.log10(highest / lowest))
     set_scale, set_limits = (
         (axis.axes.set_xscale, axis.axes.set_xlim)

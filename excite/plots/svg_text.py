@@ -27,14 +27,6 @@ def svg_text(figure: Figure, prefix: str, label: str) -> str:
 
     Styles become attributes, so that a page can forbid inline styles; coordinates are rounded to 0.01 pt. Where the
     text would be longer than 300,000 characters, as of the torques of a long log, curves are drawn as a picture in it.
-
-    Parameters
-    ----------
-    figure : Figure
-    prefix : str
-        Begins every identifier of the element; letters, digits and hyphens, different for each figure of a page.
-    label : str
-        What a screen reader says of it.
     """
     literal(figure)
     text = _drawn(figure)

@@ -30,19 +30,7 @@ _FAINT = 0.25
 
 
 def estimates_over_time_figure(study: TimeStudy) -> Figure:
-    """Draw every estimate over time, each motion in its colour.
-
-    Parameters
-    ----------
-    study : TimeStudy
-
-    Returns
-    -------
-    Figure
-        A panel with cond(W) and one with the largest relative deviation over time, both logarithmic; then one per
-        parameter: estimates as lines, 99 % intervals as bands, repetitions as thin lines, the truth dotted. Parameters
-        have the range of the last part of the time.
-    """
+    """Draw every estimate over time, each motion in its colour."""
     names = tuple(dict.fromkeys(name for course in study.courses for name in course.names))
     columns = min(columns_that_fit(4 if len(names) <= _FEW else 6, _LEAST), max(len(names), 2))
     panel = Panel((2.5 if len(names) <= _FEW else 1.9,) * columns, 1.25, left=0.72, between=0.45)
@@ -68,22 +56,7 @@ def write_time_study_figure(
     formats: str | Sequence[str] = ("png",),
     width: str = "screen",
 ) -> list[Path]:
-    """Draw a study and write ``estimates_over_time.png`` atomically into an existing folder.
-
-    Parameters
-    ----------
-    study : TimeStudy
-    folder : path
-    formats : str or sequence of str
-        Of ``png``, ``pdf`` and ``svg``.
-    width : {"screen", "single", "double"}
-        See `excite.draw`.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
-    """
+    """Draw a study and write ``estimates_over_time.png`` atomically into an existing folder."""
     return write_figure_files(
         lambda: {"estimates_over_time": estimates_over_time_figure(study)},
         folder,

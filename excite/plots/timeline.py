@@ -23,19 +23,8 @@ _NAMES_BELOW, _LABEL_BELOW = -18, -32  # [pt]
 
 
 def extremes(values: Array, bins: int = BINS) -> Index:
-    """Indices of the lowest and the highest value in each of ``bins`` stretches, and of both ends, in order.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        NaN where unknown; stays visible as a gap.
-    bins : int
-
-    Returns
-    -------
-    ndarray of int
-        All of them if N is no more than twice `bins`.
-    """
+    """Indices of the lowest and the highest value in each of ``bins`` stretches, and of both ends, in order."""
+    # values (N,)
     if values.size <= 2 * bins:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, bins + 1).astype(int)
@@ -47,36 +36,16 @@ def extremes(values: Array, bins: int = BINS) -> Index:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """Place of every log on the axis.
+    """Place of every log on the axis."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Empty ones are not written.
-    first, last : ndarray, shape (logs,)
-        First and last instant of each log's own time [s].
-    offsets : ndarray, shape (logs,)
-        Place on the axis minus the log's own time [s].
-    """
-
-    names: tuple[str, ...]
-    first: Array
-    last: Array
-    offsets: Array
+    names: tuple[str, ...]  # empty ones are not written
+    first: Array  # (logs,) first and last instant of each log's own time [s]
+    last: Array  # (logs,)
+    offsets: Array  # (logs,) place on the axis minus the log's own time [s]
 
     @classmethod
     def of(cls, names: Sequence[str], time: Array, log: Index) -> Timeline:
-        """Build the timeline of rows.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Files; shown without folders and suffixes.
-        time : ndarray, shape (m,)
-            [s]
-        log : ndarray of int, shape (m,)
-            Log of each row.
-        """
+        """Build the timeline of rows."""  # time (m,); log (m,)
         own = [time[log == k] for k in range(len(names))]
         first, last = (np.array([pick(t) for t in own]) for pick in (np.min, np.max))
         last = np.where(last > first, last, first + 1.0)  # a log of one instant needs some room too
@@ -86,13 +55,7 @@ class Timeline:
         return cls(shown, first, last, begins + first[0] - first)
 
     def curve(self, time: Array, log: Index, values: Array) -> tuple[Array, Array]:
-        """Places and values to draw, a gap after each log.
-
-        Parameters
-        ----------
-        time, values : ndarray, shape (m,)
-        log : ndarray of int, shape (m,)
-        """
+        """Places and values to draw, a gap after each log."""  # time, values (m,); log (m,)
         places, drawn = [], []
         for k in range(len(self.names)):
             t, v = time[log == k], values[log == k]
@@ -102,16 +65,7 @@ class Timeline:
         return np.concatenate(places[:-1]), np.concatenate(drawn[:-1])
 
     def dress(self, ax: Axes, *, bottom: bool, numbers: int = _TICKS) -> None:
-        """Label an axis with the logs' own times and bands between them; at the bottom, with their names too.
-
-        Parameters
-        ----------
-        ax : Axes
-        bottom : bool
-            True for the last panel of a column, which has the numbers.
-        numbers : int
-            Approximate number of ticks.
-        """
+        """Label an axis with the logs' own times and bands between them; at the bottom, with their names too."""
         begin, end = self.first + self.offsets, self.last + self.offsets
         ax.set_xlim(begin[0], end[-1])
         for a, b in zip(end[:-1], begin[1:], strict=True):

@@ -16,37 +16,17 @@ _TORQUE = " torque"
 
 @dataclass(frozen=True, eq=False)
 class LimitedTorque:
-    """Torque of a joint or a drive over the whole motion.
+    """Torque of a joint or a drive over the whole motion."""
 
-    Parameters
-    ----------
-    name : str
-        Of the joint, or ``drive NAME``.
-    unit : str
-    values : ndarray, shape (N,)
-        Without Coulomb friction [Nm or N].
-    allowed : (float, float)
-        Limits, less the reserve and Coulomb friction [Nm or N].
-    use : LimitUse
-        Use of the limit by the exciting motion.
-    """
-
-    name: str
+    name: str  # of the joint, or ``drive NAME``
     unit: str
-    values: Array
-    allowed: tuple[float, float]
-    use: LimitUse
+    values: Array  # (N,) without Coulomb friction [Nm or N]
+    allowed: tuple[float, float]  # limits, less the reserve and Coulomb friction [Nm or N]
+    use: LimitUse  # use of the limit by the exciting motion
 
 
 def limited_torques(design: Design, motion: Samples) -> list[LimitedTorque]:
-    """Every limited torque of a design; none where its torques are not checked.
-
-    Parameters
-    ----------
-    design : Design
-    motion : Samples
-        Of every joint of the robot, approach and return included.
-    """
+    """Every limited torque of a design; none where its torques are not checked."""
     uses = {use.label: use for use in design.limits if use.label.endswith(_TORQUE)}
     joints = design.robot.joint_names if design.approach_and_return is not None else design.moving.joint_names
     index = [design.robot.joint_names.index(name) for name in joints]

@@ -31,23 +31,13 @@ _OTHER = (GREY, "xx")
 
 
 def unit_style(unit: str) -> dict[str, Any]:
-    """Style of a patch that shows a value in a unit; units that no built-in model has are grey.
-
-    Parameters
-    ----------
-    unit : str
-    """
+    """Style of a patch that shows a value in a unit; units that no built-in model has are grey."""
     colour, hatch = _LOOKS.get(unit, _OTHER)
     return {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0.0}
 
 
 def unit_patches(units: Iterable[str]) -> list[Patch]:
-    """Entries of a legend for units, one for all that no built-in model has.
-
-    Parameters
-    ----------
-    units : iterable of str
-    """
+    """Entries of a legend for units, one for all that no built-in model has."""
     given = list(dict.fromkeys(units))
     others = [unit for unit in given if unit not in _LOOKS]
     patches = [Patch(**unit_style(unit), label=typeset(unit)) for unit in given if unit in _LOOKS]

@@ -50,17 +50,7 @@ _READABLE = 0.06  # of the whole: larger parts have their percentage written int
 
 
 def predicted_torques_figure(verification: Verification) -> Figure:
-    """Draw measured and predicted torques over time with their difference [KD96] Fig. 16.
-
-    Parameters
-    ----------
-    verification : Verification
-
-    Returns
-    -------
-    Figure
-        Two panels per equation: measured and predicted torques, and below them their difference on its own scale.
-    """
+    """Draw measured and predicted torques over time with their difference [KD96] Fig. 16."""
     v = verification
     count = len(v.equations)
     title = f"{_name(v)}: predicted within {relative_error(v.measured, v.predicted)} over all equations"
@@ -77,23 +67,7 @@ def predicted_torques_figure(verification: Verification) -> Figure:
 
 
 def simulated_motion_figure(verification: Verification) -> Figure:
-    """Draw positions simulated from the measured torques, and measured ones [KD96] Fig. 17.
-
-    Parameters
-    ----------
-    verification : Verification
-        Verification with a simulated motion.
-
-    Returns
-    -------
-    Figure
-        One panel per joint; a dot wherever the simulation restarts from the measured state.
-
-    Raises
-    ------
-    InputError
-        No motion was simulated.
-    """
+    """Draw positions simulated from the measured torques, and measured ones [KD96] Fig. 17."""
     replay, samples = verification.replay, verification.motion
     if replay is None:
         raise InputError("no motion was simulated: the model has no torque equation for every moving joint")
@@ -155,17 +129,7 @@ def _name(verification: Verification) -> str:
 
 
 def error_parts_figure(verification: Verification) -> Figure:
-    """Draw the parts of every equation's squared error: noise, standstill, and model error.
-
-    Parameters
-    ----------
-    verification : Verification
-
-    Returns
-    -------
-    Figure
-        One stacked bar per equation, with the error beside it.
-    """
+    """Draw the parts of every equation's squared error: noise, standstill, and model error."""
     torques = verification.torques
     figure = figure_of(
         9.5, 1.9 + 0.42 * len(torques), f"{_name(verification)}: where the errors of the prediction come from"
@@ -199,17 +163,7 @@ def error_parts_figure(verification: Verification) -> Figure:
 
 
 def verification_figures(verification: Verification) -> dict[str, Figure]:
-    """Draw every figure of a verification.
-
-    Parameters
-    ----------
-    verification : Verification
-
-    Returns
-    -------
-    dict of str to Figure
-        ``torques``, ``motion`` where a motion was simulated, and ``parts``.
-    """
+    """Draw every figure of a verification."""
     figures = {"torques": predicted_torques_figure(verification)}
     if verification.replay is not None:
         figures["motion"] = simulated_motion_figure(verification)
@@ -225,31 +179,7 @@ def write_verification_figures(
     formats: str | Sequence[str] = ("png",),
     width: str = "screen",
 ) -> list[Path]:
-    """Draw every figure of a verification and write them all at once.
-
-    Parameters
-    ----------
-    verification : Verification
-    folder : path
-        An existing folder.
-    stem : str
-        Prefix of the files' names.
-    formats : str or sequence of str
-        Of ``png``, ``pdf`` and ``svg``.
-    width : {"screen", "single", "double"}
-        See `excite.draw`.
-
-    Returns
-    -------
-    list of Path
-        ``STEM_torques.png``, ``STEM_motion.png`` where a motion was simulated, and ``STEM_parts.png``; or those of
-        other formats.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
-    """
+    """Draw every figure of a verification and write them all at once."""
 
     def draw() -> dict[str, Figure]:
         return {f"{stem}_{name}": figure for name, figure in verification_figures(verification).items()}

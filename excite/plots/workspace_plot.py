@@ -38,20 +38,7 @@ _SOLID: dict[str, Any] = {"facecolor": FORBIDDEN, "edgecolor": VERMILLION, "line
 
 
 def workspace_figure(design: Design) -> Figure:
-    """Draw the path of the tool, the robot's capsules in several poses, and the obstacles, in three projections.
-
-    Parameters
-    ----------
-    design : Design
-        Design of a task with a world, or with a surface that the robot is mounted on.
-
-    Returns
-    -------
-    Figure
-        The views hold the path, all poses, and every obstacle as a whole; one that would make them more than three
-        times larger is cut, and named below. The pose where two bodies come nearest to each other is dark. Planes are
-        drawn only in views that show them edge-on.
-    """
+    """Draw the path of the tool, the robot's capsules in several poses, and the obstacles, in three projections."""
     worlds = [world for world in (design.task.limits.known_world, design.shape) if world is not None]
     parts, obstacles = worlds[0].parts, [each for world in worlds for each in world.obstacles]
     robot = design.task.limits.applied(design.robot)
@@ -102,21 +89,11 @@ def _legend(nearest: float | None) -> list[Artist]:
 
 @dataclass(frozen=True)
 class _View:
-    """The cube that all views show.
+    """The cube that all views show."""
 
-    Parameters
-    ----------
-    middle : ndarray, shape (3,)
-        [m]
-    half : float
-        Half of its side [m].
-    notes : tuple of str
-        Obstacles that it does not show, or not as a whole.
-    """
-
-    middle: Array
-    half: float
-    notes: tuple[str, ...]
+    middle: Array  # (3,) [m]
+    half: float  # half of its side [m]
+    notes: tuple[str, ...]  # obstacles that it does not show, or not as a whole
 
     @classmethod
     def of(cls, path: Array, links: Sequence[Capsule], obstacles: Sequence[Obstacle]) -> _View:

@@ -33,24 +33,8 @@ def draws(
     seed: int,
     progress: Callable[[int, int], None] = lambda _, __: None,
 ) -> Array:
-    """Coordinates of every chain after the warm-up, shape (rounds, chains, d), at least as many as asked for.
-
-    Parameters
-    ----------
-    coordinates : PosteriorCoordinates
-    possible : PossibleSet
-    start : ndarray, shape (d,)
-        A point inside.
-    count : int
-    seed : int
-    progress : callable
-        Called with the number of paths that are computed, and of all.
-
-    Raises
-    ------
-    ConicSolverError
-        Hardly any path is accepted.
-    """
+    """Coordinates of every chain after the warm-up, shape (rounds, chains, d), at least as many as asked for."""
+    # start (d,)
     rng, z, done, total = np.random.default_rng(seed), np.tile(start, (CHAINS, 1)), 0, path_count(count)
     shape, length = np.eye(coordinates.size), STEP
     for stage, paths in enumerate(_STAGES):

@@ -22,32 +22,14 @@ UNDESCRIBED = 1.0  # relative deviation of what the description does not state
 
 @dataclass(frozen=True, eq=False)
 class DescribedPrior:
-    """Normal distribution of the free standard parameters phi, ``theta = S phi``.
+    """Normal distribution of the free standard parameters phi, ``theta = S phi``."""
 
-    Parameters
-    ----------
-    mean : ndarray, shape (f,)
-    half : ndarray, shape (f, f)
-        A factor of the covariance, ``half @ half.T``.
-    """
-
-    mean: Array
-    half: Array
+    mean: Array  # (f,)
+    half: Array  # (f, f) A factor of the covariance, ``half @ half.T``
 
 
 def described_prior(standard: StandardProblem, relative: float, stated: frozenset[str]) -> DescribedPrior:
-    """Prior of the free parameters.
-
-    Parameters
-    ----------
-    standard : StandardProblem
-        With the description's values, or those of a small ball for a body without any, as its prior.
-    relative : float
-        Relative deviation r of what the description states.
-    stated : frozenset of str
-        Names of the parameters that it states; the others have the relative deviation 1, of 1 in SI where they have no
-        size.
-    """
+    """Prior of the free parameters."""
     inverse = np.diag(1 / (standard.scale * _relative(standard, relative, stated)))
     for body in standard.bodies:
         r = relative if all(standard.names[k] in stated for k in body.index) else UNDESCRIBED

@@ -19,18 +19,10 @@ SHARE = 1e-3  # of its described pseudo-inertia that every body keeps
 
 @dataclass(frozen=True, eq=False)
 class InnerPoint:
-    """A point of a possible set.
+    """A point of a possible set."""
 
-    Parameters
-    ----------
-    z : ndarray, shape (d,)
-        Inside, as far from all bounds as possible within the posterior's usual distance.
-    nearest : ndarray, shape (d,)
-        The possible point nearest the posterior's mean without bounds, to the solver's tolerance.
-    """
-
-    z: Array
-    nearest: Array
+    z: Array  # (d,) inside, as far from all bounds as possible within the posterior's usual distance
+    nearest: Array  # (d,) the possible point nearest the posterior's mean without bounds, to the solver's tolerance
 
 
 def inner_point(possible: PossibleSet) -> InnerPoint:
@@ -38,15 +30,6 @@ def inner_point(possible: PossibleSet) -> InnerPoint:
 
     ``min |z|`` subject to the bounds; then ``max s`` subject to slack s of all bounds and
     ``|z|^2 <= |z_nearest|^2 + d``.
-
-    Parameters
-    ----------
-    possible : PossibleSet
-
-    Raises
-    ------
-    ConicSolverError
-        The conic solver found no point.
     """
     d = possible.size
     closest, _ = nearest(possible)
@@ -72,12 +55,6 @@ def coordinates_inside(
 
     Every body keeps a share of its described pseudo-inertia, ``J_i(z) - share J0_i > 0``, so that no sample is flat to
     rounding; in the body's own scale, ``T^-1 (J_i - share J0_i) T'^-1 > 0`` with ``J0 = T T'``.
-
-    Parameters
-    ----------
-    standard : StandardProblem
-    coordinates : PosteriorCoordinates
-    share : float
     """
     lowest = [share * body.reference for body in standard.bodies]
     scaling = [np.linalg.inv(np.linalg.cholesky(body.reference)) for body in standard.bodies]

@@ -8,13 +8,8 @@ from regressors.samples import Array
 
 
 def split_deviation(draws: Array) -> Array:
-    """Potential scale reduction R of each parameter, of chains that are split in halves, shape (k,).
-
-    Parameters
-    ----------
-    draws : ndarray, shape (rounds, chains, k)
-        At least four rounds.
-    """
+    """Potential scale reduction R of each parameter, of chains that are split in halves, shape (k,)."""
+    # draws (rounds, chains, k)
     half = len(draws) // 2
     parts = np.concatenate([draws[:half], draws[half : 2 * half]], axis=1)
     within = parts.var(axis=0, ddof=1).mean(axis=0)
@@ -25,12 +20,8 @@ def split_deviation(draws: Array) -> Array:
 
 
 def effective_draws(draws: Array) -> Array:
-    """Number of independent draws that say as much of each mean, shape (k,): by Geyer's positive sums.
-
-    Parameters
-    ----------
-    draws : ndarray, shape (rounds, chains, k)
-    """
+    """Number of independent draws that say as much of each mean, shape (k,): by Geyer's positive sums."""
+    # draws (rounds, chains, k)
     rounds, chains, _ = draws.shape
     centred = draws - draws.mean(axis=(0, 1))
     spectrum = np.fft.rfft(centred, 2 * rounds, axis=0)

@@ -22,22 +22,12 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class PosteriorCoordinates:
-    """``theta = origin + slope @ z`` with ``z = (x, y)``.
+    """``theta = origin + slope @ z`` with ``z = (x, y)``."""
 
-    Parameters
-    ----------
-    origin : ndarray, shape (t,)
-    slope : ndarray, shape (t, d)
-    determined : int
-        Number of the coordinates x, which the data determine; they are the first.
-    freedom : float
-        Degrees of freedom nu of their distribution; infinite for a normal one.
-    """
-
-    origin: Array
-    slope: Array
-    determined: int
-    freedom: float
+    origin: Array  # (t,)
+    slope: Array  # (t, d)
+    determined: int  # number of the coordinates x, which the data determine; they are the first
+    freedom: float  # degrees of freedom nu of their distribution; infinite for a normal one
 
     @property
     def size(self) -> int:
@@ -71,23 +61,7 @@ class PosteriorCoordinates:
 def posterior_coordinates(
     standard: StandardProblem, prior: DescribedPrior, estimate: Array, covariance: Array, freedom: float
 ) -> PosteriorCoordinates:
-    """Coordinates of a posterior.
-
-    Parameters
-    ----------
-    standard : StandardProblem
-    prior : DescribedPrior
-    estimate : ndarray, shape (b,)
-        Base parameters by the data alone.
-    covariance : ndarray, shape (b, b)
-        Of them; not finite for those that the data do not determine, which the description then does.
-    freedom : float
-
-    Raises
-    ------
-    InputError
-        A covariance that is not positive definite.
-    """
+    """Coordinates of a posterior."""  # estimate (b,); covariance (b, b)
     known = np.isfinite(np.diag(covariance))
     A = (standard.A @ standard.S)[known]  # (p, f)
     b, C = estimate[known], covariance[np.ix_(known, known)]

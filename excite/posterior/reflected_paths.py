@@ -34,21 +34,8 @@ def next_points(
     shape: Array,
     length: float = STEP,
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """One path of every chain: its new points, shape (n, d), and whether it moved there, shape (n,).
-
-    Parameters
-    ----------
-    coordinates : PosteriorCoordinates
-    possible : PossibleSet
-    z : ndarray, shape (n, d)
-        Points inside.
-    rng : numpy.random.Generator
-    shape : ndarray, shape (d, d)
-        Velocities are ``shape @ n`` with independent normal n: a factor of about the covariance of the points, in whose
-        deviations lengths count.
-    length : float
-        Mean length of a drift.
-    """
+    """One path of every chain: its new points, shape (n, d), and whether it moved there, shape (n,)."""
+    # z (n, d); shape (d, d)
     n = rng.normal(size=z.shape)
     step = length * (1 + _SPREAD * (2 * rng.uniform() - 1))
     bound = np.log(rng.uniform(size=len(z)))
@@ -66,24 +53,13 @@ def next_points(
 
 @dataclass(eq=False)
 class ReflectedPaths:
-    """Points and velocities of all chains on their way.
-
-    Parameters
-    ----------
-    possible : PossibleSet
-    shape : ndarray, shape (d, d)
-        Velocities are ``shape @ n``.
-    z, n : ndarray, shape (chains, d)
-        Changed in place.
-    sound : ndarray of bool, shape (chains,)
-        False of paths that rounding took out of the set, or that met walls too often.
-    """
+    """Points and velocities of all chains on their way."""
 
     possible: PossibleSet
-    shape: Array
-    z: Array
-    n: Array
-    sound: NDArray[np.bool_]
+    shape: Array  # (d, d) velocities are ``shape @ n``
+    z: Array  # (chains, d) changed in place
+    n: Array  # (chains, d)
+    sound: NDArray[np.bool_]  # (chains,) False of paths that rounding took out of the set, or that met walls too often
 
     def drift(self, length: float) -> None:
         """Move all points by their velocities times a length, with reflections."""

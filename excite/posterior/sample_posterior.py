@@ -131,16 +131,7 @@ def _result(given: IdentificationResult | str | Path) -> IdentificationResult:
 def posterior_of(
     result: IdentificationResult, target: IdentificationTarget, relative: float
 ) -> tuple[StandardProblem, PosteriorCoordinates]:
-    """The posterior without bounds, and the standard parameters that it is of.
-
-    Parameters
-    ----------
-    result : IdentificationResult
-    target : IdentificationTarget
-        See `excite.identification.torque_target.torque_target`.
-    relative : float
-        See `sample_posterior`.
-    """
+    """The posterior without bounds, and the standard parameters that it is of."""
     covariance = stated_covariance(result)
     if covariance is None:
         raise InputError(f"{result.name} states no covariance of its parameters; identify again")

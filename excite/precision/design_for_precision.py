@@ -109,21 +109,7 @@ def _search(
 def search_for_precision(
     robot: Robot, task: Task, prepare: Prepare, solve: Solve, report: Callable[[str], None] = lambda _: None
 ) -> Design:
-    """Search for the period, then for the best motion at it; see `design_for_precision`.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-        With a precision.
-    prepare : callable
-        Gives the folder of starts for a formulation, by the name of the search, such as ``14.1s-warm``.
-    solve : callable
-        Finds the best motion of a formulation.
-    report : callable
-        Called with a sentence on each period.
-    """
+    """Search for the period, then for the best motion at it; see `design_for_precision`."""
     task = precise_task(task)
     weighting_of(target_of(robot, task), task)  # what no period can change is refused before any is tried
 
@@ -154,17 +140,7 @@ def _obstacles(best: Design, search: PeriodSearch, report: Callable[[str], None]
 
 
 def precise_task(task: Task) -> Task:
-    """The task whose criterion is the largest half-width over its allowed one.
-
-    Parameters
-    ----------
-    task : Task
-
-    Raises
-    ------
-    InputError
-        It has no precision, another criterion, or a number of harmonics that is to be chosen.
-    """
+    """The task whose criterion is the largest half-width over its allowed one."""
     if task.objective.precision is None:
         raise InputError("no precision is asked for; give `precision`, such as 0.05")
     asked = task.objective.precision

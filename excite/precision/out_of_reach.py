@@ -36,21 +36,13 @@ _WORTH = 1.05  # times narrower, from which a change is said to help
 
 @dataclass(frozen=True)
 class TooWide:
-    """A parameter whose half-width stays too large.
-
-    Parameters
-    ----------
-    name, unit : str
-    half_width, allowed : float
-        After as many runs as the robot time leaves room for.
-    together : tuple of (str, float)
-        Parameters that it moves with, and the correlation of the estimates, the closest first.
-    """
+    """A parameter whose half-width stays too large."""
 
     name: str
     unit: str
-    half_width: float
+    half_width: float  # after as many runs as the robot time leaves room for
     allowed: float
+    # parameters that it moves with, and the correlation of the estimates, the closest first
     together: tuple[tuple[str, float], ...]
 
     @property
@@ -63,39 +55,20 @@ class TooWide:
 
 @dataclass(frozen=True)
 class SeparationTrial:
-    """One change of the problem, tried.
-
-    Parameters
-    ----------
-    change : str
-    narrower : float
-        Factor by which the widest half-width, relative to the allowed one, becomes narrower.
-    robot_seconds : float
-        Robot time in which the target would be met then [s].
-    """
+    """One change of the problem, tried."""
 
     change: str
-    narrower: float
-    robot_seconds: float
+    narrower: float  # factor by which the widest half-width, relative to the allowed one, becomes narrower
+    robot_seconds: float  # robot time in which the target would be met then [s]
 
 
 @dataclass(frozen=True)
 class OutOfReach:
-    """What keeps a precision out of reach.
+    """What keeps a precision out of reach."""
 
-    Parameters
-    ----------
-    parameters : tuple of TooWide
-        The widest first.
-    robot_seconds : float
-        Robot time in which more runs of the same motion would meet the target [s].
-    trials : tuple of SeparationTrial
-        What was tried, the one that helps most first.
-    """
-
-    parameters: tuple[TooWide, ...]
-    robot_seconds: float
-    trials: tuple[SeparationTrial, ...]
+    parameters: tuple[TooWide, ...]  # the widest first
+    robot_seconds: float  # robot time in which more runs of the same motion would meet the target [s]
+    trials: tuple[SeparationTrial, ...]  # what was tried, the one that helps most first
 
     @property
     def best(self) -> SeparationTrial | None:
@@ -104,20 +77,7 @@ class OutOfReach:
 
 
 def out_of_reach(design: Design, report: Callable[[str], None] = lambda _: None) -> OutOfReach | None:
-    """Say which parameters stay too uncertain, what they move with, and what separates them; None if none does.
-
-    Parameters
-    ----------
-    design : Design
-        Of a task with a precision and ``scale="precision"``, such as that of `excite.design_for_precision`.
-    report : callable, optional
-        Takes a sentence on the progress.
-
-    Raises
-    ------
-    InputError
-        The task has no precision, or its criterion is not the largest half-width.
-    """
+    """Say which parameters stay too uncertain, what they move with, and what separates them; None if none does."""
     run, forecast = design.run_information, design.precision
     if run is None or forecast is None or design.task.objective.scale != "precision":
         raise InputError("the design was not made for a precision; `design_for_precision` makes one")

@@ -40,24 +40,13 @@ Report = Callable[[str], None]
 
 @dataclass
 class PeriodSearch:
-    """Periods tried so far.
+    """Periods tried so far."""
 
-    Parameters
-    ----------
-    task : Task
-        With a precision, and the period and harmonics that state the highest frequency.
-    formulate : callable
-        Builds and checks the problem of a task.
-    solve : callable
-        Finds the best motion; its second argument is the name of the search, of which there are several at a period.
-    report : callable
-        Takes a sentence on the progress.
-    """
-
-    task: Task
-    formulate: Formulate
+    task: Task  # with a precision, and the period and harmonics that state the highest frequency
+    formulate: Formulate  # builds and checks the problem of a task
+    # finds the best motion; its second argument is the name of the search, of which there are several at a period
     solve: Solve
-    report: Report = lambda _: None
+    report: Report = lambda _: None  # takes a sentence on the progress
 
     def __post_init__(self) -> None:
         self.trials: list[PeriodTrial] = []
@@ -66,15 +55,7 @@ class PeriodSearch:
         self.interrupted = False
 
     def run(self) -> PeriodTrial:
-        """Try the ladder of periods, those in between that promise less robot time, and search on at the best.
-
-        Raises
-        ------
-        InputError, NoFeasibleMotionError
-            No period has a motion within the limits; of the last that was tried.
-        KeyboardInterrupt
-            Interrupted before any motion was found.
-        """
+        """Try the ladder of periods, those in between that promise less robot time, and search on at the best."""
         try:
             self._climb()
             self._refine()
@@ -185,14 +166,7 @@ def _single(task: Task) -> Task:
 
 
 def best_trial(trials: Sequence[PeriodTrial], max_time: float) -> PeriodTrial:
-    """The trial with the least robot time that meets the target; if none does in time, the most precise one.
-
-    Parameters
-    ----------
-    trials : sequence of PeriodTrial
-    max_time : float
-        [s]
-    """
+    """The trial with the least robot time that meets the target; if none does in time, the most precise one."""
     shortest = min(trials, key=lambda trial: trial.robot_seconds)
     if shortest.robot_seconds <= max_time:
         return shortest
@@ -206,12 +180,7 @@ def runs_text(runs: int, seconds: float) -> str:
 
 
 def ladder(task: Task) -> list[float]:
-    """Periods a factor of sqrt 2 apart, from that of two harmonics to `LONGEST` times the task's, shortest first.
-
-    Parameters
-    ----------
-    task : Task
-    """
+    """Periods a factor of sqrt 2 apart, from that of two harmonics to `LONGEST` times the task's, shortest first."""
     period, richness = task.trajectory.period, task.trajectory.richness[1]
     lowest = math.ceil(math.log(_FEWEST / richness, STEP) - 1e-9) if richness > _FEWEST else 0
     highest = math.floor(math.log(LONGEST, STEP))
@@ -227,16 +196,7 @@ def _at_rate(period: float, rate: float) -> float:
 
 
 def task_at(task: Task, period: float, begin: PeriodTrial | None) -> Task:
-    """The task at another period, with as many harmonics as keep its highest frequency.
-
-    Parameters
-    ----------
-    task : Task
-    period : float
-        [s]
-    begin : PeriodTrial, optional
-        Whose motion the search begins with.
-    """
+    """The task at another period, with as many harmonics as keep its highest frequency."""
     option, richness = task.trajectory.richness
     changed: dict[str, Any] = {option: max(_FEWEST, math.floor(richness * period / task.trajectory.period + 1e-6))}
     task = task.changed(trajectory=replace(task.trajectory, period=period, **changed))
@@ -255,15 +215,6 @@ def promising_period(trials: Sequence[PeriodTrial], max_time: float, rate: float
 
     Between neighbours, the logarithms of the deviations over their allowed half-widths and of the robot time of a run
     are linear in that of the period.
-
-    Parameters
-    ----------
-    trials : sequence of PeriodTrial
-        In the order of their periods.
-    max_time : float
-        Robot time beyond which nothing is sought [s].
-    rate : float
-        Of the samples, of which a period is a whole number [Hz].
     """
     least = (1.0 - _WORTH) * min(min(trial.robot_seconds for trial in trials), max_time / (1.0 - _WORTH))
     best: float | None = None

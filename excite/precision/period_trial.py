@@ -14,21 +14,11 @@ from excite.precision.out_of_reach import OutOfReach
 
 @dataclass(frozen=True, eq=False)
 class PeriodTrial:
-    """The best motion found for one period.
+    """The best motion found for one period."""
 
-    Parameters
-    ----------
-    period : float
-        [s]
-    richness : int
-        Number of harmonics, or what the family has instead.
-    design : Design
-        Within the limits, with its `run_information`.
-    """
-
-    period: float
-    richness: int
-    design: Design
+    period: float  # [s]
+    richness: int  # number of harmonics, or what the family has instead
+    design: Design  # within the limits, with its `run_information`
 
     @property
     def run(self) -> RunInformation:
@@ -58,33 +48,16 @@ class PeriodTrial:
 
 @dataclass(frozen=True)
 class FrontPoint:
-    """An experiment than which none that was tried is both shorter and more precise.
+    """An experiment than which none that was tried is both shorter and more precise."""
 
-    Parameters
-    ----------
-    period : float
-        [s]
-    runs : int
-    robot_seconds : float
-    use : float
-        Largest half-width over the allowed one: 1 meets the target just so, 2 a target twice as wide.
-    """
-
-    period: float
+    period: float  # [s]
     runs: int
     robot_seconds: float
-    use: float
+    use: float  # largest half-width over the allowed one: 1 meets the target just so, 2 a target twice as wide
 
 
 def pareto_front(trials: Sequence[PeriodTrial], max_time: float) -> tuple[FrontPoint, ...]:
-    """Robot time against precision: numbers of runs of all periods, without those that another one dominates.
-
-    Parameters
-    ----------
-    trials : sequence of PeriodTrial
-    max_time : float
-        Longest robot time of a point [s].
-    """
+    """Robot time against precision: numbers of runs of all periods, without those that another one dominates."""
     points = [
         FrontPoint(trial.period, runs, runs * trial.seconds, trial.run.use(runs))
         for trial in trials

@@ -16,19 +16,7 @@ from regressors.models.partial import drive_names
 
 
 def campaign_of(content: Mapping[str, Any], path: Path) -> Campaign:
-    """The campaign that the JSON of ``excite plan`` describes.
-
-    Parameters
-    ----------
-    content : mapping
-    path : Path
-        For messages.
-
-    Raises
-    ------
-    InputError
-        Entries that are missing or of another kind.
-    """
+    """The campaign that the JSON of ``excite plan`` describes."""
     with complete(path, "campaign"):
         steps = tuple(
             Step(_names(step["drives"]), int(step["rank"]), _names(step["expressions"]), _names(step["parameters"]))
@@ -46,14 +34,7 @@ def _names(given: Any) -> tuple[str, ...]:
 
 
 def campaign_section(campaign: Campaign, designs: Sequence[DesignedMotion] = ()) -> ReportSection:
-    """Everything that a page says of a campaign.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    designs : sequence of DesignedMotion
-        Of the page; those that move the drives of one of its motions are listed with it.
-    """
+    """Everything that a page says of a campaign."""
     made = [[each for each in designs if _is_of(each, campaign, step)] for step in campaign.steps]
     count = len(campaign.steps)
     motions = f"{count} motion{'s' * (count != 1)} identif{'y' if count != 1 else 'ies'}"
@@ -72,13 +53,7 @@ def campaign_section(campaign: Campaign, designs: Sequence[DesignedMotion] = ())
 
 
 def designs_of(campaign: Campaign, designs: Sequence[DesignedMotion]) -> list[DesignedMotion]:
-    """Designs of the motions of a campaign.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    designs : sequence of DesignedMotion
-    """
+    """Designs of the motions of a campaign."""
     return [each for each in designs if any(_is_of(each, campaign, step) for step in campaign.steps)]
 
 

@@ -10,14 +10,7 @@ _REASONS = 20  # of cells without a design, as notes; the table has all
 
 
 def campaign_table_section(table: CampaignTable, prefix: str) -> ReportSection:
-    """Everything that a page says of the cells of a campaign.
-
-    Parameters
-    ----------
-    table : CampaignTable
-    prefix : str
-        Begins the identifiers of its figures.
-    """
+    """Everything that a page says of the cells of a campaign."""
     from excite.plots.campaign_plot import campaign_figure
 
     made, told = table.counts.get(DESIGNED, 0), table.counts

@@ -19,13 +19,7 @@ _LARGER_IS_BETTER = ("smallest_singular_value", "log_det")
 
 
 def comparison_section(designs: Sequence[DesignedMotion]) -> ReportSection:
-    """Several designs under the metrics of the first one, see `excite.design.comparison.compare`.
-
-    Parameters
-    ----------
-    designs : sequence of DesignedMotion
-        Two or more.
-    """
+    """Several designs under the metrics of the first one, see `excite.design.comparison.compare`."""
     judged = compare(designs)
     alike = len({(j.robot, j.model, j.moving, j.parameters) for j in judged}) == 1
     names = [judgement.name for judgement in judged]
@@ -78,13 +72,7 @@ def _facts(judged: Sequence[Judgement]) -> ReportTable:
 
 
 def parameters_section(results: Sequence[IdentificationResult]) -> ReportSection:
-    """Parameters of several identifications side by side.
-
-    Parameters
-    ----------
-    results : sequence of IdentificationResult
-        Two or more.
-    """
+    """Parameters of several identifications side by side."""
     names = list(dict.fromkeys(name for result in results for name in result.names))
     known = [_intervals(result) for result in results]
     overlap = [name for name in names if _agree([each[name] for each in known if name in each])]

@@ -37,13 +37,7 @@ _TO_LAB = np.array(
 
 
 def dark_rules(figures: Iterable[str]) -> str:
-    """Style rules for every colour of some figures, empty where there are none.
-
-    Parameters
-    ----------
-    figures : iterable of str
-        SVG elements.
-    """
+    """Style rules for every colour of some figures, empty where there are none."""
     found = sorted({(name, colour) for figure in figures for name, colour in _COLOUR.findall(figure)})
     rules = "\n".join(
         f'  :root:not(.printed) .paper [{name}="{value}"] {{ {name}: {dark(value)}; }}' for name, value in found
@@ -52,13 +46,7 @@ def dark_rules(figures: Iterable[str]) -> str:
 
 
 def dark(colour: str) -> str:
-    """The colour on a dark page.
-
-    Parameters
-    ----------
-    colour : str
-        Such as ``#0072b2``.
-    """
+    """The colour on a dark page."""
     lightness, *hue = _oklab(colour)
     chroma = float(np.hypot(hue[0], hue[1]))
     if colour.lower() == "#ffffff":

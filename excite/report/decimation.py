@@ -16,16 +16,10 @@ MOST = 2500  # triangles
 
 @dataclass(frozen=True, eq=False)
 class CoarseMesh:
-    """A mesh of few triangles.
+    """A mesh of few triangles."""
 
-    Parameters
-    ----------
-    corners : ndarray, shape (N, 3)
-    faces : ndarray of int, shape (M, 3)
-    """
-
-    corners: Array
-    faces: Array
+    corners: Array  # (N, 3)
+    faces: Array  # (M, 3)
 
     def to_dict(self) -> dict[str, object]:
         """Corners as 16-bit steps from a point and faces as 16-bit indices, both in base64."""
@@ -41,15 +35,8 @@ class CoarseMesh:
 
 
 def decimated(triangles: Array, most: int = MOST) -> CoarseMesh:
-    """A mesh of at most so many triangles, on the finest of several grids that leaves no more.
-
-    Parameters
-    ----------
-    triangles : ndarray, shape (N, 3, 3)
-        Corners of each triangle.
-    most : int
-        At least 100.
-    """
+    """A mesh of at most so many triangles, on the finest of several grids that leaves no more."""
+    # triangles (N, 3, 3)
     points = triangles.reshape(-1, 3)
     low, side = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-9)
     for cells in _CELLS:

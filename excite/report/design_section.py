@@ -51,16 +51,7 @@ _TITLES = {
 
 
 def design_section(design: DesignedMotion, prefix: str, robot_file: str | None = None) -> ReportSection:
-    """Everything that a page says of a design.
-
-    Parameters
-    ----------
-    design : Design or StoredDesign
-    prefix : str
-        Begins the identifiers of its figures.
-    robot_file : str, optional
-        URDF of the robot, whose meshes the player shows where it is that of the design.
-    """
+    """Everything that a page says of a design."""
     content = _content(design)
     whole, missing = _whole(design)
     figures: tuple[ReportFigure, ...] = ()

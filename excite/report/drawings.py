@@ -18,21 +18,7 @@ _LARGEST = 4_000_000  # bytes of a picture that a page takes in
 
 
 def drawn(figures: Mapping[str, Callable[[], Figure]], prefix: str) -> tuple[tuple[ReportFigure, ...], tuple[str, ...]]:
-    """Draw figures as SVG.
-
-    Parameters
-    ----------
-    figures : mapping of str to callable
-        By title.
-    prefix : str
-        Begins the identifiers of all of them.
-
-    Returns
-    -------
-    figures : tuple of ReportFigure
-    left_out : tuple of str
-        Those that cannot be drawn, and why.
-    """
+    """Draw figures as SVG."""
     from excite.plots.svg_text import svg_text
 
     made, left_out = [], []
@@ -45,22 +31,7 @@ def drawn(figures: Mapping[str, Callable[[], Figure]], prefix: str) -> tuple[tup
 
 
 def pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[ReportFigure, ...]:
-    """Figures that a result was written with, as PNG or else SVG, where they are still those of its run.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the result.
-    kind : str
-        Its kind in the manifest.
-    titles : mapping of str to str
-        Title of each figure by its file's name as PNG.
-
-    Raises
-    ------
-    InputError
-        A figure was changed since.
-    """
+    """Figures that a result was written with, as PNG or else SVG, where they are still those of its run."""
     entry = read_manifest(folder).get(kind)
     if entry is None:
         return ()

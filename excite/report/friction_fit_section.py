@@ -15,16 +15,7 @@ from excite.views.friction_fit_view import friction_fit_view
 
 
 def friction_fit_section(fit: FrictionFit, prefix: str, path: Path | None = None) -> ReportSection:
-    """Everything that a page says of a fit of friction curves.
-
-    Parameters
-    ----------
-    fit : FrictionFit
-    prefix : str
-        Begins the identifiers of its figures.
-    path : Path, optional
-        The file that it was read from.
-    """
+    """Everything that a page says of a fit of friction curves."""
     view = friction_fit_view(fit)
     section = section_of(view, "friction", *drawn(view.figures, prefix))
     folder = "friction/this" if path is None else str(path.parent)

@@ -62,16 +62,7 @@ _ABOUT = (
 
 
 def friction_plan_section(plan: StoredFrictionPlan, prefix: str, looks: Appearance) -> ReportSection:
-    """Everything that a page says of a plan of friction measurements.
-
-    Parameters
-    ----------
-    plan : StoredFrictionPlan
-    prefix : str
-        Begins the identifiers of its figures.
-    looks : Appearance
-        Of the robot, in the player.
-    """
+    """Everything that a page says of a plan of friction measurements."""
     content, robot = {**plan.content, "trajectories": _looked_at(plan)}, plan.robot
     trajectories, broken = content["trajectories"], _broken(content)
     figures, missing = _figures(plan, prefix)

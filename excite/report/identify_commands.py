@@ -16,15 +16,7 @@ _FLAGS = {"average": "--average", "measured_velocity": "--measured-velocity", "f
 
 
 def commands_of(content: Mapping[str, Any], folder: str) -> tuple[str, ...]:
-    """Commands that identify from the same logs, and verify.
-
-    Parameters
-    ----------
-    content : mapping
-        Of ``result.json``.
-    folder : str
-        Of the result.
-    """
+    """Commands that identify from the same logs, and verify."""
     task, provenance = content["task"], content["provenance"]
     design = (content["design"] or {}).get("folder")
     words = ["excite", "identify", str(task["robot"]), *(str(log["file"]) for log in content["logs"])]

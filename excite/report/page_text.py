@@ -26,10 +26,6 @@ def page_text(sections: Sequence[ReportSection]) -> str:
 
     Scripts and styles are in the page, and its content policy allows these alone, by their hashes: no others, no
     network, no frames, no forms.
-
-    Parameters
-    ----------
-    sections : sequence of ReportSection
     """
     moves = any(section.motion is not None for section in sections)
     scripts = [_asset("tables.js"), *([_asset("player.min.js")] if moves else [])]

@@ -20,27 +20,15 @@ _JOINT_SIZE = 0.035  # of the robot's reach
 
 @dataclass(frozen=True, eq=False)
 class LimitCourse:
-    """One limited function along a motion.
+    """One limited function along a motion."""
 
-    Parameters
-    ----------
-    owner : str
-        Such as ``joint q1``, or a pair of bodies.
-    quantity, unit : str
-    lower, upper : float
-        Infinite where there is no bound.
-    values : ndarray, shape (N,)
-    bodies : tuple of str
-        Links that the function belongs to.
-    """
-
-    owner: str
+    owner: str  # such as ``joint q1``, or a pair of bodies
     quantity: str
     unit: str
-    lower: float
+    lower: float  # infinite where there is no bound
     upper: float
-    values: Array
-    bodies: tuple[str, ...] = ()
+    values: Array  # (N,)
+    bodies: tuple[str, ...] = ()  # links that the function belongs to
 
     @property
     def nearest(self) -> float:
@@ -50,51 +38,20 @@ class LimitCourse:
 
 @dataclass(frozen=True, eq=False)
 class PlayedMotion:
-    """A motion of every joint, and functions along it.
+    """A motion of every joint, and functions along it."""
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        [s]
-    q, dq : ndarray, shape (N, n)
-        [rad, rad/s, or with m]
-    segments : tuple of (str, float)
-        Names and ends [s].
-    courses : sequence of LimitCourse
-    about : str
-        What the reader must know of the functions.
-    """
-
-    time: Array
-    q: Array
-    dq: Array
-    segments: tuple[tuple[str, float], ...]
+    time: Array  # (N,) [s]
+    q: Array  # (N, n) [rad, rad/s, or with m]
+    dq: Array  # (N, n)
+    segments: tuple[tuple[str, float], ...]  # names and ends [s]
     courses: Sequence[LimitCourse]
-    about: str
+    about: str  # what the reader must know of the functions
 
 
 def player_data(
     motion: PlayedMotion, robot: Robot, task: Task, shape: World | None, robot_file: str | None = None
 ) -> dict[str, Any]:
-    """Everything that the player of a page needs, as plain values.
-
-    Parameters
-    ----------
-    motion : PlayedMotion
-    robot : Robot
-        The whole robot.
-    task : Task
-        Names the tool's point, and objects.
-    shape : World, optional
-        Shape of the robot, where the task has no world.
-    robot_file : str, optional
-        URDF of the robot, whose meshes are shown.
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read.
-    """
+    """Everything that the player of a page needs, as plain values."""
     number = {BASE: 0, **{body.name: k for k, body in enumerate(robot.bodies, 1)}}
     courses = motion.courses
     return {
@@ -123,14 +80,7 @@ def _short(values: Array, digits: int) -> Any:
 
 
 def body_data(robot: Robot, number: Mapping[str, int]) -> list[dict[str, Any]]:
-    """Links, then branches, each with the joint that carries it.
-
-    Parameters
-    ----------
-    robot : Robot
-    number : mapping of str to int
-        Number of each body in the player.
-    """
+    """Links, then branches, each with the joint that carries it."""
     bodies, before = [], 0
     for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
         bodies.append({"name": link.name, "parent": before, "row": np.eye(robot.n)[k].tolist(), "offset": 0.0})
@@ -161,12 +111,7 @@ def _limit(course: LimitCourse, number: Mapping[str, int]) -> dict[str, Any]:
 
 
 def tightest(courses: Sequence[LimitCourse]) -> list[LimitCourse]:
-    """One course per function: of several with the same name, as of many pieces of two bodies, the nearest ones.
-
-    Parameters
-    ----------
-    courses : sequence of LimitCourse
-    """
+    """One course per function: of several with the same name, as of many pieces of two bodies, the nearest ones."""
     same: dict[tuple[str, str], list[LimitCourse]] = {}
     for course in courses:
         same.setdefault((course.owner, course.quantity), []).append(course)

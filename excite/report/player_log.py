@@ -34,62 +34,30 @@ _ABOUT = (
 
 @dataclass(frozen=True, eq=False)
 class LoggedMotion:
-    """Measured motion of some joints, and both sides of the equations along it.
-
-    Parameters
-    ----------
-    joints : tuple of str
-    logs : tuple of str
-        Files.
-    time, log : ndarray, shape (K,)
-        Instants [s], and the log of each.
-    q : ndarray, shape (K, n)
-        [rad or m]
-    equations : tuple of (str, str)
-        Names and units.
-    rows : tuple of (ndarray, ndarray, ndarray, ndarray)
-        Of each equation: log and time of its rows, measured and predicted values.
-    """
+    """Measured motion of some joints, and both sides of the equations along it."""
 
     joints: tuple[str, ...]
-    logs: tuple[str, ...]
-    time: Array
-    log: Index
-    q: Array
-    equations: tuple[tuple[str, str], ...]
+    logs: tuple[str, ...]  # files
+    time: Array  # (K,) instants [s], and the log of each
+    log: Index  # (K,)
+    q: Array  # (K, n) [rad or m]
+    equations: tuple[tuple[str, str], ...]  # names and units
+    # of each equation: log and time of its rows, measured and predicted values
     rows: tuple[tuple[Index, Array, Array, Array], ...]
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """What the robot looks like, beside what its result says.
+    """What the robot looks like, beside what its result says."""
 
-    Parameters
-    ----------
-    robot_file : str, optional
-        URDF, whose meshes are shown where it describes the robot.
-    shapes : mapping of str to World
-        Shapes of robots by the hashes of their descriptions.
-    """
-
-    robot_file: str | None = None
-    shapes: Mapping[str, World] = field(default_factory=dict)
+    robot_file: str | None = None  # URDF, whose meshes are shown where it describes the robot
+    shapes: Mapping[str, World] = field(default_factory=dict)  # shapes of robots by the hashes of their descriptions
 
 
 def played(
     logged: LoggedMotion, robot: Robot, task: Task, looks: Appearance
 ) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
-    """Everything that the player of a page needs of a measured motion, as plain values; a note where it cannot be had.
-
-    Parameters
-    ----------
-    logged : LoggedMotion
-    robot : Robot
-        The whole robot.
-    task : Task
-        Of the result.
-    looks : Appearance
-    """
+    """What the player of a page needs of a measured motion, as plain values; a note where that is missing."""
     try:
         return _motion(logged, robot, task, looks), ()
     except ExciteError as error:
@@ -175,17 +143,7 @@ def _torques(logged: LoggedMotion, own: Array, log: Index, robot: Robot) -> Iter
 
 
 def logged_rows(arrays: Arrays, logs: Sequence[str], equations: Sequence[tuple[str, str]]) -> LoggedMotion:
-    """Motion and rows of an identification.
-
-    Parameters
-    ----------
-    arrays : dict
-        See `excite.files.result_curves`.
-    logs : sequence of str
-        Files.
-    equations : sequence of (str, str)
-        Names and units.
-    """
+    """Motion and rows of an identification."""
     of_equation = (arrays["equation"] == j for j in range(len(equations)))
     rows = tuple(tuple(arrays[n][own] for n in ("log", "time", "measured", "predicted")) for own in of_equation)
     time, log, q = (arrays[name] for name in ("motion_time", "motion_log", "motion_q"))

@@ -27,19 +27,7 @@ _ABOUT = (
 
 
 def player_motion(design: Design, robot_file: str | None = None) -> dict[str, Any]:
-    """Everything that the player of a page needs of a design, as plain values.
-
-    Parameters
-    ----------
-    design : Design
-    robot_file : str, optional
-        URDF of the robot, whose meshes are shown.
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read.
-    """
+    """Everything that the player of a page needs of a design, as plain values."""
     robot = design.task.limits.applied(design.robot)
     samples, _ = design.sequence.sampled()
     shown = _some(samples)
@@ -62,14 +50,6 @@ def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitC
 
     Where the motion begins and ends at home, limits of every joint, since all of them move on the way; else those of
     the joints that the design moves.
-
-    Parameters
-    ----------
-    design : Design
-    robot : Robot
-        The whole robot, with the task's limits.
-    samples : Samples
-        Motion of every joint.
     """
     whole = design.approach_and_return is not None
     joints = robot.joint_names if whole else design.moving.joint_names
@@ -96,15 +76,7 @@ def _nonlinear(design: Design, joints: tuple[str, ...]) -> tuple[NonlinearConstr
 
 
 def bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstraint]) -> dict[str, tuple[str, ...]]:
-    """Links whose joints a joint or a drive moves, by its name in labels.
-
-    Parameters
-    ----------
-    robot : Robot
-    joints : sequence of str
-        Columns of the limits.
-    linear : sequence of LinearConstraint
-    """
+    """Links whose joints a joint or a drive moves, by its name in labels."""
     link = {joint.name: body.name for joint, body in zip(robot.joints, robot.links, strict=True)}
     owners: dict[str, tuple[str, ...]] = {f"joint {name}": (link[name],) for name in joints}
     for limit in linear:
@@ -117,16 +89,7 @@ def bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstr
 def linear_courses(
     limit: LinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
 ) -> Iterator[LimitCourse]:
-    """Functions that are limited linearly, along a motion.
-
-    Parameters
-    ----------
-    limit : LinearConstraint
-    samples : Samples
-        Of the limit's columns.
-    bodies : mapping of str to tuple of str
-        See `bodies_of`.
-    """
+    """Functions that are limited linearly, along a motion."""
     motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[limit.derivative]
     values = motion @ limit.matrix.T + limit.offset
     for k, label in enumerate(limit.labels):
@@ -138,16 +101,7 @@ def linear_courses(
 def nonlinear_courses(
     limit: NonlinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
 ) -> Iterator[LimitCourse]:
-    """Functions that are limited otherwise, along a motion.
-
-    Parameters
-    ----------
-    limit : NonlinearConstraint
-    samples : Samples
-        Of its joints.
-    bodies : mapping of str to tuple of str
-        See `bodies_of`.
-    """
+    """Functions that are limited otherwise, along a motion."""
     values = limit.shown(limit.values(samples))
     pairs = {pair.label: pair for pair in limit.pairs} if isinstance(limit, Clearance) else {}
     for k, label in enumerate(limit.labels):

@@ -20,25 +20,7 @@ from regressors.robot.robot import Robot
 def player_shapes(
     robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None = None
 ) -> dict[str, Any]:
-    """Entries ``meshes``, ``capsules``, ``objects``, ``drawn_as`` and ``left_out`` of the player's data.
-
-    Parameters
-    ----------
-    robot : Robot
-    task : Task
-        Names objects.
-    shape : World, optional
-        Shape of the robot, where the task has no world, and the surface that it is mounted on.
-    number : mapping of str to int
-        Number of each body in the player.
-    robot_file : str, optional
-        URDF of the robot, whose meshes are shown.
-
-    Raises
-    ------
-    InputError
-        The URDF cannot be read.
-    """
+    """Entries ``meshes``, ``capsules``, ``objects``, ``drawn_as`` and ``left_out`` of the player's data."""
     world = task.limits.known_world
     known = world if world is not None else shape
     meshes, reasons = ([], ()) if robot_file is None else _meshes(robot, task, robot_file, number)
@@ -54,13 +36,7 @@ def player_shapes(
 
 
 def matches(robot: Robot, task: Task, robot_file: str) -> bool:
-    """True if a URDF describes the robot of a task.
-
-    Raises
-    ------
-    InputError
-        It cannot be read.
-    """
+    """True if a URDF describes the robot of a task."""
     try:
         read = read_urdf(robot_file, base=task.base_link, tip=task.tip, snap_angles=task.snap_angles)
     except InputError:

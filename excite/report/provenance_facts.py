@@ -12,15 +12,7 @@ _LEFT_OUT = ("run",)
 
 
 def facts(provenance: Mapping[str, Any], **hashes: Any) -> tuple[tuple[str, str], ...]:
-    """Provenance of a result.
-
-    Parameters
-    ----------
-    provenance : mapping
-        Entry of its file.
-    **hashes
-        Further entries, in front.
-    """
+    """Provenance of a result."""
     shown = {name.replace("_", " "): value for name, value in hashes.items() if value is not None}
     shown |= {_NAMES.get(name, name): value for name, value in provenance.items() if name not in _LEFT_OUT}
     return tuple((name, text_of(value)) for name, value in shown.items() if value not in (None, [], ()))

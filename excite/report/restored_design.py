@@ -13,17 +13,7 @@ from excite.storage.records import complete
 
 
 def restore(stored: StoredDesign) -> Design:
-    """The design that a folder holds, with its limits as functions of the motion.
-
-    Parameters
-    ----------
-    stored : StoredDesign
-
-    Raises
-    ------
-    InputError
-        A user-defined part or a file that the design only names, or entries that are missing.
-    """
+    """The design that a folder holds, with its limits as functions of the motion."""
     content, transfers = stored.content, stored.transfers
     with complete(stored.folder / "design.json", "design"):
         return Design(

@@ -31,19 +31,11 @@ _NEEDED = (
 
 @dataclass(frozen=True, eq=False)
 class StoredFrictionPlan:
-    """A plan read from its folder.
-
-    Parameters
-    ----------
-    folder : Path
-    robot : Robot
-    content : mapping
-        Of ``plan.json``.
-    """
+    """A plan read from its folder."""
 
     folder: Path
     robot: Robot
-    content: Mapping[str, Any]
+    content: Mapping[str, Any]  # of ``plan.json``
 
     @cached_property
     def runs(self) -> tuple[StoredRuns, ...]:
@@ -54,42 +46,19 @@ class StoredFrictionPlan:
 
 @dataclass(frozen=True, eq=False)
 class StoredRuns:
-    """Motion of one coordinate.
+    """Motion of one coordinate."""
 
-    Parameters
-    ----------
-    content : mapping
-        Entry of the plan.
-    time : ndarray, shape (N,)
-        [s]
-    q, dq : ndarray, shape (N, n)
-        Of every joint of the robot [rad, rad/s, or with m].
-    s, ds : ndarray, shape (N,)
-        Of the coordinate [rad, rad/s, or with m].
-    windows : tuple of Window
-    """
-
-    content: Mapping[str, Any]
-    time: Array
-    q: Array
-    dq: Array
-    s: Array
-    ds: Array
+    content: Mapping[str, Any]  # entry of the plan
+    time: Array  # (N,) [s]
+    q: Array  # (N, n) of every joint of the robot [rad, rad/s, or with m]
+    dq: Array  # (N, n)
+    s: Array  # (N,) of the coordinate [rad, rad/s, or with m]
+    ds: Array  # (N,)
     windows: tuple[Window, ...]
 
 
 def load_friction_plan(folder: Path) -> StoredFrictionPlan:
-    """Load the plan in a folder.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Raises
-    ------
-    InputError
-        Another schema, entries that are missing, or files that are not those that were written.
-    """
+    """Load the plan in a folder."""
     robot, content = read_plan(folder)
     with complete(folder / PLAN, "friction plan"):
         for each in content["trajectories"]:

@@ -19,35 +19,16 @@ from regressors.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class StoredEstimate:
-    """What the figure of parameters shows of an identification.
-
-    Parameters
-    ----------
-    robot : Robot
-    target : IdentificationTarget
-    estimate : Estimate
-    reference : ReferenceValues or None
-        Values that the estimate is compared with.
-    """
+    """What the figure of parameters shows of an identification."""
 
     robot: Robot
     target: IdentificationTarget
     estimate: Estimate
-    reference: ReferenceValues | None
+    reference: ReferenceValues | None  # values that the estimate is compared with
 
 
 def stored_estimate(result: StoredResult) -> StoredEstimate:
-    """Estimate and model of a result.
-
-    Parameters
-    ----------
-    result : StoredResult
-
-    Raises
-    ------
-    InputError
-        A user-defined part that the result only names.
-    """
+    """Estimate and model of a result."""
     content = result.content
     parameters = content["parameters"]
     estimate = Estimate(
@@ -70,31 +51,15 @@ def stored_estimate(result: StoredResult) -> StoredEstimate:
 
 @dataclass(frozen=True, eq=False)
 class StoredFit:
-    """What the figures of torques and residuals show of an identification.
-
-    Parameters
-    ----------
-    robot : Robot
-    observations : Observations
-        Equations in one parameter, of value 1, whose column is the prediction.
-    estimate : Estimate
-        Of that parameter.
-    """
+    """What the figures of torques and residuals show of an identification."""
 
     robot: Robot
-    observations: Observations
-    estimate: Estimate
+    observations: Observations  # equations in one parameter, of value 1, whose column is the prediction
+    estimate: Estimate  # of that parameter
 
 
 def stored_fit(result: StoredResult, arrays: Arrays) -> StoredFit:
-    """Measured and predicted values of a result.
-
-    Parameters
-    ----------
-    result : StoredResult
-    arrays : dict
-        See `excite.files.result_curves`.
-    """
+    """Measured and predicted values of a result."""
     content = result.content
     observations = Observations(
         W=arrays["predicted"].astype(float)[:, None],
@@ -121,14 +86,7 @@ def stored_fit(result: StoredResult, arrays: Arrays) -> StoredFit:
 
 
 def with_history(stored: StoredEstimate, arrays: Arrays) -> StoredEstimate:
-    """The estimate with its values over time, of the recursive method.
-
-    Parameters
-    ----------
-    stored : StoredEstimate
-    arrays : dict
-        See `excite.files.result_curves`.
-    """
+    """The estimate with its values over time, of the recursive method."""
     history = arrays["history_time"], arrays["history"].astype(float)
     return replace(stored, estimate=replace(stored.estimate, history=history))
 

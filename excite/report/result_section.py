@@ -44,16 +44,7 @@ _TITLES = {
 
 
 def result_section(result: IdentificationResult, prefix: str, looks: Appearance) -> ReportSection:
-    """Everything that a page says of an identification.
-
-    Parameters
-    ----------
-    result : Identification or StoredResult
-    prefix : str
-        Begins the identifiers of its figures.
-    looks : Appearance
-        Of the robot, in the player.
-    """
+    """Everything that a page says of an identification."""
     content = result.content if isinstance(result, StoredResult) else result_content(cast(Identification, result))
     arrays, unknown = _curves(result, content)
     figures, missing = _figures(result, arrays, prefix)

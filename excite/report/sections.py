@@ -13,18 +13,10 @@ DIGITS = 6  # significant, of numbers that are read; the page has all of them be
 
 @dataclass(frozen=True)
 class ReportCell:
-    """One cell of a table.
-
-    Parameters
-    ----------
-    text : str
-    value : float, optional
-        The number behind it, by which rows are sorted.
-    state : {"", "bad", "best", "unit"}
-    """
+    """One cell of a table."""
 
     text: str
-    value: float | None = None
+    value: float | None = None  # the number behind it, by which rows are sorted
     state: str = ""
 
     @property
@@ -35,27 +27,14 @@ class ReportCell:
 
 @dataclass(frozen=True)
 class ReportTable:
-    """A table that the reader can sort by any column.
-
-    Parameters
-    ----------
-    title : str
-    columns : tuple of str
-    rows : tuple of tuple of ReportCell
-    note : str
-        Stands below it.
-    name : str
-        What tests find it by.
-    folded : bool
-        Shown when asked for.
-    """
+    """A table that the reader can sort by any column."""
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[ReportCell, ...], ...]
-    note: str = ""
-    name: str = ""
-    folded: bool = False
+    note: str = ""  # stands below it
+    name: str = ""  # what tests find it by
+    folded: bool = False  # shown when asked for
 
     @property
     def numeric(self) -> tuple[bool, ...]:
@@ -65,78 +44,35 @@ class ReportTable:
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A figure.
-
-    Parameters
-    ----------
-    title : str
-    svg : str
-        An ``<svg>`` element, made by `excite.plots.svg_text`; empty where the figure is a picture.
-    picture : str
-        A ``data:`` address of a PNG file.
-    """
+    """A figure."""
 
     title: str
-    svg: str = ""
-    picture: str = ""
+    svg: str = ""  # an ``<svg>`` element, made by `excite.plots.svg_text`; empty where the figure is a picture
+    picture: str = ""  # A ``data:`` address of a PNG file
 
 
 @dataclass(frozen=True)
 class ReportSection:
-    """One design, campaign, identification, verification or comparison.
-
-    Parameters
-    ----------
-    kind : str
-    title : str
-    verdict : str
-        One sentence, or a few.
-    holds : bool or None
-        Whether what was asked holds; None where nothing was judged.
-    caution : bool
-        Whether something that may break the robot was not checked.
-    asked : tuple of (str, str)
-        What was asked, as names and values.
-    assumed : tuple of str
-        What was assumed, and what was not checked.
-    notes : tuple of str
-    tables : tuple of ReportTable
-    figures : tuple of ReportFigure
-    motion : mapping, optional
-        Data of the 3D player.
-    facts : tuple of (str, str)
-        Provenance.
-    commands : tuple of str
-        They repeat it.
-    task : str
-        Text of the task file that the commands read; empty where they read none.
-    """
+    """One design, campaign, identification, verification or comparison."""
 
     kind: str
     title: str
-    verdict: str
-    holds: bool | None = None
-    caution: bool = False
-    asked: tuple[tuple[str, str], ...] = ()
-    assumed: tuple[str, ...] = ()
+    verdict: str  # one sentence, or a few
+    holds: bool | None = None  # whether what was asked holds; None where nothing was judged
+    caution: bool = False  # whether something that may break the robot was not checked
+    asked: tuple[tuple[str, str], ...] = ()  # what was asked, as names and values
+    assumed: tuple[str, ...] = ()  # what was assumed, and what was not checked
     notes: tuple[str, ...] = ()
     tables: tuple[ReportTable, ...] = ()
     figures: tuple[ReportFigure, ...] = ()
-    motion: Mapping[str, Any] | None = None
-    facts: tuple[tuple[str, str], ...] = ()
-    commands: tuple[str, ...] = ()
-    task: str = ""
+    motion: Mapping[str, Any] | None = None  # data of the 3D player
+    facts: tuple[tuple[str, str], ...] = ()  # provenance
+    commands: tuple[str, ...] = ()  # they repeat it
+    task: str = ""  # text of the task file that the commands read; empty where they read none
 
 
 def number(value: Any, unit: str = "", state: str = "") -> ReportCell:
-    """Cell of a number; of one that is missing or not finite, a dash.
-
-    Parameters
-    ----------
-    value : float or None
-    unit : str
-    state : str
-    """
+    """Cell of a number; of one that is missing or not finite, a dash."""
     if value is None or not np.isfinite(value):
         return ReportCell("\N{EN DASH}", None, state)
     return ReportCell(f"{plain_number(value)} {unit}".strip(), float(value), state)

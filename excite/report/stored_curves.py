@@ -10,24 +10,7 @@ from excite.storage.manifest import check_files, read_manifest
 
 
 def stored_curves(folder: Path, kind: str, name: str, read: Callable[[Path], Arrays]) -> tuple[Arrays | None, str]:
-    """Curves that a result was written with; None, and why, where there are none.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the result.
-    kind : str
-        Its kind in the manifest.
-    name : str
-        Of the file.
-    read : callable
-        Reads the file.
-
-    Raises
-    ------
-    InputError
-        The file was changed since, or is not complete.
-    """
+    """Curves that a result was written with; None, and why, where there are none."""
     entry = read_manifest(folder).get(kind)
     if entry is None or name not in entry.files or not (folder / name).is_file():
         return None, (

@@ -60,22 +60,7 @@ _RECORDS = (FIT, "study.json", "verification*.json")
 
 
 def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Subject]:
-    """Objects as they are; of each folder its design, its identification and its verifications, of each file its own.
-
-    Parameters
-    ----------
-    given : iterable
-        Designs, identifications, verifications, campaigns, fits of friction curves, studies, folders, or files:
-        ``design.json``, ``result.json``, ``verification-LOG.json``, ``plan.json`` and ``fit.json`` of friction,
-        ``study.json``, ``campaign.json``, and what ``excite plan --json`` prints.
-    part : collection of str
-        User-defined parts, as ``module:Name``, that may be imported where a file names them.
-
-    Raises
-    ------
-    InputError
-        Nothing is given, or something of another kind; a folder that holds none of them; files that cannot be read.
-    """
+    """Objects as they are; of each folder its design, identification and verifications, of each file its own."""
     subjects: list[Subject] = []
     for each in given:
         if isinstance(each, _KINDS):

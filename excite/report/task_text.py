@@ -17,26 +17,13 @@ _LONG = 200  # characters
 
 
 def asked(task: Mapping[str, Any], always: Collection[str]) -> tuple[tuple[str, str], ...]:
-    """Some options of a task, and every other one that is not the default, as names and texts.
-
-    Parameters
-    ----------
-    task : mapping
-        Entry ``task`` of a file of results.
-    always : collection of str
-        Options that are shown in any case.
-    """
+    """Some options of a task, and every other one that is not the default, as names and texts."""
     changed = {name: value for name, value in _flat(task).items() if name in always or not _is_default(name, value)}
     return tuple((name.replace("_", " "), _cut(text_of(value))) for name, value in changed.items())
 
 
 def task_file(task: Mapping[str, Any]) -> str:
-    """The same task as the text of a task file, an option per line; JSON is YAML.
-
-    Parameters
-    ----------
-    task : mapping
-    """
+    """The same task as the text of a task file, an option per line; JSON is YAML."""
     limits = {name: value for name, value in (task.get(_LIMITS) or {}).items() if value is not None}
     plain = {name: value for name, value in task.items() if value is not None and name != _LIMITS}
     options = {**plain, **({_LIMITS: limits} if limits else {})}

@@ -14,16 +14,7 @@ from excite.views.study_view import study_view
 
 
 def time_study_section(study: TimeStudy, prefix: str, path: Path | None = None) -> ReportSection:
-    """Everything that a page says of a study.
-
-    Parameters
-    ----------
-    study : TimeStudy
-    prefix : str
-        Begins the identifiers of its figures.
-    path : Path, optional
-        The file that it was read from.
-    """
+    """Everything that a page says of a study."""
     view = study_view(study)
     section = section_of(view, "study", *drawn(view.figures, prefix))
     title = section.title if path is None else str(path.parent)

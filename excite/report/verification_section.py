@@ -21,18 +21,7 @@ from excite.views.verification_view import TITLES, verification_view
 def verification_section(
     verification: Verification, prefix: str, looks: Appearance, path: Path | None = None
 ) -> ReportSection:
-    """Everything that a page says of a verification.
-
-    Parameters
-    ----------
-    verification : Verification
-    prefix : str
-        Begins the identifiers of its figures.
-    looks : Appearance
-        Of the robot, in the player.
-    path : Path, optional
-        The file that it was read from; its pictures stand in where the file of curves is gone.
-    """
+    """Everything that a page says of a verification."""
     v, view = verification, verification_view(verification)
     if len(v.time) and v.robot is not None:
         figures, missing = drawn(view.figures, prefix)

@@ -20,16 +20,7 @@ _CELLS: dict[Format, Callable[[Any], ReportCell]] = {
 def section_of(
     view: View, kind: str, figures: tuple[ReportFigure, ...], missing: tuple[str, ...] = ()
 ) -> ReportSection:
-    """The section of a view.
-
-    Parameters
-    ----------
-    view : View
-    kind : str
-    figures : tuple of ReportFigure
-    missing : tuple of str
-        Figures and motions that are left out, and why.
-    """
+    """The section of a view."""
     return ReportSection(
         kind=kind,
         title=view.title,

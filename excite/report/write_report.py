@@ -96,13 +96,7 @@ def write_report(
 def report_text(
     paths_or_objects: object, *, robot_file: str | Path | None = None, part: str | Collection[str] = ()
 ) -> str:
-    """The page of `write_report` as text.
-
-    Parameters
-    ----------
-    paths_or_objects, robot_file, part
-        See `write_report`.
-    """
+    """The page of `write_report` as text."""
     single = isinstance(paths_or_objects, str | Path) or not isinstance(paths_or_objects, Iterable)
     given = [paths_or_objects] if single else list(paths_or_objects)  # type: ignore[call-overload]
     subjects = subjects_of(given, (part,) if isinstance(part, str) else part)

@@ -20,19 +20,7 @@ def bandwidth(q: Array, rate: float) -> float:
     The power is that of the positions, without their mean slope and through a Hann window, times ``(2 pi f)^2``.
     Lines that are not above ten times the noise floor, the median of the upper half of the spectrum, do not count, nor
     do joints that rest: those that move by less than a hundredth of the one that moves most, or mostly by noise.
-
-    Parameters
-    ----------
-    q : ndarray, shape (N, n)
-        Uniform samples [rad or m].
-    rate : float
-        [Hz]
-
-    Raises
-    ------
-    InputError
-        Nothing moves.
-    """
+    """  # q (N, n)
     count = q.shape[0]
     ramp = np.linspace(0.0, 1.0, count)[:, None]
     level = q - q[0] - ramp * (q[-1] - q[0])
@@ -51,19 +39,7 @@ def bandwidth(q: Array, rate: float) -> float:
 
 
 def chosen_cutoff(q: Array, rate: float) -> tuple[float, str]:
-    """Cutoff for a low-pass filter of positions: ten times the bandwidth, at most 0.35 of the sample rate [Hz].
-
-    Parameters
-    ----------
-    q, rate
-        See `bandwidth`.
-
-    Returns
-    -------
-    cutoff : float
-    note : str
-        How it was chosen.
-    """
+    """Cutoff for a low-pass filter of positions: ten times the bandwidth, at most 0.35 of the sample rate [Hz]."""
     highest = bandwidth(q, rate)
     cutoff = min(_TIMES * highest, _HIGHEST * rate)
     return cutoff, f"{cutoff:.3g} Hz (chosen; 99.9 % of the velocity's power lies below {highest:.3g} Hz)"

@@ -13,22 +13,8 @@ _FEWEST = 5  # rows on either side
 
 
 def bridged(time: Array, x: Array, gaps: tuple[Gap, ...], step: float) -> tuple[Array, Array]:
-    """Samples with further ones in the gaps, on polynomials of degree 5 through both sides.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        [s]
-    x : ndarray, shape (N, n)
-    gaps : tuple of Gap
-    step : float
-        Between the samples that are added [s].
-
-    Returns
-    -------
-    time : ndarray, shape (M,)
-    x : ndarray, shape (M, n)
-    """
+    """Samples with further ones in the gaps, on polynomials of degree 5 through both sides."""
+    # time (N,); x (N, n); result (M,); result (M, n)
     rows = [_bridge(time, x, gap, step) for gap in gaps]
     after = np.concatenate([np.full(t.size, gap.row + 1) for gap, (t, _) in zip(gaps, rows, strict=True)])
     times = np.concatenate([t for t, _ in rows])

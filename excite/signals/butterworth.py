@@ -15,19 +15,12 @@ from regressors.samples import Array
 
 @dataclass(frozen=True)
 class Butterworth(Method):
-    """Filter forwards and backwards, see `excite.signals.low_pass.low_passed`, then seven-point differences.
+    """Filter forwards and backwards, see `excite.signals.low_pass.low_passed`, then seven-point differences."""
 
-    Parameters
-    ----------
-    cutoff : float, optional
-        Frequency at which the amplitude is halved [Hz]; chosen from the positions if not given, see
-        `excite.signals.bandwidth.chosen_cutoff`.
-    order : int
-        Of one pass.
-    """
-
+    # frequency at which the amplitude is halved [Hz]; chosen from the positions if not given, see
+    # `excite.signals.bandwidth.chosen_cutoff`
     cutoff: float | None = None
-    order: int = ORDER
+    order: int = ORDER  # of one pass
 
     name: ClassVar[str] = "butterworth"
 

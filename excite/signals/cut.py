@@ -10,24 +10,7 @@ from regressors.samples import Array, Samples
 
 
 def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assumed: str) -> FilteredMotion:
-    """Motion without some samples at both ends.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        [s]
-    state : tuple of three ndarrays, shape (N, n)
-        Position, velocity, acceleration.
-    edge : int
-        Samples to cut from each end.
-    assumed : str
-        See `FilteredMotion`.
-
-    Raises
-    ------
-    InputError
-        Nothing would be left.
-    """
+    """Motion without some samples at both ends."""  # time (N,); state (N, n)
     if time.size <= 2 * edge:
         raise InputError(f"{time.size} samples are too few: {edge} are cut from each end ({assumed})")
     kept = slice(edge, time.size - edge)
@@ -36,19 +19,7 @@ def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assume
 
 
 def check_positive(method: str, **settings: float | None) -> None:
-    """Raise `InputError` for settings that are not positive numbers; None means not given.
-
-    Parameters
-    ----------
-    method : str
-        Name for messages.
-    **settings : float or None
-
-    Raises
-    ------
-    InputError
-        A setting that is not a positive number.
-    """
+    """Raise `InputError` for settings that are not positive numbers; None means not given."""
     for name, value in settings.items():
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{method}: {name} must be a positive number, given {value:g}")

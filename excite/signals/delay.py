@@ -19,18 +19,6 @@ def delayed(samples: Samples, delay: float) -> Samples:
 
     A torque that is recorded at t, but acted at ``t - delay``, belongs to the motion at ``t - delay``. The motion is
     smooth, so it is what is interpolated, by cubic splines, and not the torque.
-
-    Parameters
-    ----------
-    samples : Samples
-        Uniform and filtered.
-    delay : float
-        Negative where torques are recorded before the positions [s].
-
-    Returns
-    -------
-    Samples
-        At the same instants; held at its first or last value where the motion is not known.
     """
     if delay == 0.0:
         return samples
@@ -47,13 +35,7 @@ def delayed(samples: Samples, delay: float) -> Samples:
 
 
 class DelayedMotion:
-    """Motion to be delayed by one time after another, see `delayed`.
-
-    Parameters
-    ----------
-    samples : Samples
-        Uniform and filtered.
-    """
+    """Motion to be delayed by one time after another, see `delayed`."""
 
     def __init__(self, samples: Samples) -> None:
         self.samples = samples

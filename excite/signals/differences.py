@@ -23,10 +23,6 @@ class Differences(Method):
     ``ddq_k = (q_{k+2} - 2 q_k + q_{k-2}) / 4h^2``, or by second differences, ``(q_{k+1} - 2 q_k + q_{k-1}) / h^2``.
     White noise s of the positions becomes ``s / (sqrt(2) h)`` of the velocities, and ``sqrt(6) s / 4h^2`` or
     ``sqrt(6) s / h^2`` of the accelerations.
-
-    Parameters
-    ----------
-    acceleration : {"again", "second"}
     """
 
     acceleration: Literal["again", "second"] = "again"
@@ -50,14 +46,7 @@ class Differences(Method):
 
 
 def central_difference(x: Array, h: float) -> Array:
-    """``(x_{k+1} - x_{k-1}) / 2h``, shape of x; NaN in the first and the last row.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N, ...)
-    h : float
-        Sample time [s].
-    """
+    """``(x_{k+1} - x_{k-1}) / 2h``, shape of x; NaN in the first and the last row."""  # x (N, ...)
     return _stencil(x, np.array([-1.0, 0.0, 1.0]) / (2 * h))
 
 
@@ -67,19 +56,8 @@ def second_difference(x: Array, h: float) -> Array:
 
 
 def smooth_differences(x: Array, h: float) -> tuple[Array, Array]:
-    """First and second derivative of smooth samples by seven points, exact for polynomials of degree 6.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N, ...)
-    h : float
-        Sample time [s].
-
-    Returns
-    -------
-    first, second : ndarray, shape of x
-        NaN in three rows at each end.
-    """
+    """First and second derivative of smooth samples by seven points, exact for polynomials of degree 6."""
+    # x (N, ...)
     first = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / (60 * h)
     second = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / (180 * h**2)
     return _stencil(x, first), _stencil(x, second)

@@ -23,16 +23,11 @@ class FourierFit(Method):
     """Least squares on ``q(t) = a_0 + sum_k a_k cos(k w t) + b_k sin(k w t)``, ``w = 2 pi / period``.
 
     Velocity and acceleration are the exact derivatives of the series.
-
-    Parameters
-    ----------
-    period : float, optional
-        [s]; estimated where the motion repeats itself, see `excite.signals.period.estimated_period`, if not given.
-    harmonics : int, optional
-        Number of k; if not given, the one with the least Bayesian information criterion, 60 at most.
     """
 
+    # [s]; estimated where the motion repeats itself, see `excite.signals.period.estimated_period`, if not given
     period: float | None = None
+    # number of k; if not given, the one with the least Bayesian information criterion, 60 at most
     harmonics: int | None = None
 
     name: ClassVar[str] = "fourier"
@@ -103,20 +98,7 @@ class FourierFit(Method):
 
 
 def fourier_basis(time: Array, period: float, harmonics: int) -> Array:
-    """Columns 1, cos, sin, cos, sin, ... of the series and of its first and second derivative.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        [s]
-    period : float
-        [s]
-    harmonics : int
-
-    Returns
-    -------
-    ndarray, shape (3, N, 2 harmonics + 1)
-    """
+    """Columns 1, cos, sin, cos, sin, ... of the series and of its first and second derivative."""  # time (N,)
     w = 2 * np.pi / period * np.arange(1, harmonics + 1)
     angle = time[:, None] * w
     cos, sin = np.cos(angle), np.sin(angle)
@@ -137,18 +119,8 @@ def _differentiation(period: float, harmonics: int) -> Array:
 
 
 def best_harmonics(basis: Array, q: Array) -> int:
-    """Number of harmonics of the least ``sum_j N log(R_j / N) + n p log N``, R the residuals' sum of squares.
-
-    Parameters
-    ----------
-    basis : ndarray, shape (N, 2 H + 1)
-    q : ndarray, shape (N, n)
-
-    Returns
-    -------
-    int
-        Of 1 to H.
-    """
+    """Number of harmonics of the least ``sum_j N log(R_j / N) + n p log N``, R the residuals' sum of squares."""
+    # basis (N, 2 H + 1); q (N, n)
     count, n = q.shape
     Q = np.linalg.qr(basis)[0]
     shown = (Q.T @ q) ** 2

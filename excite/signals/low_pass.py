@@ -18,25 +18,7 @@ def low_passed(x: Array, rate: float, cutoff: float, order: int = ORDER) -> Arra
     """Signal through a Butterworth filter, forwards and backwards, so that nothing is delayed.
 
     The gain is ``1 / (1 + (f / cutoff)^(2 order))``: one at f = 0, a half at the cutoff.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N, ...)
-        Uniform samples.
-    rate, cutoff : float
-        [Hz]
-    order : int
-        Of one pass.
-
-    Returns
-    -------
-    ndarray, shape of x
-
-    Raises
-    ------
-    InputError
-        A cutoff that is not below half the sample rate, or too few samples.
-    """
+    """  # x (N, ...)
     _check_cutoff(rate, cutoff, order)
     if x.shape[0] <= (least := edge(rate, cutoff)):
         raise InputError(f"low-pass: {x.shape[0]} samples are too few for a cutoff of {cutoff:g} Hz; needs {least + 1}")
@@ -51,30 +33,8 @@ def edge(rate: float, cutoff: float) -> int:
 
 
 def parallel_filtered(W: Array, y: Array, rate: float, cutoff: float, order: int = ORDER) -> tuple[Array, Array, slice]:
-    """Both sides of ``y = W beta`` through the same filter; they then hold for the same beta.
-
-    Parameters
-    ----------
-    W : ndarray, shape (N, r, p)
-        Regressor of r equations at N uniform instants.
-    y : ndarray, shape (N, r)
-    rate, cutoff : float
-        [Hz]
-    order : int
-        See `low_passed`.
-
-    Returns
-    -------
-    W, y : ndarray, shapes (K, r, p), (K, r)
-        Filtered, without two periods of the cutoff at each end.
-    kept : slice
-        Which of the instants they are.
-
-    Raises
-    ------
-    InputError
-        See `low_passed`; or inconsistent shapes, or no rows left.
-    """
+    """Both sides of ``y = W beta`` through the same filter; they then hold for the same beta."""
+    # W (N, r, p); y (N, r)
     if W.ndim != 3 or W.shape[:2] != y.shape:
         raise InputError(f"low-pass: W has shape {W.shape}, y has {y.shape}; expected (N, r, p) and (N, r)")
     _check_cutoff(rate, cutoff, order)
@@ -88,38 +48,14 @@ def parallel_filtered(W: Array, y: Array, rate: float, cutoff: float, order: int
 def decimated(
     W: Array, y: Array, rate: float, cutoff: float, every: int | None = None, order: int = ORDER
 ) -> tuple[Array, Array, slice]:
-    """Filter both sides and decimate their rows, so that neighbouring rows are not redundant.
-
-    Parameters
-    ----------
-    W, y, rate, cutoff, order
-        See `parallel_filtered`.
-    every : int, optional
-        Decimation factor; if not given, the largest that keeps the cutoff at or below 0.8 of half the new rate.
-
-    Returns
-    -------
-    W, y, kept
-        See `parallel_filtered`; the slice has a step.
-
-    Raises
-    ------
-    InputError
-        See `parallel_filtered`; or rows so sparse that the cutoff lies above half their rate.
-    """
+    """Filter both sides and decimate their rows, so that neighbouring rows are not redundant."""
     kept = kept_rows(y.shape[0], rate, cutoff, every, order)
     W, y, _ = parallel_filtered(W, y, rate, cutoff, order)
     return W[:: kept.step], y[:: kept.step], kept
 
 
 def kept_rows(count: int, rate: float, cutoff: float, every: int | None = None, order: int = ORDER) -> slice:
-    """Which of ``count`` uniform instants are left after a low-pass and decimation; arguments as for `decimated`.
-
-    Raises
-    ------
-    InputError
-        See `decimated`.
-    """
+    """Which of ``count`` uniform instants are left after a low-pass and decimation; arguments as for `decimated`."""
     _check_cutoff(rate, cutoff, order)
     step = decimation(rate, cutoff) if every is None else every
     check_positive("decimation", every=step)
@@ -140,11 +76,5 @@ def _check_cutoff(rate: float, cutoff: float, order: int) -> None:
 
 
 def decimation(rate: float, cutoff: float) -> int:
-    """Largest decimation factor after a low-pass: it keeps the cutoff at or below 0.8 of half the new rate.
-
-    Parameters
-    ----------
-    rate, cutoff : float
-        [Hz]
-    """
+    """Largest decimation factor after a low-pass: it keeps the cutoff at or below 0.8 of half the new rate."""
     return max(1, math.floor(0.8 * rate / (2 * cutoff)))

@@ -19,10 +19,6 @@ class MeasuredVelocity(Method):
 
     The method obtains position from the positions, velocity from the velocities in place of positions, and acceleration
     as the first derivative of these; both with the settings that it chooses for the positions.
-
-    Parameters
-    ----------
-    method : Method
     """
 
     method: Method

@@ -19,45 +19,21 @@ _HALVES = 2.0  # Hann's window halves the number of independent frequencies
 
 @dataclass(frozen=True)
 class MeasurementNoise:
-    """Noise of r signals.
+    """Noise of r signals."""
 
-    Parameters
-    ----------
-    square : ndarray, shape (r,)
-        Mean square [unit^2]; zero where the sampling leaves nothing above the motion to see noise in.
-    level : ndarray, shape (r,)
-        Density below `above`, extrapolated as white [unit^2/Hz].
-    deviation : ndarray, shape (r,)
-        Standard deviation of `square` [unit^2].
-    slow_deviation : ndarray, shape (r,)
-        Standard deviation of its part below `above`, ``above * level`` [unit^2].
-    fast_share : ndarray, shape (r,)
-        Share of the difference's mean square above `above` that is noise; the rest is noise of the predictions.
-    above : float
-        Frequency above which there is noise only [Hz].
-    duration : float
-        Of the signals [s].
-    """
-
-    square: Array
-    level: Array
-    deviation: Array
-    slow_deviation: Array
+    square: Array  # (r,) mean square [unit^2]; zero where the sampling leaves nothing above the motion to see noise in
+    level: Array  # (r,) density below `above`, extrapolated as white [unit^2/Hz]
+    deviation: Array  # (r,) standard deviation of `square` [unit^2]
+    slow_deviation: Array  # (r,) standard deviation of its part below `above`, ``above * level`` [unit^2]
+    # (r,) share of the difference's mean square above `above` that is noise; the rest is noise of the predictions
     fast_share: Array
-    above: float
-    duration: float
+    above: float  # frequency above which there is noise only [Hz]
+    duration: float  # of the signals [s]
 
 
 def motion_ends(q: Array, rate: float) -> float:
-    """Frequency above which torques have no content of the motion: ten times its bandwidth, at most 10 Hz [Hz].
-
-    Parameters
-    ----------
-    q : ndarray, shape (N, n)
-        Uniform positions [rad or m].
-    rate : float
-        [Hz]
-    """
+    """Frequency above which torques have no content of the motion: ten times its bandwidth, at most 10 Hz [Hz]."""
+    # q (N, n)
     try:
         return min(HIGHEST_MOTION, _TIMES * bandwidth(q, rate))
     except InputError:  # nothing moves
@@ -74,16 +50,7 @@ def measurement_noise(measured: Array, difference: Array, rate: float, above: fl
 
     Noise that is coloured has more at low frequencies than this shows; what is not seen counts as an error of the
     model, never the reverse.
-
-    Parameters
-    ----------
-    measured, difference : ndarray, shape (N, r)
-        Uniform samples of the signals as recorded, and of them less their predictions.
-    rate : float
-        [Hz]
-    above : float
-        See `motion_ends`.
-    """
+    """  # measured, difference (N, r)
     count, r = measured.shape
     duration = count / rate
     if count < _FEWEST or rate <= 3 * above:

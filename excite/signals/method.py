@@ -16,33 +16,17 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True, eq=False)
 class FilteredMotion:
-    """Motion obtained from a log.
+    """Motion obtained from a log."""
 
-    Parameters
-    ----------
-    samples : Samples
-        Position, velocity, acceleration at the instants that are left; jerk is not estimated (NaN).
-    kept : slice
-        Which of the given instants they are: ends where the method is not valid are cut.
-    assumed : str
-        Assumptions of the method, with numbers and units.
-    """
-
-    samples: Samples
-    kept: slice
-    assumed: str
+    samples: Samples  # position, velocity, acceleration at the instants that are left; jerk is not estimated (NaN)
+    kept: slice  # which of the given instants they are: ends where the method is not valid are cut
+    assumed: str  # assumptions of the method, with numbers and units
 
 
 class Method(ABC):
-    """Method that obtains velocity and acceleration from sampled positions.
+    """Method that obtains velocity and acceleration from sampled positions."""
 
-    Attributes
-    ----------
-    name : str
-        As on the command line.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  # as on the command line
 
     @property
     def table_width(self) -> int:
@@ -51,60 +35,19 @@ class Method(ABC):
 
     @abstractmethod
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
-        """Motion at the sample times.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            Uniform [s]; see `excite.signals.resampling`.
-        q : ndarray, shape (N, n)
-            Measured position [rad or m].
-        dq : ndarray, shape (N, n), optional
-            Measured velocity [rad/s or m/s], for the methods that use it.
-
-        Raises
-        ------
-        InputError
-            Too few samples for the method, times that are not uniform.
-        """
+        """Motion at the sample times."""  # time (N,); q (N, n); dq (N, n)
 
     def settled(self, time: Array, q: Array) -> Method:
-        """The same method, with the settings that it would choose for these positions; itself if it chooses none.
-
-        Parameters
-        ----------
-        time, q
-            See `motion`.
-        """
+        """The same method, with the settings that it would choose for these positions; itself if it chooses none."""
         return self
 
     def operator(self, time: Array, q: Array) -> Callable[[Array], FilteredMotion]:
-        """`motion` with the settings that it would choose for these positions, for many others at the same times.
-
-        Parameters
-        ----------
-        time, q
-            See `motion`.
-        """
+        """`motion` with the settings that it would choose for these positions, for many others at the same times."""
         return partial(self.settled(time, q).motion, time)
 
 
 def spacing(time: Array, what: str, least: int) -> float:
-    """Sample time of uniform samples [s].
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-    what : str
-        Name of the method, for messages.
-    least : int
-        Fewest samples that it needs.
-
-    Raises
-    ------
-    InputError
-        Fewer samples, or times that are not uniform within 1e-6 of the sample time.
-    """
+    """Sample time of uniform samples [s]."""  # time (N,)
     if time.size < least:
         raise InputError(f"{what} needs {least} samples or more, given {time.size}")
     step = float(time[-1] - time[0]) / (time.size - 1)

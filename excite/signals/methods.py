@@ -21,24 +21,7 @@ _REGISTRY = {
 
 
 def signal_method(name: str, *, measured_velocity: bool = False, **options: Any) -> Method:
-    """Create a signal method by name.
-
-    Parameters
-    ----------
-    name : str
-        One of `excite.registry.SIGNALS`.
-    measured_velocity : bool
-        Whether measured velocities are used, see `MeasuredVelocity`.
-    **options
-        Settings of the method.
-
-    Raises
-    ------
-    UnknownName
-        No such method, or a setting that it does not have.
-    InputError
-        An invalid setting.
-    """
+    """Create a signal method by name."""
     if name not in SIGNALS:
         raise UnknownName("method of signals", name, SIGNALS)
     module, kind = _REGISTRY[name]

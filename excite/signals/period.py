@@ -20,18 +20,7 @@ def estimated_period(time: Array, q: Array) -> float:
 
     The mean square difference ``d(T)`` of ``q(t)`` and ``q(t + T)``, over all joints, is least there, relative to the
     ``2 var q`` of uncorrelated motions.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Uniform, two periods or more [s].
-    q : ndarray, shape (N, n)
-
-    Raises
-    ------
-    InputError
-        The motion does not repeat itself within half the time: ``sqrt(d / 2 var)`` is not below 0.02.
-    """
+    """  # time (N,); q (N, n)
     h = spacing(time, "period", 16)
     scale = 2 * float(q.var(axis=0).sum())
     if scale == 0.0:

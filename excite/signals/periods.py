@@ -22,27 +22,15 @@ _CHANNELS = ("q", "dq", "effort", "wrench", "temperature")
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """Mean of the periods of a log.
+    """Mean of the periods of a log."""
 
-    Parameters
-    ----------
-    log : Log
-        One period, at the times of the first.
-    noise : dict of str to ndarray, shape (columns,)
-        Per channel of the log the standard deviation of one sample about the mean; that of the mean itself is less by
-        ``sqrt(periods)`` [unit of the channel].
-    periods : int
-    period : float
-        [s]
-    note : str
-        Assumptions and results.
-    """
-
-    log: Log
+    log: Log  # one period, at the times of the first
+    # (columns,) per channel of the log the standard deviation of one sample about the mean; that of the mean itself
+    # is less by ``sqrt(periods)`` [unit of the channel]
     noise: dict[str, Array]
     periods: int
-    period: float
-    note: str
+    period: float  # [s]
+    note: str  # assumptions and results
 
 
 def average_periods(log: Log, period: float | None = None, tolerance: float = ALIKE) -> Averaged:
@@ -50,21 +38,6 @@ def average_periods(log: Log, period: float | None = None, tolerance: float = AL
 
     With x_k(t) the sample at phase t of period k of K, the mean is ``m(t) = sum_k x_k(t) / K`` and the noise
     ``s^2 = sum_{k,t} (x_k(t) - m(t))^2 / (M (K - 1))`` over the M phases.
-
-    Parameters
-    ----------
-    log : Log
-        Uniform; see `excite.signals.resampling.resample`. Rows after the last whole period are left out.
-    period : float, optional
-        [s]; estimated from the positions if not given.
-    tolerance : float
-        How much a joint's position may differ from its mean over the periods, as a share of its own standard
-        deviation.
-
-    Raises
-    ------
-    InputError
-        Fewer than two periods, or a motion that differs from period to period.
     """
     check_positive("averaging", period=period, tolerance=tolerance)
     h = spacing(log.time, "averaging", 16)

@@ -23,17 +23,10 @@ _COPIES = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Resampled:
-    """A log on uniform instants.
-
-    Parameters
-    ----------
-    log : Log
-    note : str
-        Unevenness of the time stamps, and how they were resampled.
-    """
+    """A log on uniform instants."""
 
     log: Log
-    note: str
+    note: str  # unevenness of the time stamps, and how they were resampled
 
 
 def resample(log: Log, rate: float | None = None) -> Resampled:
@@ -42,18 +35,6 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     Positions and velocities by cubic splines, torques, wrenches and temperatures linearly. A log whose instants are
     uniform to 1e-6 of its sample time is left as it is. Where rows are missing, the others keep their instants; gaps of
     up to a second are bridged by polynomials, see `excite.signals.bridging`.
-
-    Parameters
-    ----------
-    log : Log
-    rate : float, optional
-        [Hz]; as many samples as there are, if not given. A rate below 0.9 of the log's would alias fast noise into the
-        motion; see `excite.signals.low_pass.decimated`.
-
-    Raises
-    ------
-    InputError
-        The log has gaps of more than a second, or fewer than four rows, or the rate is too low.
     """
     check_positive("resampling", rate=rate)
     if log.count < 4:

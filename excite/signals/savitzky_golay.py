@@ -22,24 +22,15 @@ _LONG = 32  # samples on either side, from which on transforms are faster
 
 @dataclass(frozen=True)
 class SavitzkyGolay(Method):
-    """Least-squares polynomial over a window about every sample; its derivatives are those of the motion.
+    """Least-squares polynomial over a window about every sample; its derivatives are those of the motion."""
 
-    Parameters
-    ----------
-    window : float, optional
-        Length of the window [s]. If not given, the one whose filter has the cutoff of
-        `excite.signals.bandwidth.chosen_cutoff`: with M samples to each side and degree d its cutoff is
-        ``(d + 1) / (3.2 M - 4.6)`` of half the sample rate [Schafer, What is a Savitzky-Golay filter?, IEEE Signal
-        Processing Magazine 28(4), 2011].
-    degree : int
-        Of the polynomial, 2 or more.
-    cutoff : float, optional
-        Instead of the window: the cutoff of its filter [Hz].
-    """
-
+    # length of the window [s]. If not given, the one whose filter has the cutoff of
+    # `excite.signals.bandwidth.chosen_cutoff`: with M samples to each side and degree d its cutoff is ``(d + 1) /
+    # (3.2 M - 4.6)`` of half the sample rate [Schafer, What is a Savitzky-Golay filter?, IEEE Signal Processing
+    # Magazine 28(4), 2011]
     window: float | None = None
-    degree: int = 4
-    cutoff: float | None = None
+    degree: int = 4  # of the polynomial, 2 or more
+    cutoff: float | None = None  # instead of the window: the cutoff of its filter [Hz]
 
     name: ClassVar[str] = "savitzky-golay"
 

@@ -27,20 +27,12 @@ class SmoothingSpline(Method):
     With N samples, p coefficients and the sum of squares R of the residuals: where the noise s is known, the widest
     knots with ``R / (N - p) <= (1.05 s)^2``; where not, the widest whose generalised cross-validation
     ``N R / (N - p)^2`` [Craven, Wahba 1979] is within 2 % of the least. The former suits rounded positions better.
-
-    Parameters
-    ----------
-    noise : float, optional
-        Standard deviation of the positions [rad or m].
-    knots : float or tuple of float, optional
-        Distance of the knots [s], of all joints or of each; chosen if not given.
-    cutoff : float, optional
-        Instead: highest frequency that the knots resolve, two of them in its period [Hz].
     """
 
-    noise: float | None = None
+    noise: float | None = None  # standard deviation of the positions [rad or m]
+    # distance of the knots [s], of all joints or of each; chosen if not given
     knots: float | tuple[float, ...] | None = None
-    cutoff: float | None = None
+    cutoff: float | None = None  # instead: highest frequency that the knots resolve, two of them in its period [Hz]
 
     name: ClassVar[str] = "spline"
 
@@ -111,24 +103,12 @@ class SmoothingSpline(Method):
 
 @dataclass(frozen=True, eq=False)
 class SplineFit:
-    """Splines of all joints with one distance of knots.
+    """Splines of all joints with one distance of knots."""
 
-    Parameters
-    ----------
-    spline : BSpline
-        Of n columns.
-    distance : float
-        [s]
-    freedom : int
-        ``N - p``.
-    deviation : ndarray, shape (n,)
-        ``sqrt(R / (N - p))``
-    """
-
-    spline: scipy.interpolate.BSpline
-    distance: float
-    freedom: int
-    deviation: Array
+    spline: scipy.interpolate.BSpline  # of n columns
+    distance: float  # [s]
+    freedom: int  # ``N - p``
+    deviation: Array  # (n,) ``sqrt(R / (N - p))``
 
     def of(self, joints: Index) -> SplineFit:
         """The splines of some joints."""
@@ -137,14 +117,7 @@ class SplineFit:
 
 
 def fit(time: Array, q: Array, pieces: int) -> SplineFit:
-    """Least-squares quintic splines of a number of uniform pieces.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-    q : ndarray, shape (N, n)
-    pieces : int
-    """
+    """Least-squares quintic splines of a number of uniform pieces."""  # time (N,); q (N, n)
     inner = np.linspace(time[0], time[-1], pieces + 1)
     knots = np.concatenate([np.repeat(inner[0], _DEGREE), inner, np.repeat(inner[-1], _DEGREE)])
     spline = scipy.interpolate.make_lsq_spline(time, q, knots, _DEGREE, method="norm-eq")  # well conditioned, and fast

@@ -17,15 +17,9 @@ from regressors.symbolic.kinematics import sparse
 
 @dataclass(frozen=True)
 class Wanted:
-    """The reference at one instant; each SX of shape (n, 1).
+    """The reference at one instant; each SX of shape (n, 1)."""
 
-    Parameters
-    ----------
-    q, dq, ddq : SX
-        [rad, rad/s, rad/s^2, or with m]
-    """
-
-    q: ca.SX
+    q: ca.SX  # [rad, rad/s, rad/s^2, or with m]
     dq: ca.SX
     ddq: ca.SX
 
@@ -46,17 +40,10 @@ class ComputedTorque(Controller):
     """``tau = M (ddq_d + 2 w (dq_d - dq) + w^2 (q_d - q)) + b(q, dq) + C' f(C dq_d)``, with the model's M, b, f.
 
     Friction is compensated at the desired velocity, whose sign does not chatter.
-
-    Parameters
-    ----------
-    model : Plant
-        The controller's model.
-    frequency : float
-        w [rad/s].
     """
 
-    model: Plant
-    frequency: float
+    model: Plant  # the controller's model
+    frequency: float  # w [rad/s]
 
     def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
         """The equation of the class."""
@@ -69,21 +56,11 @@ class ComputedTorque(Controller):
 
 @dataclass(frozen=True, eq=False)
 class ProportionalDerivative(Controller):
-    """``tau = g(q) + I (w^2 (q_d - q) + 2 w (dq_d - dq))``, with I the joints' inertia in the middle of the motion.
+    """``tau = g(q) + I (w^2 (q_d - q) + 2 w (dq_d - dq))``, with I the joints' inertia in the middle of the motion."""
 
-    Parameters
-    ----------
-    model : Plant
-        The controller's model.
-    frequency : float
-        w [rad/s].
-    inertia : ndarray, shape (n,)
-        Diagonal of the model's mass matrix [kg m^2, or kg].
-    """
-
-    model: Plant
-    frequency: float
-    inertia: Array
+    model: Plant  # the controller's model
+    frequency: float  # w [rad/s]
+    inertia: Array  # (n,) diagonal of the model's mass matrix [kg m^2, or kg]
 
     def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
         """The equation of the class."""
@@ -94,18 +71,7 @@ class ProportionalDerivative(Controller):
 
 
 def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> Controller:
-    """Controller by its name in `excite.simulation.settings.CONTROLLERS`.
-
-    Parameters
-    ----------
-    name : str
-    model : Plant
-        The controller's model.
-    bandwidth : float
-        Natural frequency [Hz].
-    middle : ndarray, shape (n,)
-        Pose in the middle of the motion, where the gains of a PD controller are chosen [rad or m].
-    """
+    """Controller by its name in `excite.simulation.settings.CONTROLLERS`."""  # middle (n,)
     frequency = 2 * np.pi * bandwidth
     if name == "computed-torque":
         return ComputedTorque(model, frequency)
@@ -116,12 +82,7 @@ def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> C
 
 @dataclass(frozen=True, eq=False)
 class TorqueLimits:
-    """Largest torques of joints and of drives.
-
-    Parameters
-    ----------
-    robot : Robot
-    """
+    """Largest torques of joints and of drives."""
 
     robot: Robot
 

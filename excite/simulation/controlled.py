@@ -16,24 +16,13 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class ControlledRobot:
-    """A robot, its controller and its torque limits.
-
-    Parameters
-    ----------
-    plant : Plant
-    controller : Controller
-    limits : TorqueLimits or None
-        None for unlimited drives.
-    ramped : RampedDrive, optional
-        Drive with prescribed torque ramps while the others are controlled.
-    struck : bool
-        True if torques from outside act on the joints besides; they follow the reference in the inputs.
-    """
+    """A robot, its controller and its torque limits."""
 
     plant: Plant
     controller: Controller
-    limits: TorqueLimits | None
-    ramped: RampedDrive | None = None
+    limits: TorqueLimits | None  # None for unlimited drives
+    ramped: RampedDrive | None = None  # drive with prescribed torque ramps while the others are controlled
+    # True if torques from outside act on the joints besides; they follow the reference in the inputs
     struck: bool = False
 
     def instant(self, width: float, sticking: Sticking | None = None) -> tuple[list[ca.SX], list[ca.SX]]:
@@ -42,13 +31,6 @@ class ControlledRobot:
         The state is (q, dq, work, loss), the reference (q, dq, ddq), torques from outside where there are any, and the
         torque of a ramp. The memory is a position
         of the joints, the directions of friction at that position, and 1 if the loop of the ramped drive is open.
-
-        Parameters
-        ----------
-        width : float
-            Velocity over which friction and its compensation change sign [rad/s or m/s].
-        sticking : Sticking, optional
-            Presliding friction; the width is then that of its compensation alone.
         """
         robot = self.plant.robot
         n = robot.n

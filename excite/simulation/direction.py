@@ -24,18 +24,10 @@ _DAMPING = 0.5  # of critical damping; more would need smaller steps
 
 @dataclass(frozen=True)
 class Sticking:
-    """Presliding friction: it changes direction over a distance, and holds at rest.
+    """Presliding friction: it changes direction over a distance, and holds at rest."""
 
-    Parameters
-    ----------
-    distance : float
-        d > 0 [rad or m].
-    lead : tuple of float
-        T of each drive with friction [s].
-    """
-
-    distance: float
-    lead: tuple[float, ...]
+    distance: float  # d > 0 [rad or m]
+    lead: tuple[float, ...]  # T of each drive with friction [s]
 
 
 def friction_rows(robot: Robot) -> Array:
@@ -44,43 +36,15 @@ def friction_rows(robot: Robot) -> Array:
 
 
 def followed(robot: Robot, way: ca.SX, start: ca.SX, distance: float) -> ca.SX:
-    """Dahl's direction after a displacement without reversal, ``s = u + (s0 - u) exp(-|dz| / d)``, ``u = sign(dz)``.
-
-    Parameters
-    ----------
-    robot : Robot
-    way : SX, shape (n, 1)
-        Displacement of the joints since the direction was s0 [rad or m].
-    start : SX, shape (k, 1)
-        s0 of the drives with friction.
-    distance : float
-        d [rad or m].
-
-    Returns
-    -------
-    SX, shape (k, 1)
-    """
+    """Dahl's direction after a displacement without reversal, ``s = u + (s0 - u) exp(-|dz| / d)``, ``u = sign(dz)``."""
+    # way (n, 1); start (k, 1)
     dz = ca.mtimes(sparse(friction_rows(robot)), way)
     ahead = ca.sign(dz)
     return ca.densify(ahead + (start - ahead) * ca.exp(-ca.fabs(dz) / distance))
 
 
 def sticking_direction(robot: Robot, way: ca.SX, dq: ca.SX, start: ca.SX, sticking: Sticking) -> ca.SX:
-    """``s + T ds/dt`` of presliding friction, between -1 and 1.
-
-    Parameters
-    ----------
-    robot : Robot
-    way, dq : SX, shape (n, 1)
-        Displacement of the joints since the direction was s0, and velocity.
-    start : SX, shape (k, 1)
-        s0.
-    sticking : Sticking
-
-    Returns
-    -------
-    SX, shape (k, 1)
-    """
+    """``s + T ds/dt`` of presliding friction, between -1 and 1."""  # way, dq (n, 1); start (k, 1)
     s = followed(robot, way, start, sticking.distance)
     dz = ca.mtimes(sparse(friction_rows(robot)), dq)
     rate = (1 - s * ca.sign(dz)) * dz / sticking.distance
@@ -88,21 +52,8 @@ def sticking_direction(robot: Robot, way: ca.SX, dq: ca.SX, start: ca.SX, sticki
 
 
 def steepest_direction(robot: Robot, way: ca.SX, gain: ca.SX, dq: ca.SX, distance: ca.SX, lead: ca.SX) -> ca.SX:
-    """``sign(dz) + 2 (z + T v) / d``, as steep as presliding friction at a reversal of the motion.
-
-    Parameters
-    ----------
-    robot : Robot
-    way, gain : SX, shape (n, 1)
-        Displacement z and velocity v of the joints since the direction was the sign of the velocity; zero for exactly
-        that direction.
-    dq : SX, shape (n, 1)
-        Velocity.
-    distance : SX
-        d [rad or m].
-    lead : SX, shape (k, 1)
-        T [s].
-    """
+    """``sign(dz) + 2 (z + T v) / d``, as steep as presliding friction at a reversal of the motion."""
+    # way, gain (n, 1); dq (n, 1); lead (k, 1)
     rows = sparse(friction_rows(robot))
     moved = ca.mtimes(rows, way) + lead * ca.mtimes(rows, gain)
     return ca.densify(ca.sign(ca.mtimes(rows, dq)) + 2 * moved / distance)
@@ -113,13 +64,7 @@ def leads(plant: Plant, pose: Array) -> Array:
 
     F is half the range of torques between break-away in both directions, and ``1 / m = c' M^-1 c`` of the drive's row
     c.
-
-    Parameters
-    ----------
-    plant : Plant
-    pose : ndarray, shape (n,)
-        [rad or m]
-    """
+    """  # pose (n,)
     q = ca.SX.sym("q", plant.robot.n)
     M = np.array(ca.Function("mass", [q], [plant.mass_matrix(q)])(pose))
     damping = []
@@ -131,14 +76,7 @@ def leads(plant: Plant, pose: Array) -> Array:
 
 
 def unloaded(plant: Plant, dq: Array) -> Array:
-    """Initial directions: sign of the velocity; at rest, the one at which friction is zero, shape (k,).
-
-    Parameters
-    ----------
-    plant : Plant
-    dq : ndarray, shape (n,)
-        [rad/s or m/s]
-    """
+    """Initial directions: sign of the velocity; at rest, the one at which friction is zero, shape (k,)."""  # dq (n,)
     directions = []
     for name, row in drives_with_friction(plant.robot):
         dz, (ahead, behind) = float(row @ dq), _resting(plant, name)

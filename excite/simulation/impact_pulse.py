@@ -54,25 +54,11 @@ class ImpactPulse:
 
 @dataclass(frozen=True, eq=False)
 class Impacts:
-    """All impacts of a run.
+    """All impacts of a run."""
 
-    Parameters
-    ----------
-    robot : Robot
-        The moving robot.
-    pulses : sequence of ImpactPulse
-    wait : float
-        Time before the motion, by which all are later [s].
-
-    Raises
-    ------
-    UnknownName
-        A joint that does not move or that the robot does not have.
-    """
-
-    robot: Robot
+    robot: Robot  # the moving robot
     pulses: Sequence[ImpactPulse]
-    wait: float = 0.0
+    wait: float = 0.0  # time before the motion, by which all are later [s]
 
     def __post_init__(self) -> None:
         for pulse in self.pulses:

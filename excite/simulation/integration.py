@@ -65,20 +65,7 @@ class SimulatedRun:
 
 
 def rk4_step(rate: Callable[[ca.MX, ca.MX], ca.MX], x: ca.MX, inputs: ca.MX, h: float, substeps: int) -> ca.MX:
-    """State after ``substeps`` steps of the classical Runge-Kutta method.
-
-    Parameters
-    ----------
-    rate : callable
-        ``dx/dt`` of a state and of one column of the inputs.
-    x : MX
-        State.
-    inputs : MX, 2 substeps + 1 columns
-        At steps and half steps.
-    h : float
-        Length of a substep [s].
-    substeps : int
-    """
+    """State after ``substeps`` steps of the classical Runge-Kutta method."""
     for k in range(substeps):
         start, middle, end = (inputs[:, 2 * k + j] for j in range(3))
         k1 = rate(x, start)
@@ -101,27 +88,6 @@ def simulated_run(
     """Motion of a controlled robot that starts as the reference does.
 
     In presliding, the direction of friction within a substep assumes no reversal since the substep's start.
-
-    Parameters
-    ----------
-    robot : ControlledRobot
-    reference : Reference
-    rate : float
-        Samples per second [Hz].
-    steps : Steps
-    progress : callable, optional
-        Called with the number of samples done and of all, after each chunk.
-    ramps : GivenTorque, optional
-        Torque ramps of the robot's ramped drive.
-    impacts : Impacts, optional
-        Torques from outside on a robot that is struck.
-
-    Raises
-    ------
-    InputError
-        The mass matrix is not positive definite somewhere.
-    LostMotionError
-        The motion diverges.
     """
     n, h = robot.plant.robot.n, 1.0 / (rate * steps.substeps)
     step = _step(robot, steps, h)

@@ -21,28 +21,14 @@ _ROUNDING = 1e-6  # of a limit that a motion may touch
 
 @dataclass(frozen=True)
 class LimitExcess:
-    """A limit that the simulated motion passed.
-
-    Parameters
-    ----------
-    quantity : {"position", "velocity", "torque"}
-    label : str
-        Such as ``joint q2`` or ``drive z2``.
-    unit : str
-    limit : float
-        [unit]
-    excess : float
-        By how much it was passed at most [unit].
-    relative : float
-        The excess over the range that the limits allow a position, else over the limit.
-    """
+    """A limit that the simulated motion passed."""
 
     quantity: str
-    label: str
+    label: str  # such as ``joint q2`` or ``drive z2``
     unit: str
-    limit: float
-    excess: float
-    relative: float
+    limit: float  # [unit]
+    excess: float  # by how much it was passed at most [unit]
+    relative: float  # the excess over the range that the limits allow a position, else over the limit
 
     @property
     def fails(self) -> bool:
@@ -59,14 +45,7 @@ class LimitExcess:
 
 
 def exceeded_limits(robot: Robot, samples: Samples) -> tuple[LimitExcess, ...]:
-    """Limits of positions and velocities, of joints and of drives, that a motion passes.
-
-    Parameters
-    ----------
-    robot : Robot
-        That moves.
-    samples : Samples
-    """
+    """Limits of positions and velocities, of joints and of drives, that a motion passes."""
     units = [joint.unit for joint in robot.joints]
     joints = [f"joint {name}" for name in robot.joint_names]
     found = [*_passed(robot.limits, joints, units, samples.q, samples.dq)]
@@ -97,17 +76,8 @@ def _torque_units(robot: Robot) -> dict[str, str]:
 
 
 def cut_off_torques(robot: Robot, time: Array, command: Array) -> tuple[Saturation, ...]:
-    """Torques of joints and drives of which more was asked for than is allowed, and when.
-
-    Parameters
-    ----------
-    robot : Robot
-        That moves.
-    time : ndarray, shape (N,)
-        [s]
-    command : ndarray, shape (N, n)
-        Joint torques that the controller asked for [Nm or N].
-    """
+    """Torques of joints and drives of which more was asked for than is allowed, and when."""
+    # time (N,); command (N, n)
     units = _torque_units(robot)
     return tuple(
         saturation_of(label, bound, units[label], time, size > bound)
@@ -117,15 +87,7 @@ def cut_off_torques(robot: Robot, time: Array, command: Array) -> tuple[Saturati
 
 
 def exceeded_torques(robot: Robot, command: Array) -> tuple[LimitExcess, ...]:
-    """Limits that torques pass, where nothing cuts them off.
-
-    Parameters
-    ----------
-    robot : Robot
-        That moves.
-    command : ndarray, shape (N, n)
-        Joint torques that the controller asked for [Nm or N].
-    """
+    """Limits that torques pass, where nothing cuts them off."""  # command (N, n)
     units = _torque_units(robot)
     return tuple(
         LimitExcess("torque", label, units[label], bound, float(size.max()) - bound, float(size.max()) / bound - 1)

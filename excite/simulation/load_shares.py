@@ -21,20 +21,7 @@ _MOST = 0.99  # from 1 on, a drive would hold any load
 
 
 def load_shares(model: RegressorModel, base: Base, beta: Array) -> dict[int, float]:
-    """Load share of every drive that has one among the base parameters, by the drive's number.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    base : Base
-        Of the model.
-    beta : ndarray, shape (b,)
-
-    Returns
-    -------
-    dict of int to float
-        Limited to +-0.99.
-    """
+    """Load share of every drive that has one among the base parameters, by the drive's number."""  # beta (b,)
     composition = model.composition
     values = composition.matrix[:, base.index] @ beta
     pairs = zip(composition.standard, values, strict=True)
@@ -49,30 +36,7 @@ def carried_along_motion(
 
     The load is the identified robot's own. The model's regressor takes that of fixed parameters; both are the same
     where these are those of the estimate.
-
-    Parameters
-    ----------
-    robot : Robot
-        With its moving joints only.
-    shares : mapping of int to float
-        See `load_shares`.
-    N : ndarray, shape (n, k)
-        Matrix of the partial motion.
-    dq : SX, shape (n, 1)
-    tau : SX, shape (k, 1)
-        Torques without all other friction [Nm or N].
-    width : float
-        Drive velocity over which friction changes its sign [rad/s or m/s].
-
-    Returns
-    -------
-    SX, shape (k, 1)
-
-    Raises
-    ------
-    InputError
-        More drives move than there are directions, so the load of each is not determined.
-    """
+    """  # N (n, k); dq (n, 1); tau (k, 1)
     joints = ca.mtimes(sparse(carried_along(robot, N)), tau)
     to_drives, direction = torques_at_drives(robot), smooth_direction(robot, dq, width)
     z = ca.mtimes(sparse(to_drives), joints)

@@ -21,21 +21,12 @@ _LEAST_RANGE = 0.1  # rad or m: a joint that rests or hardly moves is judged as 
 
 @dataclass(frozen=True)
 class Tracking:
-    """How far one joint was from its reference.
-
-    Parameters
-    ----------
-    joint, unit : str
-    error : float
-        Largest ``|q - q_d|`` [unit].
-    travel : float
-        Range of motion in the reference [unit].
-    """
+    """How far one joint was from its reference."""
 
     joint: str
     unit: str
-    error: float
-    travel: float
+    error: float  # largest ``|q - q_d|`` [unit]
+    travel: float  # range of motion in the reference [unit]
 
     @property
     def relative(self) -> float:
@@ -105,21 +96,7 @@ def _tracking_text(one: Tracking, allowed: float) -> str:
 def simulation_outcome(
     robot: Robot, reference: Samples, samples: Samples, command: Array, *, limited: bool = True, pushed: bool = False
 ) -> SimulationOutcome:
-    """What is to be said of a simulated run.
-
-    Parameters
-    ----------
-    robot : Robot
-        That moves.
-    reference, samples : Samples
-        What was wanted, and what happened, at the same instants.
-    command : ndarray, shape (N, n)
-        Joint torques that the controller asked for [Nm or N].
-    limited : bool
-        True if torques were cut off at their limits.
-    pushed : bool
-        True if a drive was given ramps of torque: positions are not held then.
-    """
+    """What is to be said of a simulated run."""  # command (N, n)
     return SimulationOutcome(
         count=samples.time.size,
         saturated=cut_off_torques(robot, samples.time, command) if limited else (),
@@ -129,15 +106,7 @@ def simulation_outcome(
 
 
 def trackings(robot: Robot, reference: Samples, samples: Samples) -> tuple[Tracking, ...]:
-    """How far each joint was from its reference at the same instants.
-
-    Parameters
-    ----------
-    robot : Robot
-        That moves.
-    reference, samples : Samples
-        What was wanted, and what happened.
-    """
+    """How far each joint was from its reference at the same instants."""
     errors, travels = np.abs(samples.q - reference.q).max(axis=0), np.ptp(reference.q, axis=0)
     return tuple(
         Tracking(joint.name, joint.unit, float(error), float(travel))

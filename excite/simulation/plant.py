@@ -24,21 +24,11 @@ from regressors.symbolic.kinematics import bodies, sparse
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """A robot with numbers for all its parameters.
-
-    Parameters
-    ----------
-    robot : Robot
-    theta : ndarray, shape (10 b,)
-        Inertial parameters of its bodies.
-    rotors : ndarray, shape (r,)
-        Inertia of the rotor of every moving drive [kg m^2].
-    friction : FrictionCurves
-    """
+    """A robot with numbers for all its parameters."""
 
     robot: Robot
-    theta: Array
-    rotors: Array
+    theta: Array  # (10 b,) inertial parameters of its bodies
+    rotors: Array  # (r,) inertia of the rotor of every moving drive [kg m^2]
     friction: FrictionCurves
 
     def torque(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
@@ -66,20 +56,8 @@ class Plant:
         return ca.jacobian(self.torque(q, ca.SX.zeros(self.robot.n, 1), ddq), ddq)
 
     def acceleration(self, q: ca.SX, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Acceleration under given joint torques, ``M^-1 (tau - b - C' f(C dq, s))``.
-
-        Parameters
-        ----------
-        q, dq, tau : SX, shape (n, 1)
-        direction : SX, shape (k, 1)
-            s of every drive with friction, from -1 to 1, such as `regressors.friction.curves.smooth_direction`.
-
-        Returns
-        -------
-        ddq : SX, shape (n, 1)
-        least : SX, scalar
-            Smallest pivot of M; M is positive definite where it is above zero.
-        """
+        """Acceleration under given joint torques, ``M^-1 (tau - b - C' f(C dq, s))``."""
+        # q, dq, tau (n, 1); direction (k, 1); result (n, 1)
         bias = self.torque(q, dq, ca.SX.zeros(self.robot.n, 1))
         return solved(self.mass_matrix(q), self.carried_torque(dq, tau, direction) - bias)
 
@@ -98,12 +76,6 @@ class Plant:
 
         Each body's ten parameters are scaled by one factor, so that they stay those of a real body, and so is each
         rotor and each drive's friction; factors are uniform in ``1 +- relative``.
-
-        Parameters
-        ----------
-        relative : float
-            At least 0, below 1.
-        rng : numpy.random.Generator
         """
         if relative == 0.0:
             return self
@@ -115,40 +87,13 @@ class Plant:
 
 
 def solved(M: ca.SX, rest: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """``M^-1 rest`` by ``M = L D L'``, and the smallest entry of D.
-
-    Parameters
-    ----------
-    M : SX, shape (n, n)
-        Symmetric.
-    rest : SX, shape (n, 1)
-    """
+    """``M^-1 rest`` by ``M = L D L'``, and the smallest entry of D."""  # M (n, n); rest (n, 1)
     D, LT, order = ca.ldl(M)
     return ca.densify(ca.ldl_solve(rest, D, LT, order)), ca.mmin(ca.densify(D))
 
 
 def plant_of(robot: Robot, friction: FrictionCurves | None = None) -> tuple[Plant, tuple[str, ...]]:
-    """Plant with a robot's own parameters, and notes on assumptions about unknown ones.
-
-    Parameters
-    ----------
-    robot : Robot
-        The moving robot.
-    friction : FrictionCurves, optional
-        Drives without an entry have the friction of the robot's description.
-
-    Returns
-    -------
-    plant : Plant
-    notes : tuple of str
-
-    Raises
-    ------
-    InputError
-        The inertia of a link is unknown; names the links.
-    UnknownName
-        Friction of a drive that the robot does not have.
-    """
+    """Plant with a robot's own parameters, and notes on assumptions about unknown ones."""
     unknown = [body.name for body in robot.bodies if body.theta is None]
     if unknown:
         raise InputError(

@@ -37,25 +37,12 @@ def broken_limits(source: MotionSource) -> tuple[LimitUse, ...]:
     between each two, and may pass a limit by 0.1 %; accelerations between samples depend on what interpolates them, and
     its jerk is not known. Torques count, without a reserve, where the task keeps to their limits and the description
     states what they need; not those of a friction plan.
-
-    Parameters
-    ----------
-    source : MotionSource
-
-    Returns
-    -------
-    tuple of LimitUse
     """
     return played_uses(source)[1]
 
 
 def played_uses(source: MotionSource) -> tuple[tuple[LimitUse, ...], tuple[LimitUse, ...]]:
-    """Use of each limit of a motion, and those of them that it breaks, the worst first, see `broken_limits`.
-
-    Parameters
-    ----------
-    source : MotionSource
-    """
+    """Use of each limit of a motion, and those of them that it breaks, the worst first, see `broken_limits`."""
     linear, motion = linear_limits(moving_robot(source.robot, source.task)), source.motion
     if isinstance(motion, Trajectory):
         exact = [use for limit in linear for use in limit_uses(limit, motion.extrema(limit))]
@@ -70,17 +57,7 @@ def played_uses(source: MotionSource) -> tuple[tuple[LimitUse, ...], tuple[Limit
 
 
 def check_played(source: MotionSource) -> None:
-    """Refuse a motion that breaks a limit.
-
-    Parameters
-    ----------
-    source : MotionSource
-
-    Raises
-    ------
-    BrokenLimitError
-        The message names the limit, and by how much and when it is broken.
-    """
+    """Refuse a motion that breaks a limit."""
     broken = broken_limits(source)
     if broken:
         worst, more = broken[0], len(broken) - 1

@@ -19,24 +19,12 @@ _ROUNDING = 1e-9  # s, by which an instant may precede its sample
 
 @dataclass(frozen=True, eq=False)
 class GivenTorque:
-    """Prescribed torque of one drive over time; outside the ramps its position is controlled.
+    """Prescribed torque of one drive over time; outside the ramps its position is controlled."""
 
-    Parameters
-    ----------
-    drive : str
-        Name of the drive, or of the joint where the robot has no transmission.
-    time : ndarray, shape (N,)
-        Increasing [s].
-    torque : ndarray, shape (N,)
-        Torque in addition to the compensation of gravity [Nm or N]; linear in between.
-    number : ndarray of int, shape (N,)
-        1, 2, ... in the ramps, 0 between them.
-    """
-
-    drive: str
-    time: Array
-    torque: Array
-    number: Index
+    drive: str  # name of the drive, or of the joint where the robot has no transmission
+    time: Array  # (N,) increasing [s]
+    torque: Array  # (N,) torque in addition to the compensation of gravity [Nm or N]; linear in between
+    number: Index  # (N,) 1, 2, ... in the ramps, 0 between them
 
     @property
     def count(self) -> int:
@@ -57,27 +45,11 @@ class GivenTorque:
 
 @dataclass(frozen=True, eq=False)
 class RampedDrive:
-    """A drive with prescribed torque until it has moved; then the position controller takes over.
+    """A drive with prescribed torque until it has moved; then the position controller takes over."""
 
-    Parameters
-    ----------
-    model : Plant
-        The controller's model, whose gravity is compensated.
-    drive : str
-    catch : float
-        Distance from the ramp's start at which the controller takes over until the next ramp [rad or m].
-
-    Raises
-    ------
-    UnknownName
-        No such drive.
-    InputError
-        The drives do not determine the joints.
-    """
-
-    model: Plant
+    model: Plant  # the controller's model, whose gravity is compensated
     drive: str
-    catch: float
+    catch: float  # distance from the ramp's start at which the controller takes over until the next ramp [rad or m]
 
     def __post_init__(self) -> None:
         C = self._coupling(self.model.robot)
@@ -100,16 +72,8 @@ class RampedDrive:
         return np.array([rows[self.drive], *(row for name, row in rows.items() if name != self.drive)])
 
     def command(self, q: ca.SX, command: ca.SX, torque: ca.SX, is_open: ca.SX) -> ca.SX:
-        """Joint torques, with gravity plus the ramp at this drive if its loop is open, else the controller's.
-
-        Parameters
-        ----------
-        q, command : SX, shape (n, 1)
-        torque : SX, scalar
-            Torque of the ramp.
-        is_open : SX, scalar
-            1 or 0.
-        """
+        """Joint torques, with gravity plus the ramp at this drive if its loop is open, else the controller's."""
+        # q, command (n, 1)
         robot = self.model.robot
         still = ca.SX.zeros(robot.n, 1)
         to_drive = sparse(np.linalg.inv(self._coupling(robot))[:, :1].T)  # tau_z = C^-T tau
@@ -131,15 +95,7 @@ class RampedDrive:
 
 
 def broken_loose(ramps: GivenTorque, time: Array, z: Array, catch: float) -> list[bool]:
-    """Whether each ramp moved its drive by the distance ``catch``.
-
-    Parameters
-    ----------
-    ramps : GivenTorque
-    time, z : ndarray, shape (N,)
-        Motion of the drive.
-    catch : float
-    """
+    """Whether each ramp moved its drive by the distance ``catch``."""  # time, z (N,)
     number = ramps.at(time)[:, 1]
     loose = []
     for k in range(1, ramps.count + 1):

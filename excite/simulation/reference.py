@@ -29,18 +29,7 @@ class Reference(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Repeated:
-    """A motion repeated several times in sequence.
-
-    Parameters
-    ----------
-    motion : Reference
-    periods : int
-
-    Raises
-    ------
-    InputError
-        Several periods of a motion that does not end where it starts.
-    """
+    """A motion repeated several times in sequence."""
 
     motion: Reference
     periods: int
@@ -68,18 +57,10 @@ class Repeated:
 
 @dataclass(frozen=True, eq=False)
 class Awaited:
-    """A motion preceded by rest at its start.
+    """A motion preceded by rest at its start."""
 
-    Parameters
-    ----------
-    motion : Reference
-        At rest at its start.
-    wait : float
-        [s]
-    """
-
-    motion: Reference
-    wait: float
+    motion: Reference  # at rest at its start
+    wait: float  # [s]
 
     @property
     def duration(self) -> float:
@@ -95,20 +76,9 @@ class Awaited:
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion:
-    """Motion interpolated between samples by quintics with their positions, velocities and accelerations.
+    """Motion interpolated between samples by quintics with their positions, velocities and accelerations."""
 
-    Parameters
-    ----------
-    given : Samples
-        Two or more, at increasing times; their jerk is not used.
-
-    Raises
-    ------
-    InputError
-        Fewer samples, or times that do not increase.
-    """
-
-    given: Samples
+    given: Samples  # two or more, at increasing times; their jerk is not used
 
     def __post_init__(self) -> None:
         if self.given.time.size < 2 or not np.all(np.diff(self.given.time) > 0):

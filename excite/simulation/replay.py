@@ -102,38 +102,8 @@ def forward_motion(
     friction: FrictionCurves | None = None,
     sign_width: float | None = None,
 ) -> Replay:
-    """Motion under measured joint torques from one initial state.
-
-    Parameters
-    ----------
-    model : RegressorModel
-        A differential model, or its restriction to a partial motion.
-    beta : ndarray, shape (b,)
-        Estimated base parameters.
-    base : Base
-        Base of the model.
-    time : ndarray, shape (N,)
-        Uniform [s].
-    torque : ndarray, shape (N, n)
-        Measured joint torques [Nm or N], interpolated by cubics.
-    q0, dq0 : ndarray, shape (n,)
-        Position and velocity at the first instant [rad, rad/s, or with m].
-    friction : FrictionCurves, optional
-        Curves that were subtracted from the torques when beta was estimated.
-    sign_width : float, optional
-        Drive velocity over which friction changes its sign [rad/s or m/s]; chosen so that the steps are stable if not
-        given.
-
-    Returns
-    -------
-    Replay
-        A failure is reported by its outcome, not raised.
-
-    Raises
-    ------
-    InputError
-        Another kind of model, shapes that do not fit, times that are not uniform, or a sign width too small.
-    """
+    """Motion under measured joint torques from one initial state."""
+    # beta (b,); time (N,); torque (N, n); q0, dq0 (n,)
     q, dq = (np.asarray(x, dtype=float)[None] for x in (q0, dq0))
     windows = _Windows((0,), (np.size(time),), q, dq)
     return _replayed(ModelMotion(model, beta, base, friction), time, torque, windows, sign_width)
@@ -153,29 +123,7 @@ def windowed_motion(
     sign_width: float | None = None,
     most: int | None = None,
 ) -> Replay:
-    """Motion under measured joint torques, restarted from the measured state after each horizon.
-
-    Parameters
-    ----------
-    model, beta, base, time, torque, friction, sign_width
-        See `forward_motion`.
-    q, dq : ndarray, shape (N, n)
-        Measured position and velocity [rad, rad/s, or with m].
-    horizon : float
-        Length of a window, at least one sample [s].
-    most : int, optional
-        Largest number of windows to simulate, spread over the motion by `chosen_windows`; all of them if not given. Of
-        the others, only the mass matrix at their start is looked at.
-
-    Returns
-    -------
-    Replay
-
-    Raises
-    ------
-    InputError
-        See `forward_motion`; a horizon that is shorter than a sample; no window to simulate.
-    """
+    """Motion under measured joint torques, restarted from the measured state after each horizon."""  # q, dq (N, n)
     step = _step(time)
     if not (np.isfinite(horizon) and round(horizon / step) >= 1):
         raise InputError(f"replay: a horizon of {horizon:g} s is shorter than a sample of {step:g} s")

@@ -52,38 +52,6 @@ def simulate_motion(
     """Simulate a robot that follows a motion, and its sensors.
 
     Where the motion starts at rest, the robot settles at its start before the run begins.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot, its inertias known.
-    task : Task
-        Gives the moving joints and the place of the force/torque sensor; the other joints are held rigidly.
-    motion : Reference
-        Motion of the moving joints, such as the trajectory of a design.
-    settings : SimulationSettings, optional
-    friction : FrictionCurves, optional
-        Replaces the friction of the robot's description for the drives that it names.
-    load : Payload, optional
-        Load behind the sensor, unknown to the controller.
-    ramps : GivenTorque, optional
-        Prescribed torques of one drive, whose position is not controlled until it has moved by ``settings.catch``.
-    progress : callable, optional
-        Called with the number of samples done and the total.
-
-    Returns
-    -------
-    Simulation
-
-    Raises
-    ------
-    InputError
-        Unknown inertias (named), a motion with the wrong number of joints, unstable steps, or several periods of torque
-        ramps.
-    UnknownName
-        Ramps of a drive, or an impact on a joint, that the robot does not have.
-    LostMotionError
-        The motion diverges.
     """
     settings = settings if settings is not None else SimulationSettings()
     sensor = sensor_of(task)

@@ -17,19 +17,8 @@ _NEWTON = 2  # each iteration squares an error that begins as one count
 
 
 def motor_angle(gear: GearFunction, z: Array) -> tuple[Array, Array]:
-    """Angle ``F(z) - F(0) = int_0^z F'(s) ds`` of a motor, by Gauss-Legendre quadrature, and its ratio ``F'(z)``.
-
-    Parameters
-    ----------
-    gear : GearFunction
-    z : ndarray, shape (N,)
-        Drive coordinate [rad or m].
-
-    Returns
-    -------
-    angle, ratio : ndarray, shape (N,)
-        [rad, rad per unit of z]
-    """
+    """Angle ``F(z) - F(0) = int_0^z F'(s) ds`` of a motor, by Gauss-Legendre quadrature, and its ratio ``F'(z)``."""
+    # z (N,); result (N,)
     symbol = ca.SX.sym("z")
     ratio = VectorisedFunction([symbol], gear.ratio(symbol))
     values = np.concatenate([ratio(z[None] * x) for x in (_NODES + 1) / 2])
@@ -41,20 +30,7 @@ def quantised(robot: Robot, q: Array, counts: tuple[float, ...]) -> Array:
 
     Each motor's angle F(z) is rounded to whole counts and mapped back through the gear, by Newton's method, and the
     coupling, ``q = C^-1 (z - z0)``. Without a transmission the counts are per revolution of the joint.
-
-    Parameters
-    ----------
-    robot : Robot
-    q : ndarray, shape (N, n)
-        [rad or m]
-    counts : tuple of float
-        Counts per revolution of the motor, one for all drives or one each.
-
-    Raises
-    ------
-    InputError
-        A wrong number of counts, or drives that do not determine the joints.
-    """
+    """  # q (N, n)
     per_drive = one_each(counts, robot.n, "encoder", "moving drive")
     transmission = robot.transmission
     if transmission is None:
@@ -78,17 +54,6 @@ def quantised(robot: Robot, q: Array, counts: tuple[float, ...]) -> Array:
 
 
 def noisy(values: Array, deviation: tuple[float, ...], what: str, rng: np.random.Generator) -> Array:
-    """Values with white Gaussian noise.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N, n)
-    deviation : tuple of float
-        Standard deviation, one for all columns or one each, in the unit of the values.
-    what : str
-        Name of the option, for messages.
-    rng : numpy.random.Generator
-        Advanced by the same number of draws for any deviations.
-    """
+    """Values with white Gaussian noise."""  # values (N, n)
     sigma = np.array(one_each(deviation, values.shape[1], what))
     return np.asarray(values + rng.standard_normal(values.shape) * sigma)

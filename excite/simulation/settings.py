@@ -115,13 +115,7 @@ class SimulationSettings:
 
 
 def one_each(values: tuple[float, ...], count: int, what: str, of: str = "joint") -> tuple[float, ...]:
-    """One value for each of ``count`` items, from one for all or one each.
-
-    Raises
-    ------
-    InputError
-        Another number of values.
-    """
+    """One value for each of ``count`` items, from one for all or one each."""
     if len(values) == 1:
         return values * count
     if len(values) != count:

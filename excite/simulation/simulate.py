@@ -106,19 +106,7 @@ def simulate(
 
 
 def changed_settings(settings: SimulationSettings, options: Mapping[str, Any]) -> SimulationSettings:
-    """The settings with options of their own and of their degradation.
-
-    Parameters
-    ----------
-    settings : SimulationSettings
-    options : mapping of str to value
-        Fields of `SimulationSettings` and of `Degradation`, by name.
-
-    Raises
-    ------
-    InputError
-        An invalid value.
-    """
+    """The settings with options of their own and of their degradation."""
     of_log = {name: value for name, value in options.items() if name in _OF_DEGRADATION}
     rest = {name: value for name, value in options.items() if name not in _OF_DEGRADATION}
     settings = replace(settings, **rest)
@@ -131,18 +119,7 @@ def motion_source(
     *,
     approach_and_return: bool = True,
 ) -> MotionSource:
-    """Motion that a simulation plays.
-
-    Parameters
-    ----------
-    source, trajectory, approach_and_return
-        See `simulate`.
-
-    Raises
-    ------
-    InputError
-        Files that cannot be read.
-    """
+    """Motion that a simulation plays."""
     if isinstance(source, MotionSource):
         return source
     file = None if trajectory is None else Path(trajectory)

@@ -11,18 +11,7 @@ _SECONDS = 2e-5  # of each sample and joint
 
 
 def simulation_prediction(settings: SimulationSettings, duration: float, n: int, *, wrench: bool) -> WorkPrediction:
-    """Memory of a simulation; the factors are measured.
-
-    Parameters
-    ----------
-    settings : SimulationSettings
-    duration : float
-        Of the motion, all its periods, with the time to settle [s].
-    n : int
-        Number of joints that move.
-    wrench : bool
-        Whether a force/torque sensor is simulated.
-    """
+    """Memory of a simulation; the factors are measured."""
     samples, numbers = duration * settings.rate, _OF_ANY + _OF_JOINT * n
     option, value = ("periods", settings.periods) if settings.periods > settings.rate / 2e3 else ("rate", settings.rate)
     parts = [MemoryPart("samples", samples, 1 + 3 * n, FLOAT * samples * numbers, option, value)]

@@ -57,22 +57,6 @@ def steps_for(
     The rates are the eigenvalues of the controlled robot about the desired motion, and at rest, where friction is
     steepest: ``F / (width M)``, or ``sqrt(2 F / (d M))`` with presliding. The product of substep and fastest rate stays
     below 1.5.
-
-    Parameters
-    ----------
-    robot : ControlledRobot
-    reference : Reference
-    rate : float
-        Samples per second [Hz].
-    width : float or None
-        None for a width that suits the motion: a thousandth of its largest velocity, or what 3 substeps allow.
-    breakaway : float, "auto" or None
-        Presliding over this distance; "auto" is 1e-5 rad (m), or what 10 substeps allow; a smooth sign if None.
-
-    Raises
-    ------
-    InputError
-        More than 64 substeps per sample would be needed.
     """
     probes = reference.samples(np.linspace(0.0, reference.duration, _PROBES))
     softest = _SOFTEST * (float(np.abs(probes.dq).max()) or 1.0)

@@ -21,20 +21,7 @@ def joint_temperatures(settings: SimulationSettings, robot: Robot) -> Array | No
 def friction_at(
     friction: FrictionCurves | None, settings: SimulationSettings, robot: Robot
 ) -> tuple[FrictionCurves | None, tuple[str, ...]]:
-    """Curves at the set temperatures, or else at their reference temperatures, with notes.
-
-    Parameters
-    ----------
-    friction : FrictionCurves, optional
-    settings : SimulationSettings
-    robot : Robot
-        The moving robot.
-
-    Raises
-    ------
-    InputError
-        Temperatures for another number of joints, or at which friction would be negative.
-    """
+    """Curves at the set temperatures, or else at their reference temperatures, with notes."""
     joints = joint_temperatures(settings, robot)
     if friction is None:
         return None, ()

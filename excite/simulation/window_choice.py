@@ -14,18 +14,6 @@ def chosen_windows(count: int, most: int) -> Index:
 
     The place within the k-th stretch is the fractional part of ``k (sqrt(5) - 1) / 2``, of which any sequence is spread
     evenly over 0 to 1: at equal distances, windows of a motion that repeats itself would all see the same part of it.
-
-    Parameters
-    ----------
-    count : int
-        Windows that the motion has.
-    most : int
-        Windows to choose at most, one or more.
-
-    Returns
-    -------
-    ndarray of int
-        In ascending order; all of them where there are no more than `most`.
     """
     if count <= most:
         return np.arange(count)

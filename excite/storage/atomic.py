@@ -25,16 +25,6 @@ def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
     """Open a temporary file that becomes ``path`` when the block ends without an error.
 
     The file is on the disk before it gets its name, and the name before this returns.
-
-    Parameters
-    ----------
-    path : Path
-    mode : {"w", "wb"}
-
-    Raises
-    ------
-    InputError
-        It cannot be written, as where the folder is read-only or the disk is full.
     """
     text = "b" not in mode
     temporary = path.parent / f".{path.name[:40]}.{uuid4().hex[:12]}"
@@ -56,12 +46,7 @@ def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Turn an error of the operating system into one that names the file or folder that the user asked for.
-
-    Raises
-    ------
-    InputError
-    """
+    """Turn an error of the operating system into one that names the file or folder that the user asked for."""
     try:
         yield
     except OSError as error:
@@ -69,19 +54,7 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def write_json(path: Path, content: object) -> None:
-    """Write JSON with floats that read back to the same bits; infinities and NaN are refused.
-
-    Parameters
-    ----------
-    path : Path
-    content : object
-        Dictionaries, lists, strings, numbers.
-
-    Raises
-    ------
-    NumericalError
-        A number that is not finite, named by its place.
-    """
+    """Write JSON with floats that read back to the same bits; infinities and NaN are refused."""
     check_content(path, content)
     with replacing(path) as stream:
         json.dump(content, stream, indent=1, allow_nan=False)
@@ -109,13 +82,7 @@ def _none(text: str) -> float:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON object.
-
-    Raises
-    ------
-    InputError
-        Missing, not JSON (with the line), or not an object.
-    """
+    """Read a JSON object."""
     try:
         content = json.loads(read_text(path, FILE), parse_int=_whole, parse_float=_finite, parse_constant=_none)
     except OSError as error:

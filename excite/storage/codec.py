@@ -38,31 +38,13 @@ Record = TypeVar("Record")
 
 
 def content_of(record: object) -> tuple[dict[str, Any], Arrays]:
-    """Content of the JSON file of a record, and its arrays by name.
-
-    Parameters
-    ----------
-    record : dataclass
-    """
+    """Content of the JSON file of a record, and its arrays by name."""
     arrays: Arrays = {}
     return _without_arrays(_converter().unstructure(record), "", arrays), arrays
 
 
 def record_of(kind: type[Record], content: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
-    """The record that a content and its arrays hold; entries that the record does not have are not looked at.
-
-    Parameters
-    ----------
-    kind : type
-        Dataclass.
-    content : mapping
-    arrays : mapping of str to ndarray
-
-    Raises
-    ------
-    InputError
-        An entry is missing or of another type; the message has its place, such as ``torques[2].unit``.
-    """
+    """The record that a content and its arrays hold; entries that the record does not have are not looked at."""
     try:
         whole = {name: each for name, each in content.items() if _names(each) <= arrays.keys()}
         return _converter().structure(_with_arrays(whole, arrays), kind)

@@ -41,24 +41,7 @@ def staging(at: Destination) -> Iterator[Path]:
 
 
 def commit(at: Destination, *, last: str, remove: Collection[str] = (), folders: Collection[str] = ()) -> None:
-    """Put all staged files in place.
-
-    Parameters
-    ----------
-    at : Destination
-        Locked by this process.
-    last : str
-        File that is put in place after the others.
-    remove : collection of str
-        Files of the folder that leave.
-    folders : collection of str
-        Folders in ``.next`` that take the place of those of the same name.
-
-    Raises
-    ------
-    InputError
-        A file is in the way, or the folder cannot be written to.
-    """
+    """Put all staged files in place."""
     names = sorted((path.name for path in at.staging.iterdir()), key=lambda name: (name == last, name))
     for name in names:
         if (at.folder / name).is_dir():
@@ -74,11 +57,6 @@ def settle(at: Destination) -> None:
     """Put files in place that an interrupted run has committed; to be called before files of a folder are read.
 
     A process that is putting files in place is waited for.
-
-    Raises
-    ------
-    InputError
-        Another process is putting files in place for long, or this one may not write there.
     """
     began = time.monotonic()
     while at.commit.exists():
@@ -98,20 +76,7 @@ def settle(at: Destination) -> None:
 
 
 def read_settled(at: Destination, read: Callable[[], Read]) -> Read:
-    """Read files as one run has left them: once more where another run has put files in place meanwhile.
-
-    Parameters
-    ----------
-    at : Destination
-        To which the files belong.
-    read : callable
-        Reads and checks them; may be called again.
-
-    Raises
-    ------
-    InputError
-        See `settle`; or what ``read`` raises.
-    """
+    """Read files as one run has left them: once more where another run has put files in place meanwhile."""
     began = time.monotonic()
     while True:
         settle(at)

@@ -28,13 +28,7 @@ def sha256_of(file: Path) -> str | None:
 
 
 def entry_sha256(entry: object) -> str:
-    """Hash of an entry of a JSON file that depends neither on its layout nor on how its numbers are written.
-
-    Parameters
-    ----------
-    entry : object
-        Dictionaries, lists, strings, numbers.
-    """
+    """Hash of an entry of a JSON file that depends neither on its layout nor on how its numbers are written."""
     text = json.dumps(_as_floats(entry), sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
@@ -48,33 +42,13 @@ def _as_floats(entry: object) -> object:
 
 
 def write_hashed(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON with an entry ``sha256`` of all others; see `write_json`.
-
-    Parameters
-    ----------
-    path : Path
-    content : mapping
-        Without an entry of that name.
-
-    Raises
-    ------
-    NumericalError
-        A number that is not finite, named by its place.
-    """
+    """Write JSON with an entry ``sha256`` of all others; see `write_json`."""
     check_content(path, content)
     write_json(path, {**content, HASH: entry_sha256(content)})
 
 
 def read_hashed(path: Path) -> dict[str, Any]:
-    """Read what `write_hashed` has written, without the hash; a file without one is taken as it is.
-
-    Raises
-    ------
-    InputError
-        See `read_json`.
-    EditedError
-        The content is not the one that was written.
-    """
+    """Read what `write_hashed` has written, without the hash; a file without one is taken as it is."""
     content = read_json(path)
     if HASH in content and content.pop(HASH) != entry_sha256(content):
         raise EditedError(f"{path} was changed after it was written: its SHA-256 is not the one in the entry '{HASH}'")

@@ -28,22 +28,12 @@ Arrays = dict[str, Any]
 
 
 def every(count: int, most: int = NUMBERS) -> int:
-    """The least k so that every k-th of `count` values are at most `most`.
-
-    Parameters
-    ----------
-    count, most : int
-    """
+    """The least k so that every k-th of `count` values are at most `most`."""
     return max(1, -(-count // most))
 
 
 def chosen(count: int, most: int = INSTANTS) -> Index:
-    """Indices of at most so many instants, evenly spread, both ends among them.
-
-    Parameters
-    ----------
-    count, most : int
-    """
+    """Indices of at most so many instants, evenly spread, both ends among them."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
 
 
@@ -53,29 +43,13 @@ def short(values: Array) -> Any:
 
 
 def write_curves(path: Path, arrays: Mapping[str, Any]) -> None:
-    """Write arrays, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-    arrays : mapping of str to array
-    """
+    """Write arrays, whole or not at all."""
     with replacing(path, "wb") as stream:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
 def read_curves(path: Path) -> Arrays:
-    """Arrays of a file.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        It cannot be read, is no file of arrays, or is far larger than what is written.
-    """
+    """Arrays of a file."""
     try:
         content = io.BytesIO(read_bytes(path))
         with zipfile.ZipFile(content) as archive:

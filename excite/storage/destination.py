@@ -16,17 +16,10 @@ _HIDDEN = re.compile(r"\.(?:(.+)\.)?(?:staging|commit|lock|writer\.json)|\.next|
 
 @dataclass(frozen=True)
 class Destination:
-    """A folder that one process writes to at a time, or a file name in it.
-
-    Parameters
-    ----------
-    folder : Path
-    name : str
-        Of the file; empty where the whole folder is meant.
-    """
+    """A folder that one process writes to at a time, or a file name in it."""
 
     folder: Path
-    name: str = ""
+    name: str = ""  # of the file; empty where the whole folder is meant
 
     def hidden(self, what: str) -> Path:
         """Path of a hidden file or folder of this destination."""
@@ -59,13 +52,7 @@ def shown(path: Path) -> Path:
 
 
 def plain_name(name: object, source: Path) -> str:
-    """A name that stays in its folder, as read from a file.
-
-    Raises
-    ------
-    InputError
-        It does not.
-    """
+    """A name that stays in its folder, as read from a file."""
     if not isinstance(name, str) or name in ("", ".", "..") or re.search(r"[/\\\0]", name):
         raise InputError(f"{source}: expected names of files without a folder")
     return name

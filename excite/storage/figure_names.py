@@ -10,30 +10,13 @@ from regressors.quantities import shown
 
 
 def figure_names(stems: Iterable[str], formats: Iterable[str] = FIGURE_FORMATS) -> list[str]:
-    """File of every figure in every format, such as ``motion.pdf``.
-
-    Parameters
-    ----------
-    stems : iterable of str
-    formats : iterable of str
-        All that there are, if not given.
-    """
+    """File of every figure in every format, such as ``motion.pdf``."""
     kinds = list(formats)
     return [f"{stem}.{kind}" for stem in stems for kind in kinds]
 
 
 def check_formats(formats: str | Sequence[str]) -> tuple[str, ...]:
-    """Formats as a tuple, each once; one name alone will do.
-
-    Parameters
-    ----------
-    formats : str or sequence of str
-
-    Raises
-    ------
-    InputError
-        A format that is not known, or none.
-    """
+    """Formats as a tuple, each once; one name alone will do."""
     given = (formats,) if isinstance(formats, str) else tuple(formats)
     wrong = [each for each in given if each not in FIGURE_FORMATS]
     if wrong or not given:

@@ -13,16 +13,7 @@ from regressors.errors import NumericalError
 
 
 def check_table(path: Path, header: Sequence[str], table: ArrayLike) -> None:
-    """Raise `NumericalError` that names the first column with a number that is not finite.
-
-    Parameters
-    ----------
-    path : Path
-        File that is about to be written.
-    header : sequence of str
-        Names of the columns.
-    table : array_like, shape (N, len(header))
-    """
+    """Raise `NumericalError` that names the first column with a number that is not finite."""  # table (N, len(header)
     finite = np.isfinite(np.asarray(table, dtype=float))
     if not finite.all():
         column = int(np.argmin(finite.all(axis=0)))
@@ -34,15 +25,7 @@ def check_table(path: Path, header: Sequence[str], table: ArrayLike) -> None:
 
 
 def check_content(path: Path, content: object) -> None:
-    """Raise `NumericalError` that names the first number of a content for JSON that is not finite.
-
-    Parameters
-    ----------
-    path : Path
-        File that is about to be written.
-    content : object
-        Dictionaries, lists, strings, numbers.
-    """
+    """Raise `NumericalError` that names the first number of a content for JSON that is not finite."""
     place = _not_finite(content)
     if place is not None:
         raise NumericalError(

@@ -12,17 +12,7 @@ from regressors.errors import InputError
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[None]:
-    """Make a folder; where the block ends with an error, remove what was made of it, if it is still empty.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Raises
-    ------
-    InputError
-        It is a file, or cannot be written to.
-    """
+    """Make a folder; where the block ends with an error, remove what was made of it, if it is still empty."""
     missing = _missing(folder)
     try:
         _make(folder)

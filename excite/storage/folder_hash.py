@@ -13,18 +13,11 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class FolderHash:
-    """Names and contents of the files of a folder, without hidden ones.
+    """Names and contents of the files of a folder, without hidden ones."""
 
-    Parameters
-    ----------
-    count : int
-        Number of files.
-    sum : str
-        Sum of the SHA-256 of each file's entry modulo 2^256, in hexadecimal digits; the entry is the name in UTF-8, a
-        zero byte, and the SHA-256 of the content.
-    """
-
-    count: int
+    count: int  # number of files
+    # sum of the SHA-256 of each file's entry modulo 2^256, in hexadecimal digits; the entry is the name in UTF-8, a
+    # zero byte, and the SHA-256 of the content
     sum: str
 
     @classmethod

@@ -19,21 +19,12 @@ _LONGEST = 60  # characters of a command in a message
 
 @dataclass(frozen=True)
 class Holder:
-    """A process that writes to a folder.
-
-    Parameters
-    ----------
-    process : int
-    host : str
-    command : str
-    since : str
-        Date and time, ISO 8601, local.
-    """
+    """A process that writes to a folder."""
 
     process: int
     host: str
     command: str
-    since: str
+    since: str  # date and time, ISO 8601, local
 
     @property
     def text(self) -> str:

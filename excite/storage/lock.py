@@ -26,20 +26,7 @@ class InUseError(InputError):
 
 @contextmanager
 def locked(at: Destination) -> Iterator[None]:
-    """Hold the lock of a destination; in a block that holds it already, nothing changes.
-
-    Parameters
-    ----------
-    at : Destination
-        Its folder exists.
-
-    Raises
-    ------
-    InUseError
-        Another process or thread holds it, who is named.
-    InputError
-        The folder cannot be written to.
-    """
+    """Hold the lock of a destination; in a block that holds it already, nothing changes."""
     key = (os.getpid(), threading.get_ident(), os.path.realpath(at.path))
     if key in _held:
         yield

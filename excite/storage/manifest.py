@@ -21,17 +21,10 @@ SCHEMA = "excite.manifest/1"
 
 @dataclass(frozen=True)
 class FileHash:
-    """Content of a file.
-
-    Parameters
-    ----------
-    sha256 : str
-    size : int
-        [bytes]
-    """
+    """Content of a file."""
 
     sha256: str
-    size: int
+    size: int  # [bytes]
 
     @classmethod
     def of(cls, path: Path) -> FileHash:
@@ -43,24 +36,13 @@ class FileHash:
 
 @dataclass(frozen=True)
 class Entry:
-    """One result of a folder.
+    """One result of a folder."""
 
-    Parameters
-    ----------
-    run : str
-        Unique number of the run that wrote it.
-    files : dict of str to FileHash
-        By name; ``starts/...`` for files in a folder.
-    folders : dict of str to FolderHash
-        By name, where a folder has too many files to list each.
-    figures : tuple of str, optional
-        Formats of the figures that were to be drawn.
-    """
-
-    run: str
-    files: dict[str, FileHash] = field(default_factory=dict)
+    run: str  # unique number of the run that wrote it
+    files: dict[str, FileHash] = field(default_factory=dict)  # by name; ``starts/...`` for files in a folder
+    # by name, where a folder has too many files to list each
     folders: dict[str, FolderHash] = field(default_factory=dict)
-    figures: tuple[str, ...] | None = None
+    figures: tuple[str, ...] | None = None  # formats of the figures that were to be drawn
 
     def without(self, names: Collection[str]) -> Entry:
         """The entry without files that have become another's."""
@@ -76,13 +58,7 @@ def is_foreign(folder: Path) -> bool:
 
 
 def read_manifest(folder: Path) -> dict[str, Entry]:
-    """Entries of a folder's manifest by kind of result; none without one, or where the file is the user's own.
-
-    Raises
-    ------
-    InputError
-        A manifest that is damaged, or of another schema.
-    """
+    """Entries of a folder's manifest by kind of result; none without one, or where the file is the user's own."""
     path = folder / MANIFEST
     content = _content(folder) if path.exists() else None
     if content is None:
@@ -136,21 +112,7 @@ def _entry_content(entry: Entry) -> dict[str, Any]:
 
 
 def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:
-    """Check that files are those of the run that wrote a result; files that are missing are not looked at.
-
-    Parameters
-    ----------
-    folder : Path
-    kind : str
-        Of the result.
-    names : iterable of str
-        Files that are read, the first of them the one that marks the result.
-
-    Raises
-    ------
-    InputError
-        A file is another one than the manifest says. Folders without a manifest are not checked.
-    """
+    """Check that files are those of the run that wrote a result; files that are missing are not looked at."""
     entry = read_manifest(folder).get(kind)
     if entry is None:
         return

@@ -31,17 +31,7 @@ def is_of_kind(kind: str, schema: object) -> bool:
 
 
 def migrated(kind: str, content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
-    """Content and arrays in today's schema.
-
-    Parameters
-    ----------
-    kind : str
-        Of the record.
-    content, arrays : dict
-        As read.
-    folder : Path
-        That they were read from.
-    """
+    """Content and arrays in today's schema."""
     for number in range(int(str(content["schema"]).rpartition("/")[2]), SCHEMAS[kind]):
         content, arrays = _MIGRATIONS[kind, number](content, arrays, folder)
     return content, arrays

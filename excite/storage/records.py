@@ -32,32 +32,7 @@ def write_record(
     further: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),
     entry: str = "",
 ) -> list[Path]:
-    """Write a record into a folder, made if it does not exist; one of the same stem is replaced.
-
-    Parameters
-    ----------
-    record : dataclass
-    kind : str
-        As in `excite.storage.migrations.SCHEMAS`.
-    folder : Path
-    stem : str
-    figures : collection of str
-        Stems of its figures: those of the record that is replaced leave.
-    further : mapping of str to callable
-        What writes each further file of the record, by its name.
-    entry : str
-        Of the manifest; the stem if not given.
-
-    Returns
-    -------
-    list of Path
-        Files that were written.
-
-    Raises
-    ------
-    InputError
-        Another process writes to the folder, or it cannot be written to.
-    """
+    """Write a record into a folder, made if it does not exist; one of the same stem is replaced."""
     file = f"{stem}.json"
     content, arrays = content_of(record)
     names = [*further, file, *([f"{stem}{CURVES}"] if arrays else ())]
@@ -87,21 +62,7 @@ def _is_ours(path: Path, kind: str) -> bool:
 
 
 def read_record(path: Path, record: type[Record], kind: str) -> Record:
-    """Read a record, also of an older schema.
-
-    Parameters
-    ----------
-    path : Path
-        ``STEM.json``; the arrays beside it may be missing.
-    record : type
-        Its dataclass.
-    kind : str
-
-    Raises
-    ------
-    InputError
-        Another schema, entries that are missing or of another type, or a file that is not the one that was written.
-    """
+    """Read a record, also of an older schema."""
     return read_settled(Destination(path.parent), lambda: _read(path, record, kind))
 
 
@@ -124,14 +85,7 @@ def _read(path: Path, record: type[Record], kind: str) -> Record:
 
 @contextmanager
 def complete(path: Path, what: str) -> Iterator[None]:
-    """Turn errors from using a file's entries into one error that names the file.
-
-    Parameters
-    ----------
-    path : Path
-    what : str
-        Kind of content, such as ``design``.
-    """
+    """Turn errors from using a file's entries into one error that names the file."""
     try:
         yield
     except InputError as error:

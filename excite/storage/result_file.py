@@ -14,42 +14,14 @@ from excite.storage.sole_writer import Change, replacing, sole_writer
 
 @contextmanager
 def result_file(path: Path) -> Iterator[None]:
-    """Be the only writer of a file in the block, whose folder is made if it does not exist; see `result_folder`.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        Another process writes it, who is named; or the folder cannot be written to.
-    """
+    """Be the only writer of a file in the block, whose folder is made if it does not exist; see `result_folder`."""
     with sole_writer(Destination(path.parent, path.name)):
         yield
 
 
 @contextmanager
 def replace_files(path: Path, *, remove: Collection[str] = ()) -> Iterator[Path]:
-    """Write a file and those beside it in place of older ones, all at once.
-
-    Parameters
-    ----------
-    path : Path
-        Locked by `result_file`.
-    remove : collection of str
-        Older files that leave.
-
-    Yields
-    ------
-    Path
-        Folder to write the files to, under their names.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written; the older ones stay.
-    """
+    """Write a file and those beside it in place of older ones, all at once."""
 
     def change(staged: Path) -> Change:
         return Change(path.name, set(remove) - {each.name for each in staged.iterdir()})
@@ -59,35 +31,13 @@ def replace_files(path: Path, *, remove: Collection[str] = ()) -> Iterator[Path]
 
 
 def settle_files(path: Path) -> None:
-    """Put files in place that an interrupted run has committed, before a file of a result, or one beside it, is read.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        See `excite.storage.commit.settle`.
-    """
+    """Put files in place that an interrupted run has committed, before a file of a result is read."""
     for at in _writers(path):
         settle(at)
 
 
 def read_settled_files(path: Path, read: Callable[[], Read]) -> Read:
-    """Read a file of a result, and those beside it, as one run has left them.
-
-    Parameters
-    ----------
-    path : Path
-    read : callable
-        Reads and checks them; may be called again.
-
-    Raises
-    ------
-    InputError
-        See `excite.storage.commit.read_settled`.
-    """
+    """Read a file of a result, and those beside it, as one run has left them."""
     for at in _writers(path):
         read = partial(read_settled, at, read)
     return read()

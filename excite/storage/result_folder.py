@@ -24,20 +24,6 @@ def result_folder(folder: Path) -> Iterator[str]:
 
     What an interrupted run has left there is put in place or removed first. If the block ends with an error, what was
     made of the folder is removed, where it is still empty.
-
-    Parameters
-    ----------
-    folder : Path
-
-    Yields
-    ------
-    str
-        Unique number of the run, for `replace_result`.
-
-    Raises
-    ------
-    InputError
-        Another process writes to it, who is named; or it is a file, or cannot be written to.
     """
     with sole_writer(Destination(folder)):
         yield uuid4().hex
@@ -53,33 +39,7 @@ def replace_result(
     folders: Collection[str] = (),
     figures: Collection[str] | None = None,
 ) -> Iterator[Path]:
-    """Write a result in place of the one of the same kind; at every instant the folder holds one of them, whole.
-
-    Parameters
-    ----------
-    folder : Path
-        Locked by `result_folder`.
-    kind : str
-        Such as ``design``.
-    run : str, optional
-        Unique number of the run.
-    older : collection of str
-        Files of the result that is replaced, where the folder has no manifest that lists them.
-    folders : collection of str
-        Folders that belong to the result, such as ``starts``: those in ``.next`` take the place of the old ones.
-    figures : collection of str, optional
-        Formats of the figures that are to be added to it.
-
-    Yields
-    ------
-    Path
-        Folder to write the files to, under their names.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written; the old result stays.
-    """
+    """Write a result in place of the one of the same kind; at every instant the folder holds one of them, whole."""
 
     def change(staged: Path) -> Change:
         manifest = read_manifest(folder)
@@ -101,21 +61,6 @@ def amend_result(folder: Path, kind: str) -> Iterator[Path]:
     """Add files to a result, or replace some of its files, all at once.
 
     A folder without a manifest, or without a result of the kind, gets the files alone.
-
-    Parameters
-    ----------
-    folder : Path
-    kind : str
-
-    Yields
-    ------
-    Path
-        Folder to write the files to, under their names.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written; the result stays as it was.
     """
 
     def change(staged: Path) -> Change:
@@ -158,25 +103,7 @@ def _with_folders(entry: Entry, folder: Path, names: Collection[str]) -> Entry:
 
 
 def check_not_taken(folder: Path, mark: str, what: str, names: Collection[str] = (), *, replace: bool) -> None:
-    """Check that no file would be overwritten that the user has not asked to replace.
-
-    Parameters
-    ----------
-    folder : Path
-    mark : str
-        File that only a folder with a result of the kind has.
-    what : str
-        The result, such as ``a design``.
-    names : collection of str
-        Other files that will be written.
-    replace : bool
-        Allow all of it.
-
-    Raises
-    ------
-    TakenError
-        There is a result, or a file of the user's own under one of the names.
-    """
+    """Check that no file would be overwritten that the user has not asked to replace."""
     if replace:
         return
     if (folder / mark).exists():

@@ -15,36 +15,16 @@ from excite.storage.lock import locked
 
 @dataclass(frozen=True)
 class Change:
-    """What happens when files that are complete are put in place.
+    """What happens when files that are complete are put in place."""
 
-    Parameters
-    ----------
-    last : str
-        File that is put in place after the others.
-    remove : collection of str
-        Files of the folder that leave.
-    folders : collection of str
-        Folders in ``.next`` that take the place of those of the same name.
-    """
-
-    last: str
-    remove: Collection[str] = ()
-    folders: Collection[str] = ()
+    last: str  # file that is put in place after the others
+    remove: Collection[str] = ()  # files of the folder that leave
+    folders: Collection[str] = ()  # folders in ``.next`` that take the place of those of the same name
 
 
 @contextmanager
 def sole_writer(at: Destination) -> Iterator[None]:
-    """Be the only writer of a destination, whose folder is made; what an interrupted run has left is settled first.
-
-    Parameters
-    ----------
-    at : Destination
-
-    Raises
-    ------
-    InputError
-        Another process writes it, who is named; or the folder cannot be written to.
-    """
+    """Be the only writer of a destination, whose folder is made; what an interrupted run has left is settled first."""
     with new_folder(at.folder), locked(at):
         clear(at)
         yield
@@ -52,20 +32,7 @@ def sole_writer(at: Destination) -> Iterator[None]:
 
 @contextmanager
 def replacing(at: Destination, change: Callable[[Path], Change]) -> Iterator[Path]:
-    """Give an empty folder for new files, and put them in place all at once when the block ends without an error.
-
-    Parameters
-    ----------
-    at : Destination
-        Locked by this process.
-    change : callable
-        Of that folder, once the files are complete; may add files to it.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written; what was in place stays.
-    """
+    """Give an empty folder for new files, and put them in place all at once when the block ends without an error."""
     with staging(at) as staged:
         yield staged
         planned = change(staged)

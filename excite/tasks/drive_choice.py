@@ -14,13 +14,7 @@ DriveChoice = bool | tuple[str, ...]
 
 
 def drive_numbers(robot: Robot) -> dict[str, int]:
-    """Number of every drive, moving or locked, by its name and by its number as text.
-
-    Parameters
-    ----------
-    robot : Robot
-        Without a transmission each joint is a drive of its own.
-    """
+    """Number of every drive, moving or locked, by its name and by its number as text."""
     if robot.transmission is None:
         named = dict(zip(robot.joint_names, robot.link_numbers, strict=True))
     else:
@@ -29,15 +23,7 @@ def drive_numbers(robot: Robot) -> dict[str, int]:
 
 
 def numbers_of(chosen: DriveChoice, robot: Robot, curves: FrictionCurves | None = None) -> bool | tuple[int, ...]:
-    """Numbers of chosen drives, without those that a form of the robot does not have, such as behind locked joints.
-
-    Parameters
-    ----------
-    chosen : bool or tuple of str
-    robot : Robot
-    curves : FrictionCurves, optional
-        Known friction, whose drives are left out.
-    """
+    """Numbers of chosen drives, without those that a form of the robot does not have, such as behind locked joints."""
     left = without_curve(chosen, robot, curves)
     if isinstance(left, bool):
         return left
@@ -46,20 +32,7 @@ def numbers_of(chosen: DriveChoice, robot: Robot, curves: FrictionCurves | None 
 
 
 def without_curve(chosen: DriveChoice, robot: Robot, curves: FrictionCurves | None) -> DriveChoice:
-    """A choice without the drives whose friction is known: what a task without the curves has to ask for.
-
-    Parameters
-    ----------
-    chosen : bool or tuple of str
-    robot : Robot
-        With its moving joints only.
-    curves : FrictionCurves, optional
-
-    Returns
-    -------
-    bool or tuple of str
-        False where no drive is left; as it was where none of the moving drives has a curve.
-    """
+    """A choice without the drives whose friction is known: what a task without the curves has to ask for."""
     if curves is None or chosen is False:
         return chosen
     from regressors.friction.friction_drives import moving_drive_numbers
@@ -75,13 +48,7 @@ def without_curve(chosen: DriveChoice, robot: Robot, curves: FrictionCurves | No
 
 
 def check_choice(chosen: DriveChoice, robot: Robot) -> None:
-    """Raise `UnknownName` if a choice names a drive that the whole robot does not have.
-
-    Parameters
-    ----------
-    chosen : bool or tuple of str
-    robot : Robot
-    """
+    """Raise `UnknownName` if a choice names a drive that the whole robot does not have."""
     known = drive_numbers(robot)
     for name in () if isinstance(chosen, bool) else chosen:
         if name not in known:

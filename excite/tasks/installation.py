@@ -131,13 +131,7 @@ def _payload_of(file: str) -> tuple[float, ...]:
 
 
 def payload_parameters(payload: tuple[float, ...]) -> NDArray[np.float64]:
-    """Ten inertial parameters of a payload about the origin of the frame that it is given in.
-
-    Parameters
-    ----------
-    payload : tuple of float
-        As in `Installation`.
-    """
+    """Ten inertial parameters of a payload about the origin of the frame that it is given in."""
     import numpy as np
 
     from regressors.robot.inertia import from_centre_of_mass

@@ -19,52 +19,24 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Option:
-    """Description of one field of a task, in addition to its type and default.
+    """Description of one field of a task, in addition to its type and default."""
 
-    Parameters
-    ----------
-    kind : str
-        Kind of values that it accepts.
-    help : str
-        One line, with the unit.
-    metavar : str, optional
-        Placeholder of its value in the help.
-    part : str, optional
-        Kind of parts in the registry: the option accepts their names, or objects.
-    choices : tuple of str
-        All values that it accepts, where these are few.
-    flag : str, optional
-        Name on the command line, if it is not the field's; after a slash, the name that turns a flag off.
-    hidden : bool
-        Not on the command line.
-    late : bool
-        In stored tasks only where it is not the default: the option is younger than their schema.
-    """
-
-    kind: Kind
-    help: str
-    metavar: str | None = None
-    part: str | None = None
-    choices: tuple[str, ...] = ()
+    kind: Kind  # kind of values that it accepts
+    help: str  # one line, with the unit
+    metavar: str | None = None  # placeholder of its value in the help
+    part: str | None = None  # kind of parts in the registry: the option accepts their names, or objects
+    choices: tuple[str, ...] = ()  # all values that it accepts, where these are few
+    # name on the command line, if it is not the field's; after a slash, the name that turns a flag off
     flag: str | None = None
-    hidden: bool = False
-    late: bool = False
+    hidden: bool = False  # not on the command line
+    late: bool = False  # in stored tasks only where it is not the default: the option is younger than their schema
 
 
 _KEY = "option"
 
 
 def option(default: Any, kind: Kind, help: str, **more: Any) -> Any:
-    """Declare an option as a field of a part of a task.
-
-    Parameters
-    ----------
-    default : object
-    kind, help
-        See `Option`.
-    **more
-        Further fields of `Option`.
-    """
+    """Declare an option as a field of a part of a task."""
     return dataclasses.field(default=default, metadata={_KEY: Option(kind, help, **more)})
 
 

@@ -22,18 +22,7 @@ _TERMS = {
 
 
 def options_of_model(model: Any) -> dict[str, Any] | None:
-    """Fields of a `ModelChoice` by name, with which the model's name alone builds the same model.
-
-    Parameters
-    ----------
-    model : RegressorModel
-        An object.
-
-    Returns
-    -------
-    dict, or None
-        None where a task has no such options, as for a class of the user's own.
-    """
+    """Fields of a `ModelChoice` by name, with which the model's name alone builds the same model."""
     if place_of(model) not in BUILT_IN["model"].values():
         return None
     options: dict[str, Any] = {}

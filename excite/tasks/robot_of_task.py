@@ -27,26 +27,7 @@ def robot_and_task(
     snap_angles: bool = True,
     xacro: bool = False,
 ) -> tuple[Robot, Task]:
-    """Robot and task of an experiment.
-
-    Parameters
-    ----------
-    model : RegressorModel, Robot, Task or str
-        A robot or its name selects its differential model.
-    base_link, tip : str, optional
-        Ends of the chain where the file of a robot is named.
-    installation : Installation, optional
-        How a robot that is named is mounted, and what it carries.
-    snap_angles : bool
-        Take rounded right angles in that file for right angles.
-    xacro : bool
-        Expand that file as xacro although its name does not end in ``.xacro``.
-
-    Raises
-    ------
-    InputError
-        Not a robot, a model, a task, or the name or file of a robot; or chain ends without a file.
-    """
+    """Robot and task of an experiment."""
     if isinstance(model, str):
         installation = installation if installation is not None else Installation()
         read = {"snap_angles": snap_angles, "xacro": xacro}
@@ -71,23 +52,7 @@ def robot_and_task(
 def first_argument(
     robot_or_model: RegressorModel | Robot | Task | str | None, options: dict[str, Any], call: str, frames: int = 4
 ) -> RegressorModel | Robot | Task | str:
-    """What a call is about, where it may also have been named ``model``, as it was in the last release.
-
-    Parameters
-    ----------
-    robot_or_model : RegressorModel, Robot, Task or str, optional
-    options : dict
-        Options of a task; its ``model`` is removed where it is the argument itself.
-    call : str
-        Name of the call, for the message.
-    frames : int
-        Frames from here to the caller of that call, for the warning.
-
-    Raises
-    ------
-    InputError
-        Neither, or a model and the name of another one.
-    """
+    """What a call is about, where it may also have been named ``model``, as it was in the last release."""
     if robot_or_model is None:
         if "model" not in options:
             raise InputError(f"`{call}` needs a robot, a model or a task as its first argument")
@@ -103,13 +68,7 @@ def first_argument(
 
 
 def installed_robot(task: Task) -> Robot:
-    """The robot of a task, as mounted and as equipped.
-
-    Raises
-    ------
-    InputError
-        A robot that is given as an object is as installed already.
-    """
+    """The robot of a task, as mounted and as equipped."""
     if isinstance(task.robot, StoredRobot):
         return task.robot.robot
     if isinstance(task.robot, str):

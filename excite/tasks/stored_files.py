@@ -63,21 +63,11 @@ class StoredRobot:
 
 @dataclass(frozen=True, eq=False)
 class InitialDesign:
-    """The design that a search began with, as its result holds it.
+    """The design that a search began with, as its result holds it."""
 
-    Parameters
-    ----------
-    name : str
-        Of its folder.
-    trajectory : mapping
-        Entry ``trajectory`` of its ``design.json``.
-    motion : Trajectory, optional
-        The motion itself, where the entry alone does not give it: that of a family of the user's own.
-    """
-
-    name: str
-    trajectory: Mapping[str, Any]
-    motion: Any = None
+    name: str  # of its folder
+    trajectory: Mapping[str, Any]  # entry ``trajectory`` of its ``design.json``
+    motion: Any = None  # the motion itself, where the entry alone does not give it: that of a family of the user's own
 
     def __str__(self) -> str:
         """Its folder."""

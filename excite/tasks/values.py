@@ -25,13 +25,7 @@ _NUMBERS = frozenset(
 
 
 def strict(part: Any) -> None:
-    """Convert every option of a part to its type, in place: numbers to float, lists to tuples.
-
-    Raises
-    ------
-    InputError
-        A value of another type; the message states what is expected.
-    """
+    """Convert every option of a part to its type, in place: numbers to float, lists to tuples."""
     for field, option in options_of(type(part)):
         value = getattr(part, field.name)
         if value is None or value is field.default:
@@ -207,13 +201,7 @@ def _precision(value: object) -> PrecisionTarget:
 
 
 def share_of(text: str) -> float:
-    """A share from text: ``5%`` or ``0.05``.
-
-    Raises
-    ------
-    ValueError
-        Neither.
-    """
+    """A share from text: ``5%`` or ``0.05``."""
     return number_of(text.removesuffix("%").rstrip()) / 100.0 if text.endswith("%") else number_of(text)
 
 

@@ -21,20 +21,6 @@ def estimates_over_time(result: Identification, name: str, count: int) -> TimeCo
     ``beta(t) = R_W(t)^-1 z(t)`` with ``[R_W z; 0 r]`` the triangular factor of ``[W y] / sigma`` up to t, sigma the
     noise of each equation over the whole log. The deviations are those of the whole log, as stated, times
     ``sqrt(diag((W'W)^-1))(t)`` over its value at the end: how correlated residuals are is taken from the whole log.
-
-    Parameters
-    ----------
-    result : Identification
-        Of one log, by one of `METHODS`.
-    name : str
-        Of the course.
-    count : int
-        Number of instants, evenly spaced, the last one at the end.
-
-    Raises
-    ------
-    InputError
-        Another estimator, or several logs.
     """
     estimate, observations = result.estimate, result.observations
     if estimate.method not in METHODS:
@@ -72,14 +58,7 @@ def instants(result: Identification, count: int) -> Array:
 
 
 def values_over_time(result: Identification, time: Array) -> Array:
-    """Estimates alone from the rows up to each instant, shape (K, p).
-
-    Parameters
-    ----------
-    result : Identification
-    time : ndarray, shape (K,)
-        [s]
-    """
+    """Estimates alone from the rows up to each instant, shape (K, p)."""  # time (K,)
     return _solutions(result, time)[0]
 
 

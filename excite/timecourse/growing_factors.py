@@ -13,17 +13,7 @@ def growing_factors(A: Array, ends: Index) -> Iterator[Array]:
     """``R_k`` with ``R_k' R_k = A[:e_k]' A[:e_k]`` for every end ``e_k``, each from the one before and the new rows.
 
     All rows are read once: ``[R_{k-1}; A[e_{k-1}:e_k]] = Q R_k``.
-
-    Parameters
-    ----------
-    A : ndarray, shape (m, p)
-    ends : ndarray of int, shape (k,)
-        Numbers of rows, in rising order.
-
-    Yields
-    ------
-    ndarray, shape (min(e_k, p), p)
-    """
+    """  # A (m, p); ends (k,)
     R, begin = np.zeros((0, A.shape[1])), 0
     for end in ends:
         if end > begin:

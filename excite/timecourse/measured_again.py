@@ -32,41 +32,18 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
-    """What all measurements of a simulated run have in common.
-
-    Parameters
-    ----------
-    run : Simulation
-    settings : SimulationSettings
-        Of the sensors.
-    result : Identification
-        From the first measurement, whose choices the others keep.
-    commanded : Trajectory
-    time : ndarray, shape (k,)
-        Instants [s] up to which the parameters are estimated.
-    versions : dict of str to str
-        Packages that a process elsewhere must have in the same version.
-    """
+    """What all measurements of a simulated run have in common."""
 
     run: Simulation
-    settings: SimulationSettings
-    result: Identification
+    settings: SimulationSettings  # of the sensors
+    result: Identification  # from the first measurement, whose choices the others keep
     commanded: Trajectory
-    time: Array
-    versions: dict[str, str]
+    time: Array  # (k,) instants [s] up to which the parameters are estimated
+    versions: dict[str, str]  # packages that a process elsewhere must have in the same version
 
 
 def measured_again(run: Simulation, settings: SimulationSettings, number: int) -> Log:
-    """Log of a simulated run as another measurement of it would be.
-
-    Parameters
-    ----------
-    run : Simulation
-    settings : SimulationSettings
-        Of the sensors.
-    number : int
-        Of the measurement; the same one has the same noise.
-    """
+    """Log of a simulated run as another measurement of it would be."""
     own = replace(settings, seed=settings.seed + number)
     log = joint_log(run.robot, run.run, own, np.random.default_rng(own.seed))
     known = run.log.truth, run.log.saturated
@@ -84,26 +61,7 @@ def values_again(
     count: int,
     progress: Callable[[int], None],
 ) -> Array:
-    """Estimates over time from further measurements of a run, shape (count, k, b).
-
-    Parameters
-    ----------
-    executor : UnitExecutor
-        Where they are computed; the numbers are the same.
-    run, settings, result, commanded, time
-        See `MeasuredRun`.
-    count : int
-        Number of measurements, whose numbers begin with 1.
-    progress : callable
-        Called with the number of measurements done.
-
-    Raises
-    ------
-    InputError
-        Fewer than two are left, since their workers ended; or Dask is not reachable.
-    LostWorkersError
-        Worker processes end again and again, or the Dask scheduler went away.
-    """
+    """Estimates over time from further measurements of a run, shape (count, k, b)."""
     versions = {} if executor.shares_disk else {name: version(name) for name in PACKAGES}
     common = MeasuredRun(run, settings, result, commanded, time, versions)
     found: dict[int, Array] = {}

@@ -9,15 +9,7 @@ _COPIES = 6.0
 
 
 def study_prediction(points: int, repeats: int) -> WorkPrediction:
-    """Memory of a study.
-
-    Parameters
-    ----------
-    points : int
-        Number of instants.
-    repeats : int
-        How often each design's run is measured.
-    """
+    """Memory of a study."""
     option, value = ("points", points) if points >= repeats else ("repeats", repeats)
     rows = points * (1 + repeats)
     return WorkPrediction(

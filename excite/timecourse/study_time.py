@@ -12,19 +12,6 @@ def study_seconds(durations: list[float], joints: int, rate: float, points: int,
 
     The units that it grows with are the numbers of the regressor, rows times joints times joints, and those of a
     triangular factor at each instant. Logs add the time of their identification.
-
-    Parameters
-    ----------
-    durations : list of float
-        Of the motions [s].
-    joints : int
-        That move.
-    rate : float
-        Samples per second [Hz].
-    points : int
-        Number of instants.
-    repeats : int
-        How often each run is measured again.
     """
     samples = rate * sum(durations)
     measurement = (_ROW * samples + _POINT * points * len(durations)) * joints**2

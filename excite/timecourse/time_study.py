@@ -95,15 +95,5 @@ def check_free(folder: str | Path, names: Collection[str] = (), *, replace: bool
 
 
 def load_time_study(path: str | Path) -> TimeStudy:
-    """Load a ``study.json``.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    InputError
-        Another schema, entries that are missing, or a file that is not the one that was written.
-    """
+    """Load a ``study.json``."""
     return read_record(Path(path), TimeStudy, KIND)

@@ -32,25 +32,8 @@ def detour(
     upper: Array,
     seed: int,
 ) -> list[Array] | None:
-    """Intermediate poses between two poses, so that the lines through them are free at rest.
-
-    Parameters
-    ----------
-    start, end : ndarray, shape (n,)
-        [rad or m]
-    linear : sequence of LinearConstraint
-        Position limits that every pose keeps, and with them every line between two of them.
-    nonlinear : sequence of NonlinearConstraint
-        Torques at rest, the tool's position, distances of links.
-    lower, upper : ndarray, shape (n,)
-        Range from which random poses are drawn [rad or m].
-    seed : int
-
-    Returns
-    -------
-    list of ndarray, shape (n,), or None
-        Empty if the straight line is free; None if an end is not free, or no path was found.
-    """
+    """Intermediate poses between two poses, so that the lines through them are free at rest."""
+    # start, end (n,); lower, upper (n,)
     free = _free(nonlinear, upper - lower)
     if not (free(start, start) and free(end, end)):
         return None

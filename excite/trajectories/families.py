@@ -11,24 +11,7 @@ from regressors.errors import UnknownName
 
 
 def stored_trajectory(series: Mapping[str, Any], joints: int, family: Family | None = None) -> Trajectory:
-    """Motion from the entries of a design's file.
-
-    Parameters
-    ----------
-    series : mapping
-        As returned by `Family.to_dict`.
-    joints : int
-        Number of joints that it moves.
-    family : Family, optional
-        The family, where it is not a built-in one.
-
-    Raises
-    ------
-    UnknownName
-        No such family.
-    InputError
-        Coefficients of another shape, or not finite.
-    """
+    """Motion from the entries of a design's file."""
     name = str(series.get("family", "fourier"))
     if family is None:
         if ":" in name:

@@ -25,20 +25,7 @@ def quintic_hermite(u: Array, length: Array, derivative: int) -> Array:
 
     ``h^(k - d) H^(d)(u)`` with k the order of the interpolated derivative: a motion is the sum of these times position,
     velocity and acceleration at the beginning and at the end.
-
-    Parameters
-    ----------
-    u : ndarray, shape (N,)
-        Fraction of the interval, 0 to 1.
-    length : ndarray, shape (N,)
-        Length h of the interval that each belongs to [s].
-    derivative : int
-        d, order of the time derivative.
-
-    Returns
-    -------
-    ndarray, shape (N, 6)
-    """
+    """  # u (N,); length (N,)
     slopes = _SLOPES[derivative]
     return np.asarray(
         np.vander(u, slopes.shape[1], increasing=True) @ slopes.T * length[:, None] ** (ORDERS - derivative)

@@ -25,18 +25,8 @@ class MotionTangent(ABC):
 
     @abstractmethod
     def rows(self, weights: Array, place: Index) -> Array:
-        """Derivatives of weighted sums, each at one instant, with respect to the flat x.
-
-        Parameters
-        ----------
-        weights : ndarray, shape (rows, derivatives, k)
-        place : ndarray of int, shape (rows,)
-            Index among the T instants.
-
-        Returns
-        -------
-        ndarray, shape (rows, x.size)
-        """
+        """Derivatives of weighted sums, each at one instant, with respect to the flat x."""
+        # weights (rows, derivatives, k); place (rows,)
 
 
 class GridMotion(ABC):

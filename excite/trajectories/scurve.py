@@ -20,30 +20,14 @@ _LOOSE = 1.0  # with J = 1 neither velocity nor acceleration ever reaches 1 betw
 
 @dataclass(frozen=True, eq=False)
 class SCurve:
-    """A law s(t) from s(0) = 0 to s(T) = 1, piecewise cubic, at rest at both ends.
+    """A law s(t) from s(0) = 0 to s(T) = 1, piecewise cubic, at rest at both ends."""
 
-    Parameters
-    ----------
-    breaks : ndarray, shape (m + 1,)
-        Ends of the pieces, from 0 to T [s].
-    coefficients : ndarray, shape (4, m)
-        ``s = sum_p coefficients[p, i] (t - breaks[i])^(3 - p)`` on piece i.
-    """
-
-    breaks: Array
-    coefficients: Array
+    breaks: Array  # (m + 1,) ends of the pieces, from 0 to T [s]
+    coefficients: Array  # (4, m) ``s = sum_p coefficients[p, i] (t - breaks[i])^(3 - p)`` on piece i
 
     @classmethod
     def of_jerks(cls, breaks: Sequence[float] | Array, jerks: Sequence[float] | Array) -> SCurve:
-        """The law from rest at 0 whose jerk is constant between breaks.
-
-        Parameters
-        ----------
-        breaks : sequence of float, length m + 1
-            [s]
-        jerks : sequence of float, length m
-            [1/s^3]
-        """
+        """The law from rest at 0 whose jerk is constant between breaks."""
         pieces, s, ds, dds = [], 0.0, 0.0, 0.0
         for h, j in zip(np.diff(breaks), jerks, strict=True):
             pieces.append([j / 6, dds / 2, ds, s])
@@ -63,18 +47,8 @@ class SCurve:
         return c
 
     def values(self, time: Array) -> Array:
-        """Values of s and its three derivatives; 0 before the start and 1 after the end, exactly at rest.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            [s]
-
-        Returns
-        -------
-        ndarray, shape (4, N)
-            [1, 1/s, 1/s^2, 1/s^3]
-        """
+        """Values of s and its three derivatives; 0 before the start and 1 after the end, exactly at rest."""
+        # time (N,)
         i = np.clip(np.searchsorted(self.breaks, time, side="right") - 1, 0, self.breaks.size - 2)
         local = time - self.breaks[i]
         orders = np.stack([_polynomial(self.derivative(order)[:, i], local) for order in range(4)])
@@ -95,11 +69,6 @@ class SCurve:
 
         From rest to rest, the velocity is one over T1, averaged over T2 and then over T3, where the largest velocity,
         acceleration and jerk are ``1 / T1``, ``1 / (T1 T2)`` and ``1 / (T1 T2 T3)``; all three are rounded up.
-
-        Parameters
-        ----------
-        period : float
-            [s]
         """
         jerk = np.abs(self.derivative(3)).max()
         acceleration = np.abs(self.derivative(2)[-1]).max()
@@ -123,22 +92,7 @@ def _polynomial(coefficients: Array, x: Array) -> Array:
 
 
 def time_optimal(velocity: float, acceleration: float, jerk: float) -> SCurve:
-    """Time-optimal law from 0 to 1, from rest to rest.
-
-    Parameters
-    ----------
-    velocity, acceleration, jerk : float
-        V, A, J > 0 [1/s, 1/s^2, 1/s^3]; the first two may be infinite.
-
-    Returns
-    -------
-    SCurve
-
-    Raises
-    ------
-    RuntimeError
-        Ruckig finds no solution.
-    """
+    """Time-optimal law from 0 to 1, from rest to rest."""
     unit = jerk ** (-1.0 / 3.0)  # unit of time in which J = 1: Ruckig's tolerances are absolute
     given, trajectory = InputParameter(1), Trajectory(1)
     given.current_position, given.target_position = [0.0], [1.0]

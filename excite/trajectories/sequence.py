@@ -27,18 +27,10 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """Rest in a pose for some time.
+    """Rest in a pose for some time."""
 
-    Parameters
-    ----------
-    pose : ndarray, shape (n,)
-        [rad or m]
-    duration : float
-        [s]
-    """
-
-    pose: Array
-    duration: float
+    pose: Array  # (n,) [rad or m]
+    duration: float  # [s]
 
     def samples(self, time: Array) -> Samples:
         """The pose at given instants [s]."""
@@ -47,21 +39,8 @@ class Rest:
 
 
 def whole_pose(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
-    """Pose of every joint of a robot; those that are not given rest at zero or at the nearest position limit.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    joints : tuple of str
-        Names of k joints.
-    q : ndarray, shape (..., k)
-        Positions of these joints [rad or m].
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-    """
+    """Pose of every joint of a robot; those that are not given rest at zero or at the nearest position limit."""
+    # q (..., k)
     rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
     pose = np.empty((*np.shape(q)[:-1], robot.n))
     pose[...] = rest
@@ -71,21 +50,11 @@ def whole_pose(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class WholeRobotMotion:
-    """A motion of some joints extended to all joints; the others rest.
+    """A motion of some joints extended to all joints; the others rest."""
 
-    Parameters
-    ----------
-    motion : Motion
-        Motion of the moving joints.
-    robot : Robot
-        The whole robot.
-    joints : tuple of str
-        Names of the moving joints.
-    """
-
-    motion: Motion
-    robot: Robot
-    joints: tuple[str, ...]
+    motion: Motion  # motion of the moving joints
+    robot: Robot  # the whole robot
+    joints: tuple[str, ...]  # names of the moving joints
 
     @property
     def duration(self) -> float:
@@ -103,19 +72,11 @@ class WholeRobotMotion:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A part of the motion.
-
-    Parameters
-    ----------
-    segment : {"approach", "excite", "return"}
-    motion : Motion
-    steps : int
-        Number of sampling periods that it lasts.
-    """
+    """A part of the motion."""
 
     segment: str
     motion: Motion
-    steps: int
+    steps: int  # number of sampling periods that it lasts
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,37 +30,20 @@ _SAME = 1e-9  # rad or m
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """One straight line with its law of motion.
+    """One straight line with its law of motion."""
 
-    Parameters
-    ----------
-    start, end : ndarray, shape (n,)
-        Poses q0, q1 [rad or m].
-    law : SCurve
-        s(t).
-    """
-
-    start: Array
-    end: Array
-    law: SCurve
+    start: Array  # (n,) poses q0, q1 [rad or m]
+    end: Array  # (n,)
+    law: SCurve  # s(t)
 
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """Straight lines in sequence, with rest between them.
+    """Straight lines in sequence, with rest between them."""
 
-    Parameters
-    ----------
-    legs : tuple of Leg
-        One or more.
-    shortest : float
-        Least duration of all legs together; the transfer may be slower [s].
-    assumed : dict of str to tuple of str
-        Per quantity, ``acceleration`` or ``jerk``: the joints for which no limit is known and one was assumed.
-    """
-
-    legs: tuple[Leg, ...]
-    shortest: float
+    legs: tuple[Leg, ...]  # one or more
+    shortest: float  # least duration of all legs together; the transfer may be slower [s]
+    # per quantity, ``acceleration`` or ``jerk``: the joints for which no limit is known and one was assumed
     assumed: dict[str, tuple[str, ...]]
 
     @property
@@ -91,13 +74,7 @@ class Transfer:
         return replace(self, legs=legs)
 
     def samples(self, time: Array) -> Samples:
-        """Motion at given instants; exactly at rest in the end poses at both ends and beyond.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            [s]
-        """
+        """Motion at given instants; exactly at rest in the end poses at both ends and beyond."""  # time (N,)
         time = np.asarray(time, dtype=float)
         starts = np.concatenate([[0.0], self.ends[:-1]])
         number = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(self.legs) - 1)
@@ -151,26 +128,7 @@ def quickest_transfer(
 
     Where no acceleration limit bounds a joint, the velocity limit is reached in 0.5 s or later; where no jerk limit
     does, the acceleration limit is reached in 0.1 s or later.
-
-    Parameters
-    ----------
-    poses : sequence of ndarray, shape (n,)
-        Two or more [rad or m].
-    limits : sequence of LinearConstraint
-        Limits of joints and drives.
-    joints : sequence of str
-        Names of the n joints.
-
-    Returns
-    -------
-    Transfer or None
-        None if all poses are the same.
-
-    Raises
-    ------
-    InputError
-        A joint that no velocity or acceleration limit bounds has to move.
-    """
+    """  # poses (n,)
     assumed: dict[str, list[str]] = {"acceleration": [], "jerk": []}
     legs = tuple(
         Leg(start, end, _law(end - start, limits, joints, assumed))
@@ -224,16 +182,7 @@ def _unbounded(
 
 
 def check_pose(pose: Array, what: str, limits: Sequence[Constraint]) -> None:
-    """Raise `InputError` where rest in a pose violates limits: which, and by how much.
-
-    Parameters
-    ----------
-    pose : ndarray, shape (n,)
-        [rad or m]
-    what : str
-        Its name in the message, such as ``home``.
-    limits : sequence of Constraint
-    """
+    """Raise `InputError` where rest in a pose violates limits: which, and by how much."""  # pose (n,)
     rest = Rest(pose, 0.0).samples(np.zeros(1))
     broken: dict[str, tuple[float, str]] = {}  # of several functions with one label, the largest violation
     for limit in limits:

@@ -36,18 +36,8 @@ class CorrectedError:
 
 
 def noise_of_log(time: Array, q: Array, measured: Array, predicted: Array, motion_rate: float) -> MeasurementNoise:
-    """Noise of the measurements of a log, by their part above the frequencies of the motion.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        [s]
-    q : ndarray, shape (K, n)
-        Positions of the joints at uniform instants [rad or m].
-    measured, predicted : ndarray, shape (N, r)
-    motion_rate : float
-        Of the positions [Hz].
-    """
+    """Noise of the measurements of a log, by their part above the frequencies of the motion."""
+    # time (N,); q (K, n); measured, predicted (N, r)
     rate = (time.size - 1) / float(time[-1] - time[0])
     return measurement_noise(measured, measured - predicted, rate, motion_ends(q, motion_rate))
 
@@ -58,14 +48,7 @@ def corrected_errors(measured: Array, predicted: Array, noise: MeasurementNoise)
     Of the difference's power below the motion's highest frequency f, ``f S`` is noise of density S; of that above it,
     what the measurements have too. Only frequencies of the motion can show an error of the model, so that there is
     much less noise in them than in all.
-
-    Parameters
-    ----------
-    measured, predicted : ndarray, shape (N, r)
-        At uniform instants.
-    noise : MeasurementNoise
-        Of the measurements.
-    """
+    """  # measured, predicted (N, r)
     parts = zip(*_squares(measured, predicted, noise), noise.slow_deviation**2, noise.level, strict=True)
     return tuple(
         _corrected(float(e), float(y), float(n), float(v), float(S), noise.duration) for e, y, n, v, S in parts
@@ -73,13 +56,7 @@ def corrected_errors(measured: Array, predicted: Array, noise: MeasurementNoise)
 
 
 def corrected_total(measured: Array, predicted: Array, noise: MeasurementNoise) -> CorrectedError:
-    """Corrected error over all equations, in their units.
-
-    Parameters
-    ----------
-    measured, predicted, noise
-        See `corrected_errors`.
-    """
+    """Corrected error over all equations, in their units."""
     error, size, square = (float(part.sum()) for part in _squares(measured, predicted, noise))
     variance, level = float(np.sum(noise.slow_deviation**2)), float(noise.level.max(initial=0.0))
     return _corrected(error, size, square, variance, level, noise.duration)

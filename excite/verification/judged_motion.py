@@ -22,30 +22,16 @@ Simulate = Callable[[Array, float], Replay]
 
 @dataclass(frozen=True, eq=False)
 class JudgedMotion:
-    """The simulated motion that a verdict is based on.
-
-    Parameters
-    ----------
-    replay : Replay
-    motions : tuple of MotionError, optional
-        None where it ended early.
-    horizon : float
-        Time after which it restarts [s].
-    asked : float
-        The longest time that it could [s].
-    undecided : tuple of str
-        Joints that allowed errors of the torques move farther than the tolerance over the asked horizon: those of
-        little inertia.
-    decided : bool
-        False where even the shortest horizon says nothing.
-    """
+    """The simulated motion that a verdict is based on."""
 
     replay: Replay
-    motions: tuple[MotionError, ...] | None
-    horizon: float
-    asked: float
+    motions: tuple[MotionError, ...] | None  # None where it ended early
+    horizon: float  # time after which it restarts [s]
+    asked: float  # the longest time that it could [s]
+    # joints that allowed errors of the torques move farther than the tolerance over the asked horizon: those of
+    # little inertia
     undecided: tuple[str, ...] = ()
-    decided: bool = True
+    decided: bool = True  # False where even the shortest horizon says nothing
 
     @property
     def remark(self) -> str | None:
@@ -77,23 +63,7 @@ def judged_motion(
     tolerance of the torques, and by noise like the measurement's. If that alone moves a joint by more than the
     tolerance of the motion, and a quarter of its travel, the horizon says nothing about the model, and is shortened to
     a half or less.
-
-    Parameters
-    ----------
-    simulate : callable
-        Motion under given torques over a horizon.
-    torque : ndarray, shape (N, n)
-        Measured [Nm or N].
-    noise : ndarray, shape (n,)
-        Standard deviation of their noise [Nm or N].
-    measured : Samples
-        The motion, at the same instants.
-    units : dict of str to str
-        Joint to the unit of its position.
-    horizon : float
-        The longest [s].
-    tolerances : Tolerances
-    """
+    """  # torque (N, n); noise (n,)
     shortest = _SHORTEST * float(measured.time[-1] - measured.time[0]) / (measured.time.size - 1)
     asked, undecided = horizon, tuple[str, ...]()
     while True:

@@ -60,19 +60,7 @@ class TorqueError:
 def torque_errors(
     time: Array, measured: Array, predicted: Array, speed: Array, equations: tuple[tuple[str, str], ...]
 ) -> tuple[TorqueError, ...]:
-    """Errors of every equation over a motion.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Uniform [s].
-    measured, predicted : ndarray, shape (N, r)
-        Not filtered [units of the equations].
-    speed : ndarray, shape (N, r)
-        Of each equation's coordinate [rad/s or m/s]; NaN where it has none, such as for a wrench.
-    equations : tuple of (str, str), length r
-        Name and unit.
-    """
+    """Errors of every equation over a motion."""  # time (N,); measured, predicted (N, r); speed (N, r)
     difference = measured - predicted
     slow = _slow(time, difference)
     return tuple(

@@ -40,16 +40,7 @@ class MotionError:
 
 
 def motion_errors(replay: Replay, measured: Samples, units: dict[str, str]) -> tuple[MotionError, ...]:
-    """Errors of every joint over the windows of a motion that were all integrated to their ends.
-
-    Parameters
-    ----------
-    replay : Replay
-    measured : Samples
-        At the same instants.
-    units : dict of str to str
-        Joint to the unit of its position, in the order of the columns.
-    """
+    """Errors of every joint over the windows of a motion that were all integrated to their ends."""
     rows = replay.rows
     difference, time = (replay.q - measured.q)[rows], measured.time[rows]
     windows = [measured.q[a:b] for a, b in replay.bounds]

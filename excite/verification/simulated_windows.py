@@ -15,13 +15,6 @@ def most_windows(duration: float, horizon: float) -> int | None:
 
     The error of a joint's simulated motion is a root mean square over windows. Of 60 of them, chance changes it by
     about a tenth, while it is judged against a tolerance of about a quarter of the travel.
-
-    Parameters
-    ----------
-    duration : float
-        Of the motion [s].
-    horizon : float
-        Of a window [s].
     """
     if duration <= WHOLE * (1 + _ROUNDING):
         return None
@@ -29,14 +22,7 @@ def most_windows(duration: float, horizon: float) -> int | None:
 
 
 def sampling_remark(replay: Replay, horizon: float) -> str | None:
-    """Which windows were simulated, in words; None where all of them were.
-
-    Parameters
-    ----------
-    replay : Replay
-    horizon : float
-        Of a window [s].
-    """
+    """Which windows were simulated, in words; None where all of them were."""
     if not replay.left_out:
         return None
     count = len(replay.starts)

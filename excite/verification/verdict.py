@@ -80,25 +80,7 @@ def verdict(
     corrected: Sequence[CorrectedError] = (),
     corrected_total: CorrectedError | None = None,
 ) -> Verdict:
-    """Judge the errors of a result, less the noise of the measurement where that is known.
-
-    Parameters
-    ----------
-    torques : sequence of TorqueError
-    total : float
-        Relative error over all equations.
-    training : float, optional
-        The same on the logs that the result was identified from, where known.
-    motions : sequence of MotionError, optional
-        None where no motion can be simulated.
-    failed : str, optional
-        Why the simulation of the motion ended early.
-    tolerances : Tolerances
-    corrected : sequence of CorrectedError
-        Of each equation; without noise if not given.
-    corrected_total : CorrectedError, optional
-        Over all equations; without noise if not given.
-    """
+    """Judge the errors of a result, less the noise of the measurement where that is known."""
     whole = corrected_total if corrected_total is not None else without_noise(total)
     parts = corrected or [without_noise(t.relative, t.error) for t in torques]
     of_total, remarks = _of_total(whole, total, training, tolerances)

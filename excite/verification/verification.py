@@ -236,15 +236,5 @@ class Verification:
 
 
 def load_verification(path: str | Path) -> Verification:
-    """Load a ``verification-LOG.json``.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    InputError
-        Another schema, entries that are missing, or a file that is not the one that was written.
-    """
+    """Load a ``verification-LOG.json``."""
     return read_record(Path(path), Verification, KIND)

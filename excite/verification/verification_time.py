@@ -17,12 +17,6 @@ def verification_seconds(log: Log, *, simulated: bool) -> float:
     power of the joints; there are about sixteen of them to a row. Measured with 1000 to 20,000 rows of 6 and 7 joints;
     robots with parallel axes take less, and a light wrist, for which the motion restarts often, takes more. Of a log
     longer than `WHOLE`, no more than `SAMPLE` is simulated.
-
-    Parameters
-    ----------
-    log : Log
-    simulated : bool
-        Whether a motion is simulated, as for all but a load.
     """
     joints, duration = len(log.joints), float(log.time[-1] - log.time[0])
     seconds = 0.1 + _EQUATIONS * log.count * joints**2

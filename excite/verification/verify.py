@@ -192,13 +192,7 @@ def _event_remarks(part: PreparedLog, predicted: LogPrediction) -> tuple[str, ..
 
 
 def judging_target(result: IdentificationResult) -> IdentificationTarget:
-    """Identification target that predicts the measurements at every instant, in the result's parameters.
-
-    Raises
-    ------
-    InputError
-        The model's base parameters are not those of the result.
-    """
+    """Identification target that predicts the measurements at every instant, in the result's parameters."""
     target = instantaneous_target(result.robot, result.task, result.recipe)
     if target.base.names != result.names:
         raise InputError(

@@ -16,12 +16,7 @@ _SCATTER = 1.5  # of the points over their noise: what is more is said
 
 
 def friction_fit_view(fit: FrictionFit) -> View:
-    """View of a fit of friction curves.
-
-    Parameters
-    ----------
-    fit : FrictionFit
-    """
+    """View of a fit of friction curves."""
     drives = fit.characteristics
     return View(
         title=f"friction of {fit.robot}",

@@ -12,12 +12,7 @@ from excite.views.view import Column, Format, View, ViewTable
 
 
 def study_view(study: TimeStudy) -> View:
-    """View of a study.
-
-    Parameters
-    ----------
-    study : TimeStudy
-    """
+    """View of a study."""
     verdict, known = _verdict(study)
     return View(
         title=f"study of {study.robot}",

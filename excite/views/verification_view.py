@@ -18,12 +18,7 @@ TITLES = {
 
 
 def verification_view(verification: Verification) -> View:
-    """View of a verification.
-
-    Parameters
-    ----------
-    verification : Verification
-    """
+    """View of a verification."""
     v, log = verification, verification.log
     tolerances = {"torque": v.tolerances.torque, "motion": v.tolerances.motion}
     robot = {} if v.robot is None else {"robot": v.robot.name, "robot_sha256": v.robot.sha256()}

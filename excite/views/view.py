@@ -19,46 +19,23 @@ class Format(Enum):
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of a table."""
 
-    Parameters
-    ----------
-    heading : str
-        With the unit where all values have the same, such as ``at [s]``.
-    format : Format
-    brief : bool
-        True for the few columns that a short summary shows.
-    missing : str
-        Stands for None and for what is not finite, such as ``never``; a dash if not given.
-    """
-
-    heading: str
+    heading: str  # with the unit where all values have the same, such as ``at [s]``
     format: Format = Format.NUMBER
-    brief: bool = False
-    missing: str = ""
+    brief: bool = False  # True for the few columns that a short summary shows
+    missing: str = ""  # stands for None and for what is not finite, such as ``never``; a dash if not given
 
 
 @dataclass(frozen=True)
 class ViewTable:
-    """A table of values.
+    """A table of values."""
 
-    Parameters
-    ----------
-    name : str
-        What programs find it by.
-    title : str
-    columns : tuple of Column, length c
-    rows : tuple of tuple, each of length c
-        Text, or numbers in SI units.
-    folded : bool
-        Whether a page shows it only when it is asked for, and a terminal not at all.
-    """
-
-    name: str
+    name: str  # what programs find it by
     title: str
     columns: tuple[Column, ...]
-    rows: tuple[tuple[Any, ...], ...]
-    folded: bool = False
+    rows: tuple[tuple[Any, ...], ...]  # text, or numbers in SI units
+    folded: bool = False  # whether a page shows it only when it is asked for, and a terminal not at all
 
     @property
     def brief(self) -> ViewTable:
@@ -70,40 +47,17 @@ class ViewTable:
 
 @dataclass(frozen=True)
 class View:
-    """Everything that is shown of a result.
-
-    Parameters
-    ----------
-    title : str
-    verdict : str
-        In a sentence.
-    holds : bool or None
-        Whether what was asked holds; None where nothing was judged.
-    summary : tuple of str
-        The sentences with the numbers that matter most.
-    against : tuple of str
-        Reasons against the result.
-    remarks : tuple of str
-        What was assumed, what was not checked, and what does not affect the verdict.
-    asked : tuple of (str, str)
-        What was asked, as names and values.
-    tables : tuple of ViewTable
-    figures : mapping of str to callable
-        What draws each figure, by its title; the order is that of `endings`.
-    endings : tuple of str
-        Of the stems of the figures' files.
-    facts : mapping of str to str
-        Provenance.
-    """
+    """Everything that is shown of a result."""
 
     title: str
-    verdict: str
-    holds: bool | None = None
-    summary: tuple[str, ...] = ()
-    against: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
-    asked: tuple[tuple[str, str], ...] = ()
+    verdict: str  # in a sentence
+    holds: bool | None = None  # whether what was asked holds; None where nothing was judged
+    summary: tuple[str, ...] = ()  # the sentences with the numbers that matter most
+    against: tuple[str, ...] = ()  # reasons against the result
+    remarks: tuple[str, ...] = ()  # what was assumed, what was not checked, and what does not affect the verdict
+    asked: tuple[tuple[str, str], ...] = ()  # what was asked, as names and values
     tables: tuple[ViewTable, ...] = ()
+    # what draws each figure, by its title; the order is that of `endings`
     figures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
-    endings: tuple[str, ...] = ()
-    facts: Mapping[str, str] = field(default_factory=dict)
+    endings: tuple[str, ...] = ()  # of the stems of the figures' files
+    facts: Mapping[str, str] = field(default_factory=dict)  # provenance

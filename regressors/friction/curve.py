@@ -19,94 +19,33 @@ from regressors.samples import Array
 
 
 class FrictionCurve(ABC):
-    """Friction of one drive as a function of its velocity.
+    """Friction of one drive as a function of its velocity."""
 
-    Attributes
-    ----------
-    layer : int
-        Nesting order of curves that wrap others: 0 for a plain curve, then, outwards, `Warm`, `Scaled`, `Loaded`.
-    """
-
+    # nesting order of curves that wrap others: 0 for a plain curve, then, outwards, `Warm`, `Scaled`, `Loaded`
     layer: ClassVar[int] = 0
 
     @abstractmethod
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """Friction torque.
-
-        Parameters
-        ----------
-        dz : array_like
-            Drive velocity [rad/s or m/s].
-        direction : array_like, optional
-            s from -1 to 1, of the shape of dz, blends the torques of both directions; the exact sign of dz if not
-            given.
-
-        Returns
-        -------
-        ndarray
-            Of the same shape [Nm or N]. At rest, where static friction takes any value up to the break-away torque,
-            it is the mean of both directions where no direction is given.
-        """
+        """Friction torque."""
 
     @abstractmethod
     def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
-        """Friction torque.
-
-        Parameters
-        ----------
-        dz : SX, scalar
-            Drive velocity [rad/s or m/s].
-        direction : SX, scalar
-            s from -1 to 1, such as ``tanh(dz / width)``.
-        """
+        """Friction torque."""
 
     def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """Friction torque at a temperature, which curves that do not depend on it ignore.
-
-        Parameters
-        ----------
-        dz : array_like
-            Drive velocity [rad/s or m/s].
-        temperature : array_like
-            One for all velocities, or of the shape of dz [deg C].
-        direction : array_like, optional
-            See `torque`.
-
-        Raises
-        ------
-        InputError
-            A temperature that is not finite, or at which friction would be negative, see
-            `regressors.friction.temperature.Warm.at`.
-        """
+        """Friction torque at a temperature, which curves that do not depend on it ignore."""
         return self.torque(dz, direction)
 
     def at(self, temperature: float | None) -> FrictionCurve:
-        """The curve at one temperature; the curve itself where friction does not depend on temperature.
-
-        Parameters
-        ----------
-        temperature : float or None
-            [deg C]; the reference temperature if None.
-
-        Raises
-        ------
-        InputError
-            See `torque_at`.
-        """
+        """The curve at one temperature; the curve itself where friction does not depend on temperature."""
         return self
 
 
 @dataclass(frozen=True)
 class CoulombViscous(FrictionCurve):
-    """``f = Fc sign(dz) + Fv dz + Fo`` [KD96] eq. (1).
+    """``f = Fc sign(dz) + Fv dz + Fo`` [KD96] eq. (1)."""
 
-    Parameters
-    ----------
-    coulomb, viscous, offset : float
-        [Nm, Nm s/rad, Nm, or with N and m]
-    """
-
-    coulomb: float = 0.0
+    coulomb: float = 0.0  # [Nm, Nm s/rad, Nm, or with N and m]
     viscous: float = 0.0
     offset: float = 0.0
 
@@ -164,21 +103,11 @@ class Side:
 
 @dataclass(frozen=True)
 class Stribeck(FrictionCurve):
-    """``f = [Fc + (Fs - Fc) exp(-|dz / vs|^delta)] sign(dz) + Fv dz + Fo``, separately in each direction [Tustin 1947].
+    """``f = [Fc + (Fs - Fc) exp(-|dz / vs|^delta)] sign(dz) + Fv dz + Fo``, each direction its own [Tustin 1947]."""
 
-    Parameters
-    ----------
-    forward : Side
-        For positive velocity.
-    backward : Side, optional
-        For negative velocity, its torques counted positive; as forward if not given.
-    offset : float
-        Fo [Nm or N].
-    """
-
-    forward: Side
+    forward: Side  # for positive velocity
     backward: Side = field(default=None)  # type: ignore[assignment]
-    offset: float = 0.0
+    offset: float = 0.0  # fo [Nm or N]
 
     def __post_init__(self) -> None:
         if self.backward is None:
@@ -209,18 +138,7 @@ class Stribeck(FrictionCurve):
 
 @dataclass(frozen=True)
 class Scaled(FrictionCurve):
-    """Another curve times a factor.
-
-    Parameters
-    ----------
-    curve : FrictionCurve
-    factor : float
-
-    Raises
-    ------
-    InputError
-        A `Loaded` curve, whose load share would be lost; use `regressors.friction.load_share.scaled`.
-    """
+    """Another curve times a factor."""
 
     layer: ClassVar[int] = 2
 
@@ -249,12 +167,7 @@ class Scaled(FrictionCurve):
 
 
 def wrong_order(inner: FrictionCurve, outer: FrictionCurve) -> InputError:
-    """Error for curves that wrap each other in the wrong order.
-
-    Parameters
-    ----------
-    inner, outer : FrictionCurve
-    """
+    """Error for curves that wrap each other in the wrong order."""
     inside, around = type(inner).__name__, type(outer).__name__
     if inside == around:
         return InputError(f"friction: a {inside} curve must not be inside another one, which would ignore it")

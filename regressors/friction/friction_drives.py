@@ -14,16 +14,7 @@ _NOTHING = 1e-12  # of a drive's velocity along a direction
 
 
 def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
-    """Name and row of C of every drive whose joint moves; joints themselves where the robot has no transmission.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    tuple of (str, ndarray of shape (n,))
-    """
+    """Name and row of C of every drive whose joint moves; joints themselves where the robot has no transmission."""
     transmission = robot.transmission
     if transmission is None:
         return tuple(zip(robot.joint_names, np.eye(robot.n), strict=True))
@@ -32,12 +23,7 @@ def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
 
 
 def moving_drive_numbers(robot: Robot) -> dict[str, int]:
-    """Number in parameter names of every drive whose joint moves, by name.
-
-    Parameters
-    ----------
-    robot : Robot
-    """
+    """Number in parameter names of every drive whose joint moves, by name."""
     if robot.transmission is None:
         return dict(zip(robot.joint_names, robot.link_numbers, strict=True))
     return {drive.name: k for k, drive in enumerate(robot.transmission.drives, 1) if not drive.rests}
@@ -48,17 +34,7 @@ def drive_temperatures(robot: Robot, temperature: Array) -> Array:
 
     Where there are as many drives as joints, a drive's own joint is the one of the same number, if the drive moves it,
     such as in a differential wrist ``z4 = q4 + q5, z5 = q4 - q5``; otherwise it is the last joint that the drive moves.
-
-    Parameters
-    ----------
-    robot : Robot
-    temperature : ndarray, shape (N, n)
-        Temperatures of the joints, as in logs [deg C].
-
-    Returns
-    -------
-    ndarray, shape (N, k)
-    """
+    """  # temperature (N, n)
     rows = [row for _, row in drives_with_friction(robot)]
     paired = len(rows) == robot.n
     own = [k if paired and row[k] != 0.0 else int(np.flatnonzero(row)[-1]) for k, row in enumerate(rows)]
@@ -66,39 +42,13 @@ def drive_temperatures(robot: Robot, temperature: Array) -> Array:
 
 
 def smooth_direction(robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
-    """``tanh(dz / width)`` of every drive with friction.
-
-    Parameters
-    ----------
-    robot : Robot
-    dq : SX, shape (n, 1)
-    width : SX or float
-        Velocity over which friction changes its sign, > 0 [rad/s or m/s].
-
-    Returns
-    -------
-    SX, shape (k, 1)
-    """
+    """``tanh(dz / width)`` of every drive with friction."""  # dq (n, 1)
     rows = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
     return ca.densify(ca.tanh(ca.mtimes(sparse(rows), dq) / width))
 
 
 def torques_at_drives(robot: Robot) -> Array:
-    """Matrix from joint torques to those of the drives with friction, ``tau = C' tau_z`` solved for ``tau_z``.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-
-    Raises
-    ------
-    InputError
-        There is not one drive for each joint, so joint torques do not determine the load of each drive.
-    """
+    """Matrix from joint torques to those of the drives with friction, ``tau = C' tau_z`` solved for ``tau_z``."""
     drives = drives_with_friction(robot)
     C = np.array([row for _, row in drives]).reshape(-1, robot.n)
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
@@ -110,24 +60,8 @@ def torques_at_drives(robot: Robot) -> Array:
 
 
 def carried_along(robot: Robot, moved: Array) -> Array:
-    """Matrix from torques along some directions, ``N' tau``, to joint torques with the same load on the moved drives.
-
-    Parameters
-    ----------
-    robot : Robot
-    moved : ndarray, shape (n, r)
-        N, such as that of a partial motion.
-
-    Returns
-    -------
-    ndarray, shape (n, r)
-        Drives at rest get no load.
-
-    Raises
-    ------
-    InputError
-        More drives move than there are directions.
-    """
+    """Matrix from torques along directions, ``N' tau``, to joint torques with the same load on moved drives."""
+    # moved (n, r)
     C = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
     along = C @ moved
     turning = np.any(np.abs(along) > _NOTHING, axis=1)

@@ -24,27 +24,13 @@ class Loaded(FrictionCurve):
 
     The carried torque tau is what moves the robot without friction: the measured one is ``tau + f(v) + k s |tau|``.
     Without a carried torque it is the curve alone.
-
-    Parameters
-    ----------
-    curve : FrictionCurve
-        f, the friction without load.
-    forward : float
-        k for positive velocity, at least 0 and below 1.
-    backward : float, optional
-        k for negative velocity; as forward if not given.
-
-    Raises
-    ------
-    InputError
-        A share outside its range, or a curve that is loaded already.
     """
 
     layer: ClassVar[int] = 3
 
-    curve: FrictionCurve
-    forward: float
-    backward: float | None = None
+    curve: FrictionCurve  # f, the friction without load
+    forward: float  # k for positive velocity, at least 0 and below 1
+    backward: float | None = None  # k for negative velocity; as forward if not given
 
     def __post_init__(self) -> None:
         if self.curve.layer >= self.layer:
@@ -79,14 +65,7 @@ class Loaded(FrictionCurve):
 
 
 def loading(curve: FrictionCurve, direction: Number) -> Number | float:
-    """``k s``, the change of friction per unit of carried torque; zero for curves without a load share.
-
-    Parameters
-    ----------
-    curve : FrictionCurve
-    direction : ndarray or SX
-        s from -1 to 1.
-    """
+    """``k s``, the change of friction per unit of carried torque; zero for curves without a load share."""
     if not isinstance(curve, Loaded):
         return 0.0
     forward, backward = curve.shares
@@ -95,15 +74,7 @@ def loading(curve: FrictionCurve, direction: Number) -> Number | float:
 
 
 def carried(rest: Array, loading: Array | float) -> Array:
-    """Carried torque tau of ``tau + k s |tau| = rest``.
-
-    Parameters
-    ----------
-    rest : ndarray, shape (N,)
-        Torque minus the friction without load [Nm or N].
-    loading : ndarray, shape (N,), or float
-        ``k s``, between -1 and 1.
-    """
+    """Carried torque tau of ``tau + k s |tau| = rest``."""  # rest (N,); loading (N,)
     return np.asarray(rest / (1.0 + loading * np.sign(rest)))
 
 
@@ -113,15 +84,7 @@ def carried_expression(rest: ca.SX, loading: ca.SX | float) -> ca.SX:
 
 
 def scaled(curve: FrictionCurve, factor: float) -> FrictionCurve:
-    """A curve times a factor, with its load shares scaled likewise up to 0.99.
-
-    Parameters
-    ----------
-    curve : FrictionCurve
-    factor : float
-        Zero or more for a curve with load shares. A share that would exceed 0.99 becomes 0.99, or keeps its value where
-        that is larger: from 1 on, a drive would hold any load.
-    """
+    """A curve times a factor, with its load shares scaled likewise up to 0.99."""
     if not isinstance(curve, Loaded):
         return Scaled(curve, factor)
     shares = (min(factor * share, max(share, MOST)) for share in curve.shares)

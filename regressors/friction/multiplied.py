@@ -12,19 +12,7 @@ from regressors.friction.temperature import Slope, Warm
 
 
 def multiplied(curve: FrictionCurve, factor: float) -> FrictionCurve:
-    """``factor * f`` as a curve of the same kind, which friction files can hold; functions become tables.
-
-    Parameters
-    ----------
-    curve : FrictionCurve
-    factor : float
-        Greater than zero. Load shares are limited to 0.99, see `regressors.friction.load_share.scaled`.
-
-    Raises
-    ------
-    InputError
-        A kind of curve that is not built in.
-    """
+    """``factor * f`` as a curve of the same kind, which friction files can hold; functions become tables."""
     if isinstance(curve, CoulombViscous):
         return CoulombViscous(factor * curve.coulomb, factor * curve.viscous, factor * curve.offset)
     if isinstance(curve, Stribeck):

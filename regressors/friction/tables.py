@@ -23,17 +23,10 @@ class TableFriction(FrictionCurve):
 
     Speeds of one sign apply to both directions, ``f(-dz) = -f(dz)``. Between the slowest speeds on the two sides of
     zero the torque is that of the slowest speed on either side, and jumps at zero.
-
-    Parameters
-    ----------
-    speed : array_like, shape (K,)
-        Strictly increasing, none of them zero [rad/s or m/s]; all positive, or of both signs.
-    friction : array_like, shape (K,)
-        Friction torque at these speeds [Nm or N].
     """
 
-    speed: Array
-    friction: Array
+    speed: Array  # (K,) strictly increasing, none of them zero [rad/s or m/s]; all positive, or of both signs
+    friction: Array  # (K,) friction torque at these speeds [Nm or N]
 
     def __post_init__(self) -> None:
         speed, friction = (np.array(x, dtype=float).reshape(-1) for x in (self.speed, self.friction))
@@ -90,28 +83,16 @@ def _interpolated(speed: ca.SX, at: Array, values: Array) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class FunctionFriction(FrictionCurve):
-    """Friction given by any function of the velocity.
+    """Friction given by any function of the velocity."""
 
-    Parameters
-    ----------
-    function : callable
-        Returns torques [Nm or N] for an array of velocities [rad/s or m/s].
-    fastest : float, optional
-        Speed up to which the function is tabulated where an expression is needed [rad/s or m/s].
-    """
-
-    function: Callable[[Array], Array]
+    function: Callable[[Array], Array]  # returns torques [Nm or N] for an array of velocities [rad/s or m/s]
+    # speed up to which the function is tabulated where an expression is needed [rad/s or m/s]
     fastest: float | None = None
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """Values of the function; with a direction, ``(1 + s) / 2 f(|dz|) + (1 - s) / 2 f(-|dz|)``.
 
         At rest the function is then evaluated just beside zero.
-
-        Raises
-        ------
-        InputError
-            The function returns another shape than it was given.
         """
         v = np.asarray(dz, dtype=float)
         if direction is None:
@@ -128,13 +109,7 @@ class FunctionFriction(FrictionCurve):
         return values
 
     def table(self) -> TableFriction:
-        """The function at speeds up to the fastest one, closer together about zero.
-
-        Raises
-        ------
-        InputError
-            No fastest speed was given.
-        """
+        """The function at speeds up to the fastest one, closer together about zero."""
         if self.fastest is None or not (np.isfinite(self.fastest) and self.fastest > 0):
             raise InputError(f"friction function: a table of it needs its fastest speed, given {self.fastest}")
         speed = self.fastest * np.linspace(0.0, 1.0, _FUNCTION_POINTS)[1:] ** 2

@@ -20,18 +20,10 @@ Parametric = TypeVar("Parametric", CoulombViscous, Side)
 
 @dataclass(frozen=True)
 class Slope:
-    """How friction in one direction changes with temperature.
+    """How friction in one direction changes with temperature."""
 
-    Parameters
-    ----------
-    coulomb : float
-        a, of Coulomb friction and of the break-away torque alike [Nm/K or N/K].
-    viscous : float
-        b, of viscous friction [Nm s/rad/K or N s/m/K].
-    """
-
-    coulomb: float = 0.0
-    viscous: float = 0.0
+    coulomb: float = 0.0  # a, of Coulomb friction and of the break-away torque alike [Nm/K or N/K]
+    viscous: float = 0.0  # b, of viscous friction [Nm s/rad/K or N s/m/K]
 
     def __post_init__(self) -> None:
         for name in ("coulomb", "viscous"):
@@ -46,34 +38,15 @@ class Warm(FrictionCurve):
     """A curve that is linear in temperature, ``f(v, T) = f(v) + (T - T0) (a s + b v)``, separately in each direction.
 
     Without a temperature it is the curve at the reference temperature.
-
-    Parameters
-    ----------
-    curve : FrictionCurve
-        f, at the reference temperature.
-    reference : float
-        T0 [deg C].
-    forward : Slope
-        For positive velocity.
-    backward : Slope, optional
-        For negative velocity, its torques counted positive; as forward if not given.
-    range : tuple of float, optional
-        Lowest and highest temperature at which friction was measured [deg C].
-
-    Raises
-    ------
-    InputError
-        A number that is not finite, an invalid range, or a curve that already depends on temperature, is scaled or
-        loaded: `Scaled` and `Loaded` wrap a `Warm` curve, not the reverse.
     """
 
     layer: ClassVar[int] = 1
 
-    curve: FrictionCurve
-    reference: float
-    forward: Slope
+    curve: FrictionCurve  # f, at the reference temperature
+    reference: float  # T0 [deg C]
+    forward: Slope  # for positive velocity
     backward: Slope = field(default=None)  # type: ignore[assignment]
-    range: tuple[float, float] | None = None
+    range: tuple[float, float] | None = None  # lowest and highest temperature at which friction was measured [deg C]
 
     def __post_init__(self) -> None:
         if self.backward is None:
@@ -98,13 +71,7 @@ class Warm(FrictionCurve):
         return self.curve.expression(dz, direction)
 
     def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """``f(v) + (T - T0) (a s + b v)``.
-
-        Raises
-        ------
-        InputError
-            See `at`, for the lowest and the highest temperature.
-        """
+        """``f(v) + (T - T0) (a s + b v)``."""
         _check_temperature(temperature)
         for extreme in (np.min(temperature), np.max(temperature)) if np.size(temperature) else ():
             self.at(float(extreme))  # linear: valid at these, valid in between
@@ -115,15 +82,7 @@ class Warm(FrictionCurve):
         return np.asarray(self.curve.torque(v, direction) + (np.asarray(temperature) - self.reference) * change)
 
     def at(self, temperature: float | None) -> FrictionCurve:
-        """The curve at one temperature; at the reference temperature if None.
-
-        Raises
-        ------
-        InputError
-            A temperature that is not finite, or at which one of these would be negative: Coulomb friction, the
-            break-away torque, or a viscous coefficient or table value (at its speeds or at rest) that is not negative
-            at the reference temperature. Functions are not checked.
-        """
+        """The curve at one temperature; at the reference temperature if None."""
         if temperature is None:
             return self.curve
         _check_temperature(temperature)
@@ -151,13 +110,7 @@ class Warm(FrictionCurve):
         return f"it was measured from {self.range[0]:.4g} to {self.range[1]:.4g} deg C"
 
     def beyond(self, temperature: ArrayLike) -> bool:
-        """Whether any of the temperatures lies outside the measured range; False where the range is unknown.
-
-        Parameters
-        ----------
-        temperature : array_like
-            [deg C]
-        """
+        """Whether any of the temperatures lies outside the measured range; False where the range is unknown."""
         if self.range is None:
             return False
         known = np.asarray(temperature, dtype=float)
@@ -185,14 +138,7 @@ class _Held(FrictionCurve):
 def temperature_notes(
     curves: Mapping[str, FrictionCurve], temperature: Mapping[str, Array | float] | None
 ) -> tuple[str, ...]:
-    """Notes on the temperatures at which curves are evaluated.
-
-    Parameters
-    ----------
-    curves : mapping of str to FrictionCurve
-    temperature : mapping of str to ndarray or float, optional
-        Temperature of each drive [deg C]; drives without one are evaluated at the reference temperature.
-    """
+    """Notes on the temperatures at which curves are evaluated."""
     notes = []
     for name, given in curves.items():
         curve = warm_part(given)
@@ -212,24 +158,14 @@ def temperature_notes(
 
 
 def warm_part(curve: FrictionCurve | None) -> Warm | None:
-    """The `Warm` curve inside a curve that may be scaled or loaded; None where there is none.
-
-    Parameters
-    ----------
-    curve : FrictionCurve, optional
-    """
+    """The `Warm` curve inside a curve that may be scaled or loaded; None where there is none."""
     while curve is not None and not isinstance(curve, Warm):
         curve = getattr(curve, "curve", None)
     return curve
 
 
 def table_part(curve: FrictionCurve | None) -> TableFriction | None:
-    """The table inside a curve that may be scaled, loaded or at some temperature; None where there is none.
-
-    Parameters
-    ----------
-    curve : FrictionCurve, optional
-    """
+    """The table inside a curve that may be scaled, loaded or at some temperature; None where there is none."""
     while curve is not None and not isinstance(curve, TableFriction):
         curve = curve.warm if isinstance(curve, _Held) else getattr(curve, "curve", None)
     return curve

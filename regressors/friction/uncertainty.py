@@ -24,23 +24,10 @@ _OF = {kind: tuple(f.name for f in fields(kind)) for kind in (CoulombViscous, Si
 
 @dataclass(frozen=True, eq=False)
 class CurveUncertainty:
-    """Covariance of some parameters of one curve.
+    """Covariance of some parameters of one curve."""
 
-    Parameters
-    ----------
-    parameters : tuple of str
-        Names, see `curve_parameters`; the others are exact.
-    covariance : ndarray, shape (k, k)
-        [products of the parameters' units]
-
-    Raises
-    ------
-    InputError
-        No parameter, or one named twice, or a matrix that is not a covariance of them.
-    """
-
-    parameters: tuple[str, ...]
-    covariance: Array
+    parameters: tuple[str, ...]  # names, see `curve_parameters`; the others are exact
+    covariance: Array  # (k, k) [products of the parameters' units]
 
     def __post_init__(self) -> None:
         k, C = len(self.parameters), np.array(self.covariance, dtype=float)
@@ -89,12 +76,7 @@ class CurveUncertainty:
 
 
 def curve_parameters(curve: FrictionCurve) -> tuple[str, ...]:
-    """Names of a curve's parameters that can be uncertain; none for tables.
-
-    Parameters
-    ----------
-    curve : FrictionCurve
-    """
+    """Names of a curve's parameters that can be uncertain; none for tables."""
     if isinstance(curve, Loaded):
         return (*curve_parameters(curve.curve), "load", *(f"load.{side}" for side in _SIDES))
     if isinstance(curve, Warm):
@@ -105,21 +87,7 @@ def curve_parameters(curve: FrictionCurve) -> tuple[str, ...]:
 
 
 def changed(curve: FrictionCurve, changes: Mapping[str, float]) -> FrictionCurve:
-    """A copy of a curve with increments added to some of its parameters.
-
-    Parameters
-    ----------
-    curve : FrictionCurve
-    changes : mapping of str to float
-        Increments by parameter name; those of both sides and of one side add up.
-
-    Raises
-    ------
-    UnknownName
-        A parameter that the curve does not have.
-    InputError
-        A resulting value that no friction can have.
-    """
+    """A copy of a curve with increments added to some of its parameters."""
     for name in changes:
         if name not in (known := curve_parameters(curve)):
             raise UnknownName("parameter of the friction curve", name, known)
@@ -153,21 +121,7 @@ def _changed(curve: FrictionCurve, changes: Mapping[str, float]) -> FrictionCurv
 def uncertainty_at(
     uncertainty: CurveUncertainty, curve: FrictionCurve, temperature: float | None
 ) -> CurveUncertainty | None:
-    """Uncertainty of a curve at one temperature, ``A C A'`` with A the Jacobian of its parameters.
-
-    Parameters
-    ----------
-    uncertainty : CurveUncertainty
-        Uncertainty of the curve.
-    curve : FrictionCurve
-    temperature : float or None
-        [deg C]; the reference temperature if None.
-
-    Returns
-    -------
-    CurveUncertainty, or None
-        None where the curve at that temperature does not have the parameters.
-    """
+    """Uncertainty of a curve at one temperature, ``A C A'`` with A the Jacobian of its parameters."""
     warm = curve.curve if isinstance(curve, Loaded) else curve
     if not isinstance(warm, Warm):
         return uncertainty

@@ -12,13 +12,7 @@ def running_integral(values: jax.Array, spacing: float) -> jax.Array:
 
     Even intervals are integrated by the parabola through their ends and the next sample, odd ones and the last by that
     through their ends and the sample before.
-
-    Parameters
-    ----------
-    values : Array, shape (N, ...)
-    spacing : float
-        Sample time [s].
-    """
+    """  # values (N, ...)
     if values.shape[0] < 3:
         parts = (values[1:] + values[:-1]) * (spacing / 2)
     else:
@@ -33,19 +27,8 @@ def running_integral(values: jax.Array, spacing: float) -> jax.Array:
 
 
 def path_lengths(z: jax.Array, dz: jax.Array, spacing: float) -> jax.Array:
-    """``int |dz| dt`` from the first sample on, exact for the cubics that have the samples' positions and velocities.
-
-    Parameters
-    ----------
-    z, dz : Array, shape (N, k)
-        [rad and rad/s, or with m]
-    spacing : float
-        Sample time [s].
-
-    Returns
-    -------
-    Array, shape (N, k)
-    """
+    """``int |dz| dt`` from the first sample on, exact for cubics through the samples' positions and velocities."""
+    # z, dz (N, k)
     a, b, rise = dz[:-1], dz[1:], z[1:] - z[:-1]
     # velocity of the cubic at fraction s of an interval: a + slope s + curve s^2
     curve = 3 * (a + b - 2 * rise / spacing)

@@ -15,36 +15,15 @@ def effort(l: jax.Array, s: jax.Array, w: jax.Array, dw: jax.Array, a: jax.Array
 
     ``F = m a + (dw x + w x w x) mc`` and ``N = mc x a + I dw + w x I w``, so the ten values are ``l'a``,
     ``l x dw + (l x w) x w + a x s`` and ``s'[. dw] + (s x w)'[. w]``.
-
-    Parameters
-    ----------
-    l, s : Array, shape (..., 3, L)
-        Linear and angular direction, in the body's frame.
-    w, dw, a : Array, shape (..., 3, L)
-        Angular velocity and acceleration, acceleration of the origin less gravity, in the body's frame.
-
-    Returns
-    -------
-    Array, shape (..., 10, L)
-    """
+    """  # l, s (..., 3, L); w, dw, a (..., 3, L)
     moment = cross(l, dw) + cross(cross(l, w), w) + cross(a, s)
     inertia = times_inertia(s, dw) + times_inertia(cross(s, w), w)
     return _joined(dot(l, a), moment, inertia)
 
 
 def momentum(l: jax.Array, s: jax.Array, w: jax.Array, v: jax.Array) -> jax.Array:
-    """``l'P + s'L`` per parameter: linear and angular momentum, the bracketed terms of [KD96] eq. (12), (13).
-
-    Parameters
-    ----------
-    l, s : Array, shape (..., 3, L)
-    w, v : Array, shape (..., 3, L)
-        Angular velocity and velocity of the origin, in the body's frame.
-
-    Returns
-    -------
-    Array, shape (..., 10, L)
-    """
+    """``l'P + s'L`` per parameter: linear and angular momentum, the bracketed terms of [KD96] eq. (12), (13)."""
+    # l, s (..., 3, L); w, v (..., 3, L)
     return _joined(dot(l, v), cross(l, w) + cross(v, s), times_inertia(s, w))
 
 

@@ -18,13 +18,7 @@ from regressors.samples import Index
 
 
 class DifferentialPart(RegressorBlock):
-    """Joint torques per parameter.
-
-    Parameters
-    ----------
-    model : DifferentialModel
-    columns : ndarray of int, shape (p,)
-    """
+    """Joint torques per parameter."""  # columns (p,)
 
     def __init__(self, model: DifferentialModel, columns: Index) -> None:
         self._tree = tree_of(model.robot)
@@ -56,13 +50,7 @@ class DifferentialPart(RegressorBlock):
 
 
 class ProjectedPart(RegressorBlock):
-    """Linear combinations of another model's rows, ``N' Y``.
-
-    Parameters
-    ----------
-    model : PartialModel
-    columns : ndarray of int, shape (p,)
-    """
+    """Linear combinations of another model's rows, ``N' Y``."""  # columns (p,)
 
     def __init__(self, model: PartialModel, columns: Index) -> None:
         self._whole = part_of(model.model, columns)

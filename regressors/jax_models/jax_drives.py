@@ -28,29 +28,15 @@ from regressors.samples import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class DriveConstants:
-    """Constants of the m drives that have parameters.
+    """Constants of the m drives that have parameters."""
 
-    Parameters
-    ----------
-    numbers : tuple of int, length m
-        Owners of their columns.
-    coupling, offset : ndarray, shape (m, n) and (m,)
-    rotors : ndarray of int
-        Drives whose rotor's inertia is a parameter.
-    gears : tuple of GearFunction
-        Gear functions of the rotors.
-    terms : Terms
-    sign_width : float
-        Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign.
-    """
-
-    numbers: tuple[int, ...]
-    coupling: Array
-    offset: Array
-    rotors: Index
-    gears: tuple[GearFunction, ...]
+    numbers: tuple[int, ...]  # owners of their columns
+    coupling: Array  # (m, n)
+    offset: Array  # (m, n)
+    rotors: Index  # drives whose rotor's inertia is a parameter
+    gears: tuple[GearFunction, ...]  # gear functions of the rotors
     terms: Terms
-    sign_width: float
+    sign_width: float  # velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign
 
     def coordinates(self, q: jax.Array) -> jax.Array:
         """``z``, shape (m, L); `q` has shape (n, L)."""
@@ -140,13 +126,7 @@ class DriveConstants:
 
 
 def drives_of(robot: Robot, terms: Terms, sign_width: float) -> DriveConstants:
-    """Drives of a robot that have parameters; one per joint, without rotor, where it has no transmission.
-
-    Raises
-    ------
-    InputError
-        A gear function that has no JAX form.
-    """
+    """Drives of a robot that have parameters; one per joint, without rotor, where it has no transmission."""
     n, none = robot.n, np.zeros(0, dtype=np.intp)
     if robot.transmission is None:
         return DriveConstants(tuple(drive_rows(robot)), np.eye(n), np.zeros(n), none, (), terms, sign_width)

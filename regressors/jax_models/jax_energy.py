@@ -17,13 +17,7 @@ from regressors.samples import Array, Index
 
 
 class EnergyPart(WindowPart):
-    """Work of the joint torques per parameter.
-
-    Parameters
-    ----------
-    model : EnergyModel
-    columns : ndarray of int, shape (p,)
-    """
+    """Work of the joint torques per parameter."""  # columns (p,)
 
     def __init__(self, model: EnergyModel, columns: Index) -> None:
         self.window = model.window

@@ -34,13 +34,7 @@ class _SensorFrame:
 
 
 class LoadPart(RegressorBlock):
-    """Wrench at the sensor per parameter.
-
-    Parameters
-    ----------
-    model : LoadModel
-    columns : ndarray of int, shape (p,)
-    """
+    """Wrench at the sensor per parameter."""  # columns (p,)
 
     def __init__(self, model: LoadModel, columns: Index) -> None:
         self._frame, self._S = _SensorFrame(model.robot, model.sensor), np.eye(len(model.columns))[:, columns]
@@ -57,13 +51,7 @@ class LoadPart(RegressorBlock):
 
 
 class LoadIntegralPart(WindowPart):
-    """Integrals of the wrench over time windows per parameter.
-
-    Parameters
-    ----------
-    model : LoadIntegralModel
-    columns : ndarray of int, shape (p,)
-    """
+    """Integrals of the wrench over time windows per parameter."""  # columns (p,)
 
     def __init__(self, model: LoadIntegralModel, columns: Index) -> None:
         self.window = model.window

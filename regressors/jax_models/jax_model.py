@@ -15,28 +15,7 @@ from regressors.samples import Array, Index
 
 
 class JaxModel:
-    """Regressor of a model as a pure function of batches, to be compiled, mapped and differentiated by JAX.
-
-    Parameters
-    ----------
-    model : RegressorModel
-        Model of a class that sets `jax_form`; later changes of the model have no effect.
-    columns : ndarray of int, optional
-        Selection of the model's columns, such as those of a base; all of them if not given.
-
-    Attributes
-    ----------
-    names : tuple of str, length p
-    n : int
-        Number of joints.
-    equations : int
-        r, number of scalar equations.
-
-    Raises
-    ------
-    InputError
-        The model's class has no JAX form.
-    """
+    """Regressor of a model as a pure function of batches, to be compiled, mapped and differentiated by JAX."""
 
     def __init__(self, model: RegressorModel, columns: Index | None = None) -> None:
         chosen = np.arange(len(model.columns)) if columns is None else np.asarray(columns)
@@ -45,65 +24,23 @@ class JaxModel:
         self._part = part_of(model, chosen)
 
     def rows(self, q: jax.Array | Array, dq: jax.Array | Array, ddq: jax.Array | Array) -> jax.Array:
-        """Regressor of single instants, as the model's `rows`.
-
-        Parameters
-        ----------
-        q, dq, ddq : array, shape (..., n)
-            Joint position, velocity, acceleration [rad, rad/s, rad/s^2, or with m].
-
-        Returns
-        -------
-        Array, shape (..., r, p)
-
-        Raises
-        ------
-        InputError
-            64-bit numbers are disabled, or the arrays do not have n joints.
-        """
+        """Regressor of single instants, as the model's `rows`."""  # q, dq, ddq (..., n)
         motion = self._checked(q, dq, ddq)
         lead = motion[0].shape[:-1]
         values = self._part.rows(*(x.reshape(-1, self.n).T for x in motion))
         return jnp.moveaxis(values, -1, 0).reshape(*lead, self.equations, len(self.names))
 
     def assemble(self, time: Array, q: jax.Array | Array, dq: jax.Array | Array, ddq: jax.Array | Array) -> jax.Array:
-        """Regressor of whole motions, as the model's `assemble`: one block of rows per instant, or per window.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            Uniform sample times of every motion [s]; a constant of the compiled program.
-        q, dq, ddq : array, shape (..., N, n)
-
-        Returns
-        -------
-        Array, shape (..., m, r, p)
-            m instants or windows.
-
-        Raises
-        ------
-        InputError
-            See `rows` and `regressors.models.windows.Window.ends`.
-        """
+        """Regressor of whole motions, as the model's `assemble`: one block of rows per instant, or per window."""
+        # time (N,); q, dq, ddq (..., N, n)
         q, dq, ddq = self._checked(q, dq, ddq)
         return _over_motions(lambda *x: self._part.assembled(time, *(y.T for y in x)), q, dq, ddq)
 
     def right_side(
         self, time: Array, q: jax.Array | Array, dq: jax.Array | Array, measured: jax.Array | Array
     ) -> jax.Array:
-        """Measured vector y of whole motions, as the model's `right_side`.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-        q, dq : array, shape (..., N, n)
-        measured : array, shape (..., N, channels)
-            Joint torques, or the wrench [Nm, N].
-
-        Returns
-        -------
-        Array, shape (..., m, r)
-        """
+        """Measured vector y of whole motions, as the model's `right_side`."""
+        # time (N,); q, dq (..., N, n); measured (..., N, channels)
         q, dq = self._checked(q, dq)
         y = jnp.asarray(measured)
         return _over_motions(lambda q, dq, y: self._part.right_side(time, q.T, dq.T, y), q, dq, y)

@@ -17,14 +17,7 @@ from regressors.samples import Array, Index
 
 
 class RegressorBlock(ABC):
-    """JAX form of a model of single instants.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    columns : ndarray of int, shape (p,)
-        Selection of the model's columns.
-    """
+    """JAX form of a model of single instants."""  # columns (p,)
 
     @abstractmethod
     def __init__(self, model: RegressorModel, columns: Index) -> None: ...
@@ -43,18 +36,7 @@ class RegressorBlock(ABC):
 
 
 def part_of(model: RegressorModel, columns: Index) -> RegressorBlock:
-    """JAX form of a model, from the class that `RegressorModel.jax_form` names.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    columns : ndarray of int, shape (p,)
-
-    Raises
-    ------
-    InputError
-        The model has no JAX form.
-    """
+    """JAX form of a model, from the class that `RegressorModel.jax_form` names."""  # columns (p,)
     if model.jax_form is None:
         raise InputError(f"{type(model).__name__} has no JAX form: its class names none as jax_form, 'module:Class'")
     module, _, name = model.jax_form.partition(":")
@@ -108,13 +90,7 @@ def spacing(time: Array) -> float:
 
 
 def reduced(Y: jax.Array, S: Array) -> jax.Array:
-    """``Y S`` at every instant, shape (r, p, L); by indexing where S only selects columns.
-
-    Parameters
-    ----------
-    Y : Array, shape (r, P, L)
-    S : ndarray, shape (P, p)
-    """
+    """``Y S`` at every instant, shape (r, p, L); by indexing where S only selects columns."""  # Y (r, P, L); S (P, p)
     if np.all(np.count_nonzero(S, axis=0) == 1) and np.all(S.sum(axis=0) == 1.0):
         return Y[:, np.argmax(S, axis=0)]
     used = np.flatnonzero(np.any(S != 0.0, axis=1))

@@ -21,38 +21,18 @@ from regressors.samples import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class KinematicTree:
-    """Constants of the B bodies of a robot with n joints, links first.
+    """Constants of the B bodies of a robot with n joints, links first."""
 
-    Parameters
-    ----------
-    parent : ndarray of int, shape (B,)
-        Body that carries each; B for the base.
-    ancestors : ndarray, shape (B, B)
-        1 where the joint of body j moves body k, else 0.
-    coupling, offset : ndarray, shape (B, n) and (B,)
-        ``s = G q + s0`` [rad or m].
-    turn : ndarray, shape (3, B, 3, 3)
-        Constant, sine and versine part of each rotation in the parent's frame.
-    shift, slide : ndarray, shape (B, 3)
-        Origin in the parent's frame at s = 0 [m], and its displacement per unit of s.
-    axis : ndarray, shape (B, 3)
-        Joint axis in the body's own frame.
-    revolute : ndarray, shape (B,)
-        1 for a revolute joint, 0 for a prismatic one.
-    gravity : ndarray, shape (3,)
-        In the base frame [m/s^2].
-    """
-
-    parent: Index
-    ancestors: Array
-    coupling: Array
-    offset: Array
-    turn: Array
-    shift: Array
-    slide: Array
-    axis: Array
-    revolute: Array
-    gravity: Array
+    parent: Index  # (B,) body that carries each; B for the base
+    ancestors: Array  # (B, B) 1 where the joint of body j moves body k, else 0
+    coupling: Array  # (B, n) ``s = G q + s0`` [rad or m]
+    offset: Array  # (B, n)
+    turn: Array  # (3, B, 3, 3) constant, sine and versine part of each rotation in the parent's frame
+    shift: Array  # (B, 3) origin in the parent's frame at s = 0 [m], and its displacement per unit of s
+    slide: Array  # (B, 3)
+    axis: Array  # (B, 3) joint axis in the body's own frame
+    revolute: Array  # (B,) 1 for a revolute joint, 0 for a prismatic one
+    gravity: Array  # (3,) in the base frame [m/s^2]
 
     @property
     def pairs(self) -> tuple[Index, Index]:
@@ -90,40 +70,22 @@ def tree_of(robot: Robot) -> KinematicTree:
 
 @dataclass(frozen=True)
 class TreeMotion:
-    """Motion of every body at L instants.
+    """Motion of every body at L instants."""
 
-    Parameters
-    ----------
-    R : Array, shape (B, 3, 3, L)
-        Axes of the body's frame in the base frame.
-    origin : Array, shape (B, 3, L)
-        Origin of the body's frame in the base frame [m].
-    e : Array, shape (B, 3, L)
-        Joint axis in the base frame.
-    omega, domega, v, a, up : Array, shape (B, 3, L)
-        Angular velocity and acceleration, velocity of the origin, its acceleration less gravity, and gravity, all in
-        the axes of the body's frame [rad/s, rad/s^2, m/s, m/s^2, m/s^2].
-    """
-
-    R: jax.Array
-    origin: jax.Array
-    e: jax.Array
+    R: jax.Array  # (B, 3, 3, L) axes of the body's frame in the base frame
+    origin: jax.Array  # (B, 3, L) origin of the body's frame in the base frame [m]
+    e: jax.Array  # (B, 3, L) joint axis in the base frame
+    # (B, 3, L) angular velocity and acceleration, velocity of the origin, its acceleration less gravity, and gravity,
+    # all in the axes of the body's frame [rad/s, rad/s^2, m/s, m/s^2, m/s^2]
     omega: jax.Array
-    domega: jax.Array
-    v: jax.Array
-    a: jax.Array
-    up: jax.Array
+    domega: jax.Array  # (B, 3, L)
+    v: jax.Array  # (B, 3, L)
+    a: jax.Array  # (B, 3, L)
+    up: jax.Array  # (B, 3, L)
 
 
 def tree_motion(tree: KinematicTree, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> TreeMotion:
-    """Motion of every body from that of the robot's joints.
-
-    Parameters
-    ----------
-    tree : KinematicTree
-    q, dq, ddq : Array, shape (n, L)
-        Joint position, velocity, acceleration.
-    """
+    """Motion of every body from that of the robot's joints."""  # q, dq, ddq (n, L)
     s, ds, dds = (_coordinates(tree.coupling, x)[:, None] for x in (q, dq, ddq))
     R, origin, d = _poses(tree, s[:, 0] + tree.offset[:, None])
     e = turned(R, jnp.asarray(tree.axis)[..., None])

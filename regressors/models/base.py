@@ -35,15 +35,7 @@ _UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
 
 
 def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
-    """Independent states, uniform within the joint limits; within a few SI units where a limit is missing.
-
-    Parameters
-    ----------
-    robot : Robot
-    count : int
-    seed : int
-        Seed of NumPy's default generator.
-    """
+    """Independent states, uniform within the joint limits; within a few SI units where a limit is missing."""
     rng = np.random.default_rng(seed)
     limits = robot.limits
     lower = np.where(np.isfinite(limits.lower), limits.lower, -_UNLIMITED["position"])
@@ -165,15 +157,7 @@ def base_parameters(
 
 
 def bases(model: RegressorModel, states: Samples, rounding: float = ROUNDING) -> tuple[Base, ...]:
-    """Base columns of a model by each of `CHOICES`, see `base_parameters`.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    states : Samples
-        Random states, see `enough_states`.
-    rounding : float
-    """
+    """Base columns of a model by each of `CHOICES`, see `base_parameters`."""
     R, hidden = _without_rounding(model, states, rounding)
     return tuple(replace(base_of(model, R, choice), by_rounding=hidden) for choice in CHOICES)
 
@@ -223,16 +207,7 @@ def few_states(model: RegressorModel) -> int:
 
 
 def base_of(model: RegressorModel, R: Array, choice: Choice = "gautier", tolerance: float = TOLERANCE) -> Base:
-    """Base columns of a model, from a regressor of it.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    R : ndarray, shape (k, p)
-        Rows that span those of the regressor.
-    choice, tolerance
-        As of `base_parameters`.
-    """
+    """Base columns of a model, from a regressor of it."""  # R (k, p)
     p = R.shape[1]
     order = np.arange(p)
     if choice == "pivoted":
@@ -259,18 +234,8 @@ def _dependence(R: Array, index: Index) -> Array:
 
 
 def expressions(model: RegressorModel, D: Array) -> tuple[str, ...]:
-    """Rows of D written in the model's standard parameters, such as ``I3yy - I3xx`` or ``m2c2x + l2 m3``.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    D : ndarray, shape (b, p)
-
-    Returns
-    -------
-    tuple of str
-        Coefficients that are products of the robot's named constants are written with their names.
-    """
+    """Rows of D written in the model's standard parameters, such as ``I3yy - I3xx`` or ``m2c2x + l2 m3``."""
+    # D (b, p)
     standard, monomials = model.standard_columns, _monomials(dict(model.robot.constants))
     return tuple(_sum(row, standard, monomials) for row in D @ model.composition.definition)
 

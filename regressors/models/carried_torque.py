@@ -28,26 +28,7 @@ RIGID = ("inertial", "rotor")
 
 
 def carried_bodies(robot: Robot, carried: Mapping[str, float] | None) -> Array:
-    """Parameters of the bodies whose torques the drives carry.
-
-    Parameters
-    ----------
-    robot : Robot
-    carried : mapping of str to float, or None
-        Standard parameters by name, any numbers; those of the robot's description if None.
-
-    Returns
-    -------
-    ndarray, shape (b, 10)
-        Parameters of links, then of branches.
-
-    Raises
-    ------
-    InputError
-        A body's parameter is not known.
-    UnknownName
-        A parameter that the robot does not have.
-    """
+    """Parameters of the bodies whose torques the drives carry."""
     known = standard_values(robot) if carried is None else carried
     names = [column.name for column in inertial_columns(robot)]
     possible = {column.name for column in standard_columns(robot)}
@@ -66,14 +47,7 @@ def carried_bodies(robot: Robot, carried: Mapping[str, float] | None) -> Array:
 
 
 def carried_rotors(robot: Robot, carried: Mapping[str, float] | None) -> dict[int, float]:
-    """Rotor inertia of every drive, by its number; zero where it is not known [kg m^2].
-
-    Parameters
-    ----------
-    robot : Robot
-    carried : mapping of str to float, or None
-        See `carried_bodies`.
-    """
+    """Rotor inertia of every drive, by its number; zero where it is not known [kg m^2]."""
     known = standard_values(robot) if carried is None else carried
     return {number: float(known.get(drive_column(number, ROTOR).name, 0.0)) for number in drive_rows(robot)}
 
@@ -81,23 +55,7 @@ def carried_rotors(robot: Robot, carried: Mapping[str, float] | None) -> dict[in
 def carried_at_drives(
     robot: Robot, carried: Mapping[str, float] | None, drives: tuple[DriveMotion, ...], bodies: ca.SX
 ) -> dict[int, ca.SX]:
-    """Torque that each drive carries, by the number of the drive [Nm or N].
-
-    Parameters
-    ----------
-    robot : Robot
-    carried : mapping of str to float, or None
-        See `carried_bodies`; a rotor inertia that is not known counts as zero.
-    drives : tuple of DriveMotion
-        All that move.
-    bodies : SX, shape (n, 1)
-        Joint torques of the bodies.
-
-    Raises
-    ------
-    InputError
-        There is not one drive for each joint, so joint torques do not determine the load of each drive.
-    """
+    """Torque that each drive carries, by the number of the drive [Nm or N]."""  # bodies (n, 1)
     inertia = carried_rotors(robot, carried)
     of_bodies = ca.mtimes(sparse(torques_at_drives(robot)), bodies)
     return {
@@ -112,20 +70,7 @@ def standard_of(model: RegressorModel, base: Base, coefficients: Array) -> dict[
     Of the many ``p`` with ``D p = beta``, that of least norm; its standard parameters give the torques ``W_b beta`` of
     the bodies and rotors in every motion. They are no masses, and may be negative; use them as `carried` of
     `regressors.models.differential.DifferentialModel`.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    base : Base
-        Of the model.
-    coefficients : ndarray, shape (b,)
-        Values of the base parameters; those of friction are left out.
-
-    Returns
-    -------
-    dict of str to float
-        By the names of the standard parameters; rotor inertias at the motor.
-    """
+    """  # coefficients (b,)
     composition = model.composition
     rigid = np.array([column.group in RIGID for column in base.columns])
     rows = rigid[base.index]

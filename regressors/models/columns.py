@@ -63,14 +63,7 @@ class Column:
 
 
 def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...]:
-    """Ten inertial parameters of one body, in the order of ``theta``, see `regressors.robot.inertia`.
-
-    Parameters
-    ----------
-    names : tuple of str, length 10
-    owner : int or None
-        Number of the body; None for a load.
-    """
+    """Ten inertial parameters of one body, in the order of ``theta``, see `regressors.robot.inertia`."""
     parts = zip(names, PARAMETER_UNITS, _BODY_ORDER, strict=True)
     return tuple(Column(name, unit, kind, owner) for name, unit, kind in parts)
 

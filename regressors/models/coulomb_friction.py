@@ -44,18 +44,8 @@ class CoulombFriction:
 def coulomb_friction(
     robot: Robot, composition: Reduction, directions: Array, magnitudes: Magnitudes
 ) -> CoulombFriction:
-    """Columns of directed friction of equations along some directions, ``N' C' tau_z``.
-
-    Parameters
-    ----------
-    robot : Robot
-    composition : Reduction
-        Composition of the columns from standard ones.
-    directions : ndarray, shape (n, r)
-        ``N``.
-    magnitudes : callable
-        From N samples to the magnitudes of the standard columns of directed friction, shape (N, standard columns).
-    """
+    """Columns of directed friction of equations along some directions, ``N' C' tau_z``."""
+    # directions (n, r); magnitudes (N, standard columns)
     drives = drive_rows(robot)
     directed = [
         (k, drives[column.owner])

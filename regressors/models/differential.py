@@ -38,17 +38,7 @@ def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
 
     Body i's wrench about its own origin is ``[F; N] = [F_i; N_i](q, dq, ddq) theta_i``; joint j carries its part
     along the joint's motion vector in that frame, ``Y_ji = l_j' F_i + s_j' N_i`` (zero for the joints after link i).
-
-    Parameters
-    ----------
-    robot : Robot
-    q, dq, ddq : SX, shape (n, 1)
-
-    Returns
-    -------
-    SX, shape (n, 10 b)
-        In Nm (N for a prismatic joint) per unit parameter, of the b bodies of the robot: links, then branches.
-    """
+    """  # q, dq, ddq (n, 1)
     n = robot.n
     blocks = []
     for body in bodies(robot, q, dq, ddq):
@@ -63,19 +53,7 @@ def inertial_torque(robot: Robot, theta: Array, q: ca.SX, dq: ca.SX, ddq: ca.SX)
 
     ``tau_j = sum_i l_j' F_i theta_i + s_j' N_i theta_i``, the product of `inertial_regressor` and theta in a fraction
     of its operations.
-
-    Parameters
-    ----------
-    robot : Robot
-    theta : ndarray, shape (b, 10)
-        Parameters of the robot's bodies, links, then branches.
-    q, dq, ddq : SX, shape (n, 1)
-
-    Returns
-    -------
-    SX, shape (n, 1)
-        In Nm (N for a prismatic joint).
-    """
+    """  # theta (b, 10); q, dq, ddq (n, 1)
     tau = ca.SX(robot.n, 1)
     for body, values in zip(bodies(robot, q, dq, ddq), theta, strict=True):
         force, moment = (ca.mtimes(part, sparse(values)) for part in body_regressor(body.omega, body.domega, body.a))

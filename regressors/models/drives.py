@@ -33,45 +33,22 @@ from regressors.symbolic.kinematics import sparse
 
 @dataclass(frozen=True)
 class DriveMotion:
-    """One drive's coordinate and its derivatives, with its row of C.
+    """One drive's coordinate and its derivatives, with its row of C."""
 
-    Parameters
-    ----------
-    number : int
-        Number of the drive, the owner of its columns.
-    z, dz, ddz : SX, scalar
-        Drive coordinate [rad or m] and its derivatives.
-    row : SX, shape (1, n)
-        Row of the coupling C.
-    ratio : SX, scalar
-        Gear ratio F'(z).
-    dratio : SX, scalar
-        Derivative F''(z) of the gear ratio.
-    has_rotor : bool
-        True if the rotor's inertia is a parameter.
-    linear : bool
-        True if the drive moves a prismatic joint; units follow.
-    """
-
-    number: int
-    z: ca.SX
+    number: int  # number of the drive, the owner of its columns
+    z: ca.SX  # drive coordinate [rad or m] and its derivatives
     dz: ca.SX
     ddz: ca.SX
-    row: ca.SX
-    ratio: ca.SX
-    dratio: ca.SX
-    has_rotor: bool
-    linear: bool
+    row: ca.SX  # (1, n) row of the coupling C
+    ratio: ca.SX  # gear ratio F'(z)
+    dratio: ca.SX  # derivative F''(z) of the gear ratio
+    has_rotor: bool  # True if the rotor's inertia is a parameter
+    linear: bool  # True if the drive moves a prismatic joint; units follow
 
 
 def drive_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[DriveMotion, ...]:
-    """Motion of every drive whose joint moves; one per joint where the robot has no transmission.
-
-    Parameters
-    ----------
-    robot : Robot
-    q, dq, ddq : SX, shape (n, 1)
-    """
+    """Motion of every drive whose joint moves; one per joint where the robot has no transmission."""
+    # q, dq, ddq (n, 1)
     transmission = robot.transmission
     if transmission is None:
         eye, zero = ca.SX.eye(robot.n), ca.SX(1, 1)
@@ -116,14 +93,7 @@ def rotor_torque(drive: DriveMotion) -> ca.SX:
 
 
 def sign(velocity: ca.SX, width: float) -> ca.SX:
-    """Direction of motion: the exact sign for ``width`` = 0, else ``tanh(velocity / width)``.
-
-    Parameters
-    ----------
-    velocity : SX
-    width : float
-        Velocity over which the sign changes [rad/s or m/s].
-    """
+    """Direction of motion: the exact sign for ``width`` = 0, else ``tanh(velocity / width)``."""
     return ca.sign(velocity) if width == 0.0 else ca.tanh(velocity / width)
 
 
@@ -131,18 +101,7 @@ SMALLEST_SPEED = 1e-30  # speed that keeps the root's slope finite at standstill
 
 
 def friction_magnitude(kind: str, drive: DriveMotion, terms: Terms, carried: ca.SX | None = None) -> ca.SX:
-    """Friction against the direction of motion per unit parameter: 1, ``|tau|``, ``sqrt|dz|`` or ``exp(-(dz/v)^2)``.
-
-    Parameters
-    ----------
-    kind : str
-        One of `regressors.models.columns.DIRECTED_KINDS`.
-    drive : DriveMotion
-    terms : Terms
-        With the Stribeck speed v.
-    carried : SX, scalar, optional
-        Torque tau that the drive carries [Nm or N], for a load share.
-    """
+    """Friction against the direction of motion per unit parameter: 1, ``|tau|``, ``sqrt|dz|`` or ``exp(-(dz/v)^2)``."""
     if kind == COULOMB:
         return ca.SX(1)
     if kind == ROOT:
@@ -162,30 +121,14 @@ _UNDIRECTED: dict[str, Callable[[DriveMotion], ca.SX]] = {
 
 
 def friction_terms(drives: tuple[DriveMotion, ...], terms: Terms) -> tuple[tuple[str, DriveMotion], ...]:
-    """Kind and drive of every friction column, in the order of the columns: by kind, then by drive.
-
-    Parameters
-    ----------
-    drives : tuple of DriveMotion
-    terms : Terms
-    """
+    """Kind and drive of every friction column, in the order of the columns: by kind, then by drive."""
     return tuple((kind, d) for kind in FRICTION_KINDS for d in drives if terms.include(kind, d.number))
 
 
 def friction_torque(
     kind: str, drive: DriveMotion, terms: Terms, sign_width: float = 0.0, carried: ca.SX | None = None
 ) -> ca.SX:
-    """Friction torque at the drive coordinate per unit parameter, see `Terms`.
-
-    Parameters
-    ----------
-    kind : str
-        One of `regressors.models.columns.FRICTION_KINDS`.
-    drive, terms, carried
-        See `friction_magnitude`.
-    sign_width : float
-        See `sign`.
-    """
+    """Friction torque at the drive coordinate per unit parameter, see `Terms`."""
     if kind in _UNDIRECTED:
         return _UNDIRECTED[kind](drive)
     return friction_magnitude(kind, drive, terms, carried) * sign(drive.dz, sign_width)
@@ -197,24 +140,7 @@ def drive_columns(
     sign_width: float = 0.0,
     carried: Mapping[int, ca.SX] | None = None,
 ) -> tuple[tuple[Column, ...], ca.SX]:
-    """Columns of the drives as joint torques: rotors first, then friction by kind.
-
-    Parameters
-    ----------
-    drives : tuple of DriveMotion
-    terms : Terms
-        Columns to include.
-    sign_width : float
-        See `sign`; zero for the exact Coulomb friction of [KD96] eq. (1).
-    carried : mapping of int to SX, optional
-        Torque that each drive carries, by its number, for load shares [Nm or N].
-
-    Returns
-    -------
-    columns : tuple of Column
-    torques : SX, shape (n, len(columns))
-        ``tau_q = torques @ parameters``.
-    """
+    """Columns of the drives as joint torques: rotors first, then friction by kind."""  # result (n, len(columns)
     loads = carried or {}
     rotors = [d for d in drives if d.has_rotor and terms.rotor]
     torques = [d.row.T * rotor_torque(d) for d in rotors]
@@ -224,25 +150,13 @@ def drive_columns(
 
 
 def column_list(drives: tuple[DriveMotion, ...], terms: Terms) -> tuple[Column, ...]:
-    """Columns of the drives without their torques, see `drive_columns`.
-
-    Parameters
-    ----------
-    drives : tuple of DriveMotion
-    terms : Terms
-    """
+    """Columns of the drives without their torques, see `drive_columns`."""
     rotors = (drive_column(d.number, ROTOR) for d in drives if d.has_rotor and terms.rotor)
     return (*rotors, *(drive_column(d.number, kind, linear=d.linear) for kind, d in friction_terms(drives, terms)))
 
 
 def check_drives(robot: Robot, terms: Terms) -> None:
-    """Raise `UnknownName` if terms are chosen for a drive that the robot does not have.
-
-    Parameters
-    ----------
-    robot : Robot
-    terms : Terms
-    """
+    """Raise `UnknownName` if terms are chosen for a drive that the robot does not have."""
     known = tuple(drive_rows(robot))
     for number in terms.numbers:
         if number not in known:
@@ -262,34 +176,17 @@ _DRIVE_COLUMNS = {
 
 
 def drive_column(number: int, kind: str, *, linear: bool = False) -> Column:
-    """Column of a drive.
-
-    Parameters
-    ----------
-    number : int
-    kind : str
-        ``rotor``, or one of `regressors.models.columns.FRICTION_KINDS`.
-    linear : bool
-        True if the drive moves a prismatic joint.
-    """
+    """Column of a drive."""
     name, *units = _DRIVE_COLUMNS[kind]
     return Column(name.format(number), units[linear], kind, number)
 
 
 @dataclass(frozen=True)
 class Reflection:
-    """How a rotor inertia ``Ia`` becomes ``Iar = n^2 Ia``, the parameter at the drive coordinate.
+    """How a rotor inertia ``Ia`` becomes ``Iar = n^2 Ia``, the parameter at the drive coordinate."""
 
-    Parameters
-    ----------
-    ratio : float
-        n, the gear's reference ratio, see `regressors.robot.gears.GearFunction.reference_ratio`.
-    linear : bool
-        True if the drive moves a prismatic joint.
-    """
-
-    ratio: float
-    linear: bool
+    ratio: float  # n, the gear's reference ratio, see `regressors.robot.gears.GearFunction.reference_ratio`
+    linear: bool  # True if the drive moves a prismatic joint
 
     def column(self, rotor: Column) -> Column:
         """Column of the reflected inertia; the rotor's own where the ratio is 1."""
@@ -299,12 +196,7 @@ class Reflection:
 
 
 def reflections(robot: Robot) -> dict[int, Reflection]:
-    """Reflection of every drive's rotor inertia, by the number that its columns have as owner.
-
-    Parameters
-    ----------
-    robot : Robot
-    """
+    """Reflection of every drive's rotor inertia, by the number that its columns have as owner."""
     if robot.transmission is None:
         return {number: Reflection(1.0, False) for number in robot.link_numbers}
     prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
@@ -316,17 +208,7 @@ def reflections(robot: Robot) -> dict[int, Reflection]:
 
 
 def drive_rows(robot: Robot) -> dict[int, Array]:
-    """Row of C of every drive, moving or locked, by the drive's number, the owner of its columns.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    dict of int to ndarray, shape (n,)
-        Unit vectors where the robot has no transmission.
-    """
+    """Row of C of every drive, moving or locked, by the drive's number, the owner of its columns."""
     if robot.transmission is None:
         return dict(zip(robot.link_numbers, np.eye(robot.n), strict=True))
     return dict(enumerate(robot.transmission.coupling, 1))

@@ -35,13 +35,7 @@ def body_energy(body: LinkMotion, gravity: ca.SX) -> ca.SX:
     """Kinetic and potential energy of one body per parameter, shape (1, 10) [J per unit parameter].
 
     ``1/2 m v'v + mc'(v x omega) + 1/2 omega' I omega - m g'p - mc' R'g`` [KD96] eq. (4), (5).
-
-    Parameters
-    ----------
-    body : LinkMotion
-    gravity : SX, shape (3, 1)
-        In the base frame [m/s^2].
-    """
+    """  # gravity (3, 1)
     v, w = body.v, body.omega
     mass = ca.dot(v, v) / 2 - ca.dot(gravity, body.origin)
     moment = ca.cross(v, w) - body.up
@@ -175,18 +169,7 @@ def path_lengths(time: Array, z: Array, dz: Array) -> Array:
 
     Between two samples z is the cubic that has their positions and velocities; its path goes from turning point to
     turning point.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        [s]
-    z, dz : ndarray, shape (N, k)
-        [rad and rad/s, or with m]
-
-    Returns
-    -------
-    ndarray, shape (N, k)
-    """
+    """  # time (N,); z, dz (N, k)
     h = np.diff(time)[:, None]
     a, b, rise = dz[:-1], dz[1:], np.diff(z, axis=0)
     # velocity of the cubic at fraction s of the interval: a + slope s + curve s^2

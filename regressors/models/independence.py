@@ -13,21 +13,8 @@ _EXACT = 1e-6  # of a coefficient, or a tenth of what rounding leaves of a colum
 
 
 def independent_columns(R: Array, tolerance: float = TOLERANCE, sizes: Array | None = None) -> Index:
-    """Columns that do not depend on the ones to their left (left-to-right QR) [Gautier 1991].
-
-    Parameters
-    ----------
-    R : ndarray, shape (k, p)
-    tolerance : float
-        A column counts as dependent if less than this fraction of its size is left after projection.
-    sizes : ndarray, shape (p,), optional
-        Sizes of the columns; their lengths if not given.
-
-    Returns
-    -------
-    ndarray of int
-        Indices in ascending order.
-    """
+    """Columns that do not depend on the ones to their left (left-to-right QR) [Gautier 1991]."""
+    # R (k, p); sizes (p,)
     Q = np.zeros((R.shape[0], min(R.shape)))
     chosen: list[int] = []
     smallest = 1e-12 * float(np.linalg.norm(R, axis=0).max(initial=0.0))
@@ -44,16 +31,8 @@ def independent_columns(R: Array, tolerance: float = TOLERANCE, sizes: Array | N
 
 
 def explained_columns(R: Array, kept: Index, sizes: Array) -> Array:
-    """Every column by the kept ones to its left, ``R ~ R[:, kept] A``, without what only rounding adds, shape (b, p).
-
-    Parameters
-    ----------
-    R : ndarray, shape (k, p)
-    kept : ndarray of int, shape (b,)
-        In ascending order.
-    sizes : ndarray, shape (p,)
-        Sizes of the columns, above zero where a column is.
-    """
+    """Columns by the kept ones to their left, ``R ~ R[:, kept] A``, without rounding's part, shape (b, p)."""
+    # R (k, p); kept (b,); sizes (p,)
     A = np.zeros((len(kept), R.shape[1]))
     A[np.arange(len(kept)), kept] = 1.0
     length = np.linalg.norm(R[:, kept], axis=0)
@@ -73,18 +52,7 @@ def pivoted_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
 
     Equal remainders are common, since links share lengths; the leftmost is taken, so that the choice does not depend on
     rounding.
-
-    Parameters
-    ----------
-    R : ndarray, shape (k, p)
-    tolerance : float
-        Stop at a remainder that is smaller than this fraction of the first pivot.
-
-    Returns
-    -------
-    ndarray of int
-        Indices in the order of choice.
-    """
+    """  # R (k, p)
     rest = R.copy()
     chosen: list[int] = []
     first = 0.0

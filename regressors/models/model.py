@@ -431,21 +431,6 @@ class PartialModel(RegressorModel):
     """A torque model restricted to the moving coordinates, ``N' Y``.
 
     Held joints and drives are left out: at rest, static friction hides the torque they carry.
-
-    Parameters
-    ----------
-    model : RegressorModel
-        One row per joint.
-    motion : PartialMotion
-    equations : sequence of str, optional
-        Moving coordinates whose torques are used, by label or number; all of them if not given.
-
-    Raises
-    ------
-    InputError
-        The model does not have one torque row for each joint of the motion.
-    UnknownName
-        No such coordinate.
     """
 
     jax_form = "regressors.jax_models.jax_differential:ProjectedPart"

@@ -13,30 +13,15 @@ from regressors.models.model import RegressorModel
 
 @dataclass(frozen=True)
 class MotorSide:
-    """The rotor inertia behind a base parameter, ``parameter = factor * rotor inertia``.
+    """The rotor inertia behind a base parameter, ``parameter = factor * rotor inertia``."""
 
-    Parameters
-    ----------
-    name, unit : str
-        Of the rotor inertia, such as ``Ia4`` [kg m^2].
-    factor : float
-        Square of the gear's reference ratio.
-    """
-
-    name: str
+    name: str  # of the rotor inertia, such as ``Ia4`` [kg m^2]
     unit: str
-    factor: float
+    factor: float  # square of the gear's reference ratio
 
 
 def motor_sides(model: RegressorModel, base: Base) -> dict[str, MotorSide]:
-    """Rotor inertias of the base parameters that consist of one alone, seen through a gear, by the parameter's name.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    base : Base
-        Of the model.
-    """
+    """Rotor inertias of the base parameters that consist of one alone, seen through a gear, by the parameter's name."""
     definition, standard = model.definition()[0], model.standard_columns
     found = {}
     for name, row in zip(base.names, base.D @ definition, strict=True):

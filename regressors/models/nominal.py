@@ -14,18 +14,7 @@ from regressors.samples import Array
 
 
 def standard_values(robot: Robot) -> dict[str, float]:
-    """Every standard parameter that the description states, by name.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    dict of str to float
-        ``m1`` ... ``I1zz`` of every body whose inertia is known, ``Ia1``, ``F1c``, ``F1v`` of every drive where known
-        [kg, kg m, kg m^2, Nm, Nm s/rad, or with m].
-    """
+    """Every standard parameter that the description states, by name."""
     values: dict[str, float] = {}
     for number, body in zip(robot.body_numbers, robot.bodies, strict=True):
         if body.theta is not None:
@@ -46,18 +35,6 @@ def parameter_values(model: RegressorModel, base: Base, known: dict[str, float])
     """Base parameters ``beta = D p`` from standard ones; NaN where a contributing standard parameter is unknown.
 
     Friction offsets that are not stated count as zero.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    base : Base
-        Base of the model.
-    known : dict of str to float
-        See `standard_values`.
-
-    Returns
-    -------
-    ndarray, shape (b,)
     """
     definition, names = model.definition()
     given = {**{column.name: 0.0 for column in model.standard_columns if column.kind == OFFSET}, **known}

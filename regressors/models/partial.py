@@ -52,19 +52,7 @@ class PartialMotion:
 
 
 def of_joints(robot: Robot, moving: Sequence[int]) -> PartialMotion:
-    """Motion of some joints, the others at zero or at the nearest position limit.
-
-    Parameters
-    ----------
-    robot : Robot
-    moving : sequence of int
-        Indices of the joints that move.
-
-    Raises
-    ------
-    InputError
-        No joint moves.
-    """
+    """Motion of some joints, the others at zero or at the nearest position limit."""
     keep = sorted(set(moving))
     if not keep:
         raise InputError(f"robot {robot.name!r}: no joint moves; choose from {', '.join(robot.joint_names)}")
@@ -89,21 +77,7 @@ def _own_drives(robot: Robot) -> list[int]:
 
 
 def of_drives(robot: Robot, moving: Sequence[str]) -> PartialMotion:
-    """Motion of some drives, the others holding their coordinate z at its value for q = 0.
-
-    Parameters
-    ----------
-    robot : Robot
-    moving : sequence of str
-        Names of drives, or their numbers, 1 for the first.
-
-    Raises
-    ------
-    UnknownName
-        No such drive.
-    InputError
-        No drive moves, or the drives do not determine the joints.
-    """
+    """Motion of some drives, the others holding their coordinate z at its value for q = 0."""
     if robot.transmission is None:
         return of_joints(robot, [robot.joint_index(name) for name in moving])
     names = drive_names(robot)

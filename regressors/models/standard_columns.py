@@ -14,12 +14,7 @@ def inertial_columns(robot: Robot) -> tuple[Column, ...]:
 
 
 def standard_columns(robot: Robot) -> tuple[Column, ...]:
-    """Every standard parameter that a robot can have, with all terms and all drives, moving or locked.
-
-    Parameters
-    ----------
-    robot : Robot
-    """
+    """Every standard parameter that a robot can have, with all terms and all drives, moving or locked."""
     kinds = (ROTOR, *FRICTION_KINDS)
     drives = (drive_column(number, kind) for number in drive_rows(robot) for kind in kinds)
     return (*inertial_columns(robot), *drives)

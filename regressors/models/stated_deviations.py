@@ -16,17 +16,6 @@ def stated_deviations(robot: Robot, relative: float) -> dict[str, float]:
     moment's length, that of each entry of its inertia tensor ``relative`` of the largest principal moment: a component
     that happens to be zero is not thereby exact. Rotor inertias and friction coefficients are scaled individually. A
     quantity that is stated as zero counts as unknown.
-
-    Parameters
-    ----------
-    robot : Robot
-    relative : float
-        Above zero, such as 0.2.
-
-    Returns
-    -------
-    dict of str to float
-        In SI, by name.
     """
     sizes = {name: abs(value) for name, value in standard_values(robot).items()}
     for number, body in zip(robot.body_numbers, robot.bodies, strict=True):

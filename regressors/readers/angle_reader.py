@@ -28,25 +28,14 @@ _ADVICE = {
 
 
 class AngleReader:
-    """Reads angles and keeps in mind which it took for another.
-
-    Parameters
-    ----------
-    snap : bool
-        Take rounded multiples for the multiples, see `multiple_of`; else every angle is read as it is printed.
-    """
+    """Reads angles and keeps in mind which it took for another."""
 
     def __init__(self, snap: bool) -> None:
         self._snap = snap
         self._noticed: dict[str, list[tuple[str, str]]] = defaultdict(list)
 
     def rotation(self, origin: XmlElement) -> Array:
-        """``R = Rz(yaw) Ry(pitch) Rx(roll)`` of an ``<origin>``, shape (3, 3).
-
-        Parameters
-        ----------
-        origin : XmlElement
-        """
+        """``R = Rz(yaw) Ry(pitch) Rx(roll)`` of an ``<origin>``, shape (3, 3)."""
         values = origin.numbers("rpy", (0.0, 0.0, 0.0))
         texts = origin.attributes.get("rpy", "0 0 0").split()
         cosines, sines = np.cos(values), np.sin(values)
@@ -79,13 +68,7 @@ class AngleReader:
 
         A turn about one axis counts as an angle that was printed, see `multiple_of`; one about several as right angles
         if it is as far off them as six digits of a quaternion leave open, or as right angles of two or three decimals.
-
-        Parameters
-        ----------
-        R : ndarray, shape (3, 3)
-        where : str
-            Link or joint, for messages.
-        """
+        """  # R (3, 3)
         if not self._snap:
             return R
         for k in range(3):
@@ -112,18 +95,7 @@ class AngleReader:
         return exact
 
     def axis(self, direction: Array, where: str, text: str, noise_size: float = SINGLE) -> Array:
-        """Unit vector of an ``<axis>``, without components that are rounding errors, shape (3,).
-
-        Parameters
-        ----------
-        direction : ndarray, shape (3,)
-            Of length 1.
-        where, text : str
-            Joint and axis, for messages.
-        noise_size : float
-            Largest component that counts as nothing; what is left of it in single precision, or of a rounded quaternion
-            where a compiler turned the axis.
-        """
+        """Unit vector of an ``<axis>``, without components that are rounding errors, shape (3,)."""  # direction (3,)
         noise = np.abs(direction) <= noise_size
         if not self._snap or not np.any(noise & (direction != 0.0)):
             return direction
@@ -133,13 +105,7 @@ class AngleReader:
         return np.asarray(exact / np.linalg.norm(exact))
 
     def findings(self, labels: Collection[str]) -> Iterator[Finding]:
-        """What was taken for another angle, and what may be meant for another.
-
-        Parameters
-        ----------
-        labels : collection of str
-            Joints and links that count, as ``joint 'elbow'``.
-        """
+        """What was taken for another angle, and what may be meant for another."""
         for what, noticed in self._noticed.items():
             told = [(where, angle) for where, angle in noticed if where in labels]
             if told:

@@ -27,25 +27,13 @@ _UNTIE = "switch the coupling off in the file (no <mimic>, active='false' of an 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Joints from the base to the tip.
+    """Joints from the base to the tip."""
 
-    Parameters
-    ----------
-    base, tip : str
-        First and last link.
-    path : list of TreeJoint
-        All joints between them, fixed ones too.
-    notes : tuple of Finding
-        On what was left out.
-    held : tuple of str
-        Joints that these notes name.
-    """
-
-    base: str
+    base: str  # first and last link
     tip: str
-    path: list[TreeJoint]
-    notes: tuple[Finding, ...] = ()
-    held: tuple[str, ...] = ()
+    path: list[TreeJoint]  # all joints between them, fixed ones too
+    notes: tuple[Finding, ...] = ()  # on what was left out
+    held: tuple[str, ...] = ()  # joints that these notes name
 
     @property
     def moving(self) -> list[TreeJoint]:
@@ -57,19 +45,6 @@ def chain_of(tree: UrdfTree, base: str | None, tip: str | None) -> Chain:
     """The chain between two links, or below the base, checked.
 
     Where no tip is given, the chain ends where fingers part, and before joints that move a gripper.
-
-    Parameters
-    ----------
-    tree : UrdfTree
-    base, tip : str, optional
-        Names of links; the root, and the last link that moves, if not given.
-
-    Raises
-    ------
-    UnknownName
-        No such link.
-    InputError
-        No such chain, several, or joints in it that do not move on their own.
     """
     base = tree.root if base is None else _known(tree, base)
     chain = _without_gripper(tree, base) if tip is None else _between(tree, base, _known(tree, tip))
@@ -261,18 +236,7 @@ def working_ends(
     tip: str | None,
     accepts: Callable[[Chain], object] = lambda chain: None,
 ) -> str:
-    """Options that choose a chain that can be read, each with what differs from the ends given; empty if none does.
-
-    Parameters
-    ----------
-    tree : UrdfTree
-    candidates : iterable of (str, str)
-        First and last links.
-    base, tip : str
-        As given.
-    accepts : callable
-        Raises `InputError` where a chain cannot be read for another reason.
-    """
+    """Options that choose a chain that can be read, each with what differs from the ends given; empty if none does."""
     texts = []
     for first, last in candidates:
         with suppress(InputError):

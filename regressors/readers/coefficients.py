@@ -15,27 +15,14 @@ _POWER = re.compile(r"([A-Za-z][A-Za-z0-9_]*)(?:\^(-?[0-9]{1,2}))?")
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A number times powers of named constants.
-
-    Parameters
-    ----------
-    number : float
-    powers : tuple of (str, int)
-        Name and exponent of each constant.
-    """
+    """A number times powers of named constants."""
 
     number: float
-    powers: tuple[tuple[str, int], ...] = ()
+    powers: tuple[tuple[str, int], ...] = ()  # name and exponent of each constant
 
     @classmethod
     def parse(cls, text: str) -> Coefficient:
-        """Coefficient from its text: ``[+-] factor * factor * ...`` with factors ``2.5``, ``l2`` or ``n1^2``.
-
-        Raises
-        ------
-        InputError
-            The text is not such a product.
-        """
+        """Coefficient from its text: ``[+-] factor * factor * ...`` with factors ``2.5``, ``l2`` or ``n1^2``."""
         unsigned = text.strip()
         number = -1.0 if unsigned.startswith("-") else 1.0
         powers = []
@@ -51,19 +38,7 @@ class Coefficient:
         return cls(number, tuple(powers))
 
     def value(self, constants: Mapping[str, float]) -> float:
-        """Value of the product for given values of the constants.
-
-        Parameters
-        ----------
-        constants : mapping of str to float
-
-        Raises
-        ------
-        UnknownName
-            A constant is not among those given.
-        InputError
-            The result is not finite.
-        """
+        """Value of the product for given values of the constants."""
         value = self.number
         for name, exponent in self.powers:
             if name not in constants:

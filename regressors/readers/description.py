@@ -24,21 +24,7 @@ Problems = Iterator[tuple[FieldPath, str]]
 
 
 def read_description(path: str | Path) -> Robot:
-    """Robot described by a YAML file.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Robot
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or does not describe a robot; one line with file, fields and lines.
-    """
+    """Robot described by a YAML file."""
     try:
         text = read_text(path)
     except UnicodeDecodeError as error:
@@ -49,23 +35,7 @@ def read_description(path: str | Path) -> Robot:
 
 
 def parse_description(text: str, source: str) -> Robot:
-    """Robot described by a YAML text.
-
-    Parameters
-    ----------
-    text : str
-    source : str
-        Name of the file, for messages.
-
-    Returns
-    -------
-    Robot
-
-    Raises
-    ------
-    InputError
-        The text does not describe a robot; one line with file, fields and lines.
-    """
+    """Robot described by a YAML text."""
     document = parse_document(text, source)
     description = validate(document, Description)
     links = description.links or [LinkSection(name=f"link{k}") for k in range(1, len(description.joints) + 1)]
@@ -125,24 +95,7 @@ def _aggregates(section: AggregatesSection, joints: Sequence[str], constants: di
 
 
 def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[int] = ()) -> tuple[Column, ...]:
-    """All standard parameters that a description may refer to.
-
-    Parameters
-    ----------
-    links : int
-        Number of links.
-    drives : iterable of bool
-        For each drive, whether its rotor's inertia is a parameter.
-    branches : iterable of int
-        Number of each branch.
-
-    Returns
-    -------
-    tuple of Column
-        Links 1 to n, then branches, as `regressors.robot.inertia.parameter_names`; then for each drive k ``Iak``
-        (rotor) and friction: ``Fkc`` (Coulomb), ``Fkv`` (viscous), ``Fko`` (offset), ``Fkl`` (load share), ``Fkr``
-        (root of speed), ``Fka`` (asymmetry), ``Fks`` (Stribeck).
-    """
+    """All standard parameters that a description may refer to."""
     numbers = (*range(1, links + 1), *branches)
     inertial = [column for k in numbers for column in body_columns(parameter_names(k), k)]
     motors = [

@@ -403,13 +403,7 @@ class MotorLimitsSection(Section):
     torque: Positive | None = None
 
     def at_coordinate(self, ratio: float) -> dict[str, Any]:
-        """The limits of the coordinate behind a gear: angles and rates divided by its ratio, the torque times it.
-
-        Parameters
-        ----------
-        ratio : float
-            Motor radians per unit of the coordinate, with its sign.
-        """
+        """The limits of the coordinate behind a gear: angles and rates divided by its ratio, the torque times it."""
         size = abs(ratio)
         given = self.model_dump(exclude_none=True)
         if "position" in given:

@@ -70,21 +70,6 @@ def read_dh_table(path: str | Path) -> Robot:
     Columns: ``name`` (``q1``, ``q2``, ... if not given), ``type`` (``revolute`` or ``r``, ``prismatic`` or ``p``), ``a,
     alpha, d, theta``, limits ``lower, upper, velocity, acceleration, jerk, torque`` of the joint, ``mass, cx, cy, cz,
     Ixx, Ixy, Ixz, Iyy, Iyz, Izz``, and of its drive ``ratio, rotor_inertia, viscous, coulomb``.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Robot
-        In frames of the modified convention, whichever the table follows: a link's frame stands on its joint's axis.
-        Gravity is 9.81 m/s^2 along -z of the base.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no such table; with the line.
     """
     path = Path(path)
     try:

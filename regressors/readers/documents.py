@@ -31,30 +31,14 @@ _TEXT = frozenset({"str", "timestamp", "merge", "value"})  # the last three have
 
 @dataclass(frozen=True)
 class Document:
-    """Content of a YAML file, with the line of every field.
+    """Content of a YAML file, with the line of every field."""
 
-    Parameters
-    ----------
-    source : str
-        Name of the file, for messages.
-    content : object
-        Nested dicts, lists, strings, numbers, booleans and None.
-    lines : mapping
-        Path of a field to its line, 1 for the first.
-    """
-
-    source: str
-    content: object
-    lines: Mapping[FieldPath, int]
+    source: str  # name of the file, for messages
+    content: object  # nested dicts, lists, strings, numbers, booleans and None
+    lines: Mapping[FieldPath, int]  # path of a field to its line, 1 for the first
 
     def error(self, problems: Iterable[tuple[FieldPath, str]]) -> InputError:
-        """One-line error that lists all problems, each with its field and line, in the order of lines.
-
-        Parameters
-        ----------
-        problems : iterable of (path, str)
-            Path of a field and what is wrong with it.
-        """
+        """One-line error that lists all problems, each with its field and line, in the order of lines."""
         sorted_problems = sorted(
             ((self._line(path), _dotted(path), what) for path, what in problems), key=lambda p: p[0]
         )
@@ -67,19 +51,7 @@ class Document:
 
 
 def parse_document(text: str, source: str) -> Document:
-    """Content of a YAML text.
-
-    Parameters
-    ----------
-    text : str
-    source : str
-        Name of the file, for messages.
-
-    Raises
-    ------
-    InputError
-        The text is not YAML, or uses a feature that is refused; with file and line.
-    """
+    """Content of a YAML text."""
     if directive := re.search(r"^%.*", text, re.MULTILINE):
         line = text.count("\n", 0, directive.start()) + 1
         raise InputError(f"{source}, line {line}: YAML directives are not supported, given {shortened(directive[0])}")
@@ -108,18 +80,7 @@ def parse_document(text: str, source: str) -> Document:
 
 
 def validate(document: Document, schema: type[Schema]) -> Schema:
-    """Validate a document and return it as an instance of a schema.
-
-    Parameters
-    ----------
-    document : Document
-    schema : type of pydantic model
-
-    Raises
-    ------
-    InputError
-        One line that lists every deviation of the document from the schema.
-    """
+    """Validate a document and return it as an instance of a schema."""
     try:
         return schema.model_validate(document.content)
     except ValidationError as error:

@@ -16,13 +16,7 @@ _FORMATS: Mapping[str, str] = {
 
 
 def refuse_foreign(outermost: XmlElement) -> None:
-    """Raise `InputError` where a document is no URDF, saying what it is and what to do.
-
-    Parameters
-    ----------
-    outermost : XmlElement
-        Its outermost element.
-    """
+    """Raise `InputError` where a document is no URDF, saying what it is and what to do."""
     if outermost.tag in _FORMATS:
         outermost.fail(_FORMATS[outermost.tag])
     macro = next((element for element in outermost.all() if _is_macro(element)), None)

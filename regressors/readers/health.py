@@ -21,18 +21,7 @@ _GRAVITY = 9.81
 
 
 def health(tree: UrdfTree, chain: Chain) -> tuple[Finding, ...]:
-    """Findings on a chain of a URDF.
-
-    Parameters
-    ----------
-    tree : UrdfTree
-    chain : Chain
-
-    Returns
-    -------
-    tuple of Finding
-        First how the file was read, then joints, then bodies.
-    """
+    """Findings on a chain of a URDF."""
     bodies = list(_bodies(tree, chain))
     return (
         _chain(chain),

@@ -23,20 +23,11 @@ _ADVICE = "parameters known beforehand, torque limits and simulations rest on it
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A body with its inertial parameters about its own frame.
+    """A body with its inertial parameters about its own frame."""
 
-    Parameters
-    ----------
-    name : str
-        Of its link.
-    carrier : str
-        Link of the chain that it moves with.
-    theta : ndarray, shape (10,)
-    """
-
-    name: str
-    carrier: str
-    theta: Array
+    name: str  # of its link
+    carrier: str  # link of the chain that it moves with
+    theta: Array  # (10,)
 
     @property
     def mass(self) -> float:
@@ -57,15 +48,7 @@ class Body:
 
 
 def inertia_findings(bodies: Sequence[Body], reach: float) -> Iterator[Finding]:
-    """Findings on bodies: masses and inertias that no body has, that look copied, or that are far too large.
-
-    Parameters
-    ----------
-    bodies : sequence of Body
-        With finite parameters.
-    reach : float
-        Length of the stretched arm [m].
-    """
+    """Findings on bodies: masses and inertias that no body has, that look copied, or that are far too large."""
     bodies = [body for body in bodies if np.all(np.isfinite(body.theta)) and np.any(body.theta)]
     least = _NEGLIGIBLE * sum(abs(body.mass) for body in bodies)
     size = max(reach, _SMALLEST_REACH)

@@ -21,10 +21,6 @@ def range_of(joint: TreeJoint) -> tuple[float, float]:
 
     If one of them is stated, the other is zero, as URDF says. A range from zero to zero is what exporters write that do
     not know it, and counts as not stated.
-
-    Parameters
-    ----------
-    joint : TreeJoint
     """
     if joint.kind == "continuous" or _is_missing(joint):
         return -np.inf, np.inf
@@ -36,12 +32,7 @@ def _is_missing(joint: TreeJoint) -> bool:
 
 
 def range_findings(chain: Iterable[TreeJoint]) -> Iterator[Finding]:
-    """What is not stated of the ranges of joints, and what is implausible.
-
-    Parameters
-    ----------
-    chain : iterable of TreeJoint
-    """
+    """What is not stated of the ranges of joints, and what is implausible."""
     for joint in chain:
         where, (lower, upper) = f"joint {joint.name!r}", range_of(joint)
         if _is_missing(joint):
@@ -62,15 +53,7 @@ def range_findings(chain: Iterable[TreeJoint]) -> Iterator[Finding]:
 
 
 def refuse_missing_ranges(robot: Robot, moving: ArrayLike) -> None:
-    """Raise `InputError` where joints shall move whose ranges are not known, though they have ends.
-
-    Parameters
-    ----------
-    robot : Robot
-        With the limits that hold; those given for a task end what is missing.
-    moving : array_like of bool, shape (n,)
-        Which joints move.
-    """
+    """Raise `InputError` where joints shall move whose ranges are not known, though they have ends."""  # moving (n,)
     unlimited = np.isinf(robot.limits.lower) & np.isinf(robot.limits.upper) & np.asarray(moving, dtype=bool)
     names = set(compress(robot.joint_names, unlimited))
     missing = [note for note in robot.notes if isinstance(note, MissingRange) and note.joint in names]

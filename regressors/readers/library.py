@@ -26,22 +26,7 @@ _NEAR = 0.7  # likeness of names that may be meant
 
 
 def built_in(name: str) -> Robot:
-    """Robot that comes with this package.
-
-    Parameters
-    ----------
-    name : str
-        One of `built_in_names`.
-
-    Returns
-    -------
-    Robot
-
-    Raises
-    ------
-    UnknownName
-        There is no built-in robot of that name.
-    """
+    """Robot that comes with this package."""
     if name not in built_in_names():
         near = get_close_matches(name, built_in_names(), 1, _NEAR)
         raise UnknownName("built-in robot", name, built_in_names(), near)
@@ -121,13 +106,7 @@ def _meant(spec: str) -> str:
 
 
 def has_tree(spec: str) -> bool:
-    """Whether a file is, by its name, one that holds a tree of links: a chain of it is chosen by base and tip.
-
-    Parameters
-    ----------
-    spec : str
-        As in `load_robot`.
-    """
+    """Whether a file is, by its name, one that holds a tree of links: a chain of it is chosen by base and tip."""
     return Path(spec).suffix.lower() in _XML
 
 

@@ -48,28 +48,6 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     - Gravity is that of ``<option>``, in the axes of the base; zero where the file disables it.
     - A joint that an equality constraint couples to another one is a mimic joint, one that it holds is fixed.
     - Not read: contacts, tendons, fluids, ``gravcomp`` (a part of the controller), and how actuators are controlled.
-
-    Parameters
-    ----------
-    path : str or Path
-    base, tip : str, optional
-        Names of the first and the last body. Without them, the world, and the last moving body where there is just one.
-    snap_angles : bool
-        Take turns of bodies, and axes, that are off right angles by rounding for exact ones; else they are as compiled.
-
-    Returns
-    -------
-    Robot
-        Its ``source`` is ``"MJCF <file name>"``, and says where joints of the chain have springs or damping that is not
-        linear: these are no part of a `Robot` (the model ``springs`` identifies springs).
-
-    Raises
-    ------
-    UnknownName
-        No body has the name given as base or tip.
-    InputError
-        MuJoCo is not installed or does not compile the file, or the model holds no such serial chain: a free or ball
-        joint on it, or a loop that constraints close.
     """
     path = Path(path)
     model = compiled(path)
@@ -88,18 +66,7 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
 
 
 def tree_of_mjcf(path: Path, *, snap_angles: bool = True) -> tuple[Any, UrdfTree]:
-    """The compiled model of an MJCF, and its tree of links as `read_mjcf` takes it.
-
-    Parameters
-    ----------
-    path : Path
-    snap_angles : bool
-
-    Raises
-    ------
-    InputError
-        See `read_mjcf`.
-    """
+    """The compiled model of an MJCF, and its tree of links as `read_mjcf` takes it."""
     model = compiled(path)
     return model, _tree(model, path, equalities(model, names_of(model, "joint")), snap_angles=snap_angles)
 
@@ -111,17 +78,7 @@ def _tree(model: Any, path: Path, equal: Equalities, *, snap_angles: bool) -> Ur
 
 
 def compiled(path: Path) -> Any:
-    """MuJoCo's model of a file.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        MuJoCo is not installed, or does not compile the file.
-    """
+    """MuJoCo's model of a file."""
     try:
         import mujoco
     except ImportError as error:

@@ -10,12 +10,7 @@ from regressors.robot.inertia import Array
 
 
 def joint_actuators(model: Any) -> list[list[int]]:
-    """Numbers of the actuators that act on a joint directly, for every joint.
-
-    Parameters
-    ----------
-    model : mujoco.MjModel
-    """
+    """Numbers of the actuators that act on a joint directly, for every joint."""
     import mujoco
 
     direct = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
@@ -33,14 +28,6 @@ def torque_limit(model: Any, joint: int, actuators: list[int]) -> float:
     It is the smaller one of ``actuatorfrcrange`` and of what the actuators give together: ``|gear|`` times the limits
     of their force, or of the control of a plain motor. Of an uneven range the smaller side counts; a range to one side
     only is not taken for a limit.
-
-    Parameters
-    ----------
-    model : mujoco.MjModel
-    joint : int
-        Its number in the model.
-    actuators : list of int
-        Those that act on it.
     """
     of_joint = _reach(model.jnt_actfrcrange[joint]) if model.jnt_actfrclimited[joint] else np.inf
     given = sum(abs(float(model.actuator_gear[k, 0])) * _force(model, k) for k in actuators) if actuators else np.inf
@@ -48,15 +35,7 @@ def torque_limit(model: Any, joint: int, actuators: list[int]) -> float:
 
 
 def reflected(model: Any, values: str, actuators: list[int]) -> float:
-    """Inertia or damping of the actuators as their joint feels it, ``sum gear^2 x value``.
-
-    Parameters
-    ----------
-    model : mujoco.MjModel
-    values : str
-        ``actuator_armature`` or ``actuator_damping``; MuJoCo 3 has neither.
-    actuators : list of int
-    """
+    """Inertia or damping of the actuators as their joint feels it, ``sum gear^2 x value``."""
     own = getattr(model, values, None)
     return 0.0 if own is None else float(sum(model.actuator_gear[k, 0] ** 2 * own[k] for k in actuators))
 

@@ -13,54 +13,26 @@ from regressors.readers.urdf_tree import Mimic
 
 @dataclass(frozen=True)
 class Tie:
-    """A constraint between bodies, or between joints, that is no joint of the tree.
+    """A constraint between bodies, or between joints, that is no joint of the tree."""
 
-    Parameters
-    ----------
-    label : str
-        What it is, for messages.
-    joints, bodies : tuple of int
-        Those that it concerns, by their number in the model.
-    """
-
-    label: str
-    joints: tuple[int, ...] = ()
+    label: str  # what it is, for messages
+    joints: tuple[int, ...] = ()  # those that it concerns, by their number in the model
     bodies: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Equalities:
-    """The active equality constraints of a model.
+    """The active equality constraints of a model."""
 
-    Parameters
-    ----------
-    mimics : mapping of int to Mimic
-        Joints that follow another one, by their number.
-    held : mapping of int to float
-        Position at which a joint is held [rad or m].
-    ties : tuple of Tie
-        All the others.
-    """
-
-    mimics: Mapping[int, Mimic]
-    held: Mapping[int, float]
-    ties: tuple[Tie, ...]
+    mimics: Mapping[int, Mimic]  # joints that follow another one, by their number
+    held: Mapping[int, float]  # position at which a joint is held [rad or m]
+    ties: tuple[Tie, ...]  # all the others
 
 
 def equalities(model: Any, joint_names: Sequence[str]) -> Equalities:
     """Active equality constraints of a compiled model.
 
     MuJoCo couples two joints by ``q1 - ref1 = sum_k c_k (q2 - ref2)^k``, and holds one by ``q1 - ref1 = c_0``.
-
-    Parameters
-    ----------
-    model : mujoco.MjModel
-    joint_names : sequence of str
-        By the joint's number.
-
-    Returns
-    -------
-    Equalities
     """
     import mujoco
 

@@ -37,19 +37,7 @@ class _Scan:
 
 
 def check_mjcf_size(path: Path) -> None:
-    """Refuse a model that is too large, or that names what is no file.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    TooLargeError
-        More memory than the cap, or more elements than `ELEMENTS`.
-    InputError
-        A file that cannot be read, or includes itself.
-    """
+    """Refuse a model that is too large, or that names what is no file."""
     scan = _Scan(path)
     try:
         _scan_file(scan, path, 1.0)

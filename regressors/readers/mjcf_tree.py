@@ -17,13 +17,7 @@ from regressors.robot.robot import Joint
 
 
 def names_of(model: Any, kind: str) -> list[str]:
-    """Names of all bodies or all joints; one without a name is called by its number.
-
-    Parameters
-    ----------
-    model : mujoco.MjModel
-    kind : {"body", "joint"}
-    """
+    """Names of all bodies or all joints; one without a name is called by its number."""
     import mujoco
 
     thing, count = {
@@ -40,20 +34,6 @@ def tree_of_model(model: Any, name: str, source: str, equal: Equalities, *, snap
     A link has the axes of its body and its origin in the anchor of the hinge that moves it (MuJoCo's ``pos`` of the
     joint), and in the body's origin where it slides. A body that several joints move becomes as many links, all of them
     but the last without mass.
-
-    Parameters
-    ----------
-    model : mujoco.MjModel
-    name, source : str
-        Name of the robot, name of the file for messages.
-    equal : Equalities
-    snap_angles : bool
-        Take turns that are off right angles by rounding for right angles, see `AngleReader.turned`.
-
-    Returns
-    -------
-    UrdfTree
-        Its root is the world.
     """
     bodies, joints = names_of(model, "body"), names_of(model, "joint")
     actuators, angles = joint_actuators(model), AngleReader(snap_angles)

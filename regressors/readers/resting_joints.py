@@ -13,13 +13,7 @@ from regressors.robot.robot import Joint, JointKind
 
 
 def rest(tree: UrdfTree, joint: TreeJoint) -> tuple[float, str]:
-    """Position of a joint off the chain, and the name of the joint that it follows in the end (its own if none).
-
-    Parameters
-    ----------
-    tree : UrdfTree
-    joint : TreeJoint
-    """
+    """Position of a joint off the chain, and the name of the joint that it follows in the end (its own if none)."""
     position, gain, visited = 0.0, 1.0, {joint.name}
     by_name = {other.name: other for other in tree.above.values()} if joint.mimic else {}
     while joint.mimic is not None:
@@ -50,15 +44,7 @@ def kind_of(joint: TreeJoint) -> JointKind:
 
 
 def carried(tree: UrdfTree, link: str, stop: Collection[str]) -> Iterator[tuple[str, Array]]:
-    """A link and all that hangs on it up to the joints to stop at, with the poses in its frame, shape (4, 4).
-
-    Parameters
-    ----------
-    tree : UrdfTree
-    link : str
-    stop : collection of str
-        Names of joints.
-    """
+    """A link and all that hangs on it up to the joints to stop at, with the poses in its frame, shape (4, 4)."""
     todo = [(link, np.eye(4))]
     while todo:
         name, T = todo.pop()

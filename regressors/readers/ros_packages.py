@@ -17,23 +17,6 @@ def find_package(name: str, near: Path, roots: Iterable[str | Path] = ()) -> Pat
     Looked through are, in this order, the roots given, those of ``ROS_PACKAGE_PATH``, ``share`` of the prefixes of
     ``AMENT_PREFIX_PATH``, and the folders that a file is in, the innermost first. A root is the package itself, holds
     it, or holds the repository that holds it.
-
-    Parameters
-    ----------
-    name : str
-        Of the package, which is that of its folder.
-    near : Path
-        File that asks for it.
-    roots : iterable of str or Path, optional
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        None of these places holds such a folder.
     """
     for folder in _places(name, near, roots):
         if folder.is_dir():
@@ -58,12 +41,7 @@ def _places(name: str, near: Path, roots: Iterable[str | Path]) -> Iterator[Path
 
 
 def package_roots(roots: Iterable[str | Path] = ()) -> list[Path]:
-    """Folders to look for packages in that the user named: those given, and those of the environment of ROS.
-
-    Parameters
-    ----------
-    roots : iterable of str or Path, optional
-    """
+    """Folders to look for packages in that the user named: those given, and those of the environment of ROS."""
     shares = (prefix / "share" for prefix in _paths(SEARCHED[1]))
     return [*map(Path, roots), *_paths(SEARCHED[0]), *shares]
 

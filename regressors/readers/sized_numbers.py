@@ -11,13 +11,7 @@ from regressors.quantities import fault
 
 
 def within(quantity: str) -> Callable[[object], object]:
-    """Validator of numbers, or lists of these, which leaves them as they are.
-
-    Parameters
-    ----------
-    quantity : str
-        Key of `regressors.quantities.QUANTITIES`.
-    """
+    """Validator of numbers, or lists of these, which leaves them as they are."""
 
     def validated(value: object) -> object:
         if (wrong := fault(quantity, value)) is not None:

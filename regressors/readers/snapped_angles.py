@@ -27,11 +27,6 @@ def multiple_of(text: str) -> int | None:
 
     Of the angles of the 69 robots of example-robot-data, those of two or three decimals that are so near to a multiple
     are 1.57, 1.571, 3.14 and 3.142; the nearest calibrated one is 1.1e-4 rad off, with eight decimals.
-
-    Parameters
-    ----------
-    text : str
-        A finite number as printed.
     """
     value = float(text)
     count = round(value * _STEPS / math.pi) if abs(value) <= _LARGEST * 2 * math.pi + 1 else 0
@@ -43,24 +38,13 @@ def multiple_of(text: str) -> int | None:
 
 
 def decimals(text: str) -> int:
-    """Digits behind the point that a printed number has, without zeros at its end.
-
-    Parameters
-    ----------
-    text : str
-    """
+    """Digits behind the point that a printed number has, without zeros at its end."""
     exponent = Decimal(text).normalize().as_tuple().exponent
     return max(0, -exponent) if isinstance(exponent, int) else 0
 
 
 def nearly(text: str) -> str | None:
-    """Multiple of pi/2 that an angle of two decimals or more is within two of its last digits of, as text.
-
-    Parameters
-    ----------
-    text : str
-        An angle that `multiple_of` leaves as it is.
-    """
+    """Multiple of pi/2 that an angle of two decimals or more is within two of its last digits of, as text."""
     quarters = round(float(text) / (math.pi / 2)) if abs(float(text)) < 100 else 0
     digits = decimals(text)
     close = abs(float(text) - quarters * math.pi / 2) <= 2 * 10.0**-digits
@@ -68,12 +52,7 @@ def nearly(text: str) -> str | None:
 
 
 def in_words(count: int) -> str:
-    """Twelfths of pi as a fraction, such as ``-3 pi/2``.
-
-    Parameters
-    ----------
-    count : int
-    """
+    """Twelfths of pi as a fraction, such as ``-3 pi/2``."""
     divisor = math.gcd(count, _STEPS)
     times, part = abs(count) // divisor, _STEPS // divisor
     sign = "-" if count < 0 else ""
@@ -81,12 +60,7 @@ def in_words(count: int) -> str:
 
 
 def cosine_and_sine(count: int) -> tuple[float, float]:
-    """Cosine and sine of so many twelfths of pi, exact where they are 0, 1/2 or 1.
-
-    Parameters
-    ----------
-    count : int
-    """
+    """Cosine and sine of so many twelfths of pi, exact where they are 0, 1/2 or 1."""
     return _cosine(count), _cosine(count - 6)
 
 

@@ -25,27 +25,6 @@ def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = No
     """Read the serial chain from one link to another of a URDF file, as a `Robot`.
 
     See `parse_urdf` for what is read and how the rest of the tree is treated.
-
-    Parameters
-    ----------
-    path : str or Path
-        A URDF file; xacro must be expanded first.
-    base, tip : str, optional
-        Names of the first and the last link, see `parse_urdf`.
-    snap_angles : bool
-        Take rounded right angles for right angles, see `parse_urdf`.
-
-    Returns
-    -------
-    Robot
-        Its ``source`` is ``"URDF <file name>"``, its ``notes`` say what was assumed and what is implausible.
-
-    Raises
-    ------
-    UnknownName
-        No link has the name given as base or tip.
-    InputError
-        The file cannot be read, is not a URDF, or holds no such serial chain.
     """
     path = Path(path)
     try:
@@ -88,32 +67,6 @@ def parse_urdf(
     Tags and attributes that are misspelt are refused if they matter; others that are unknown are not read.
 
     Friction of ``<dynamics>`` becomes one drive per joint, if any of it is not zero.
-
-    Parameters
-    ----------
-    text : str or bytes
-        The document.
-    name_of_source : str
-        Name of the file, for ``Robot.source`` and for messages.
-    base : str, optional
-        Name of the first link; the root of the tree if not given.
-    tip : str, optional
-        Name of the last link. If not given, the last link that moves, where there is just one below the base, or the
-        one where the fingers of a hand part; joints at the end that by their names move a gripper are held.
-    snap_angles : bool
-        Take rounded multiples of right angles for the multiples; else every angle is as printed.
-
-    Returns
-    -------
-    Robot
-        SI units, angles in radians; its ``notes`` are the findings of `regressors.readers.health.health`.
-
-    Raises
-    ------
-    UnknownName
-        No link has the name given as base or tip.
-    InputError
-        The document is not a URDF, or holds no such serial chain.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes end as "must be finite"
         return robot_of_tree(parse_tree(text, name_of_source, snap_angles=snap_angles), base, tip)

@@ -23,25 +23,12 @@ _NAMES = ("name", "joint", "link", "type")
 
 @dataclass(eq=False)
 class XmlElement:
-    """An element with what it holds, and in whose name it complains: that of the link or joint that it is a part of.
+    """An element with what it holds, and in whose name it complains: that of the link or joint that it is a part of."""
 
-    Parameters
-    ----------
-    source : str
-        Name of the file.
-    line : int
-    label : str
-        Such as ``joint 'elbow'``.
-    tag : str
-        With its prefix.
-    attributes : mapping of str to str
-    children : list of XmlElement
-    """
-
-    source: str
+    source: str  # name of the file
     line: int
-    label: str
-    tag: str
+    label: str  # such as ``joint 'elbow'``
+    tag: str  # with its prefix
     attributes: Mapping[str, str]
     children: list[XmlElement] = field(default_factory=list)
 
@@ -112,19 +99,7 @@ def _number(word: str) -> float:
 
 
 def read_document(text: str | bytes, source: str) -> XmlElement:
-    """Outermost element of an XML document.
-
-    Parameters
-    ----------
-    text : str or bytes
-    source : str
-        Name of the file, for messages.
-
-    Raises
-    ------
-    InputError
-        Not well-formed, with a document type declaration, or more elements than fit into memory.
-    """
+    """Outermost element of an XML document."""
     count = text.count("<") if isinstance(text, str) else text.count(b"<")
     if count > 2 * _ELEMENTS:
         raise TooLargeError(

@@ -37,68 +37,34 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class TreeJoint:
-    """A joint as the document states it.
+    """A joint as the document states it."""
 
-    Parameters
-    ----------
-    name, parent, child : str
-        Its own name and those of the two links.
-    kind : str
-        One of `JOINT_TYPES`.
-    pose : ndarray, shape (4, 4)
-        Pose of the child's frame in the parent's at position zero.
-    axis : ndarray, shape (3,)
-        Unit vector in the child's frame.
-    bounds : mapping of str to float
-        The attributes of ``<limit>`` that are stated [rad or m, rad/s or m/s, Nm or N].
-    damping, friction : float or None
-        Viscous and Coulomb friction [Nm s/rad or N s/m, Nm or N]; None without ``<dynamics>``.
-    mimic : Mimic or None
-    """
-
-    name: str
+    name: str  # its own name and those of the two links
     parent: str
     child: str
-    kind: str
-    pose: Array
-    axis: Array
-    bounds: Mapping[str, float]
-    damping: float | None
+    kind: str  # one of `JOINT_TYPES`
+    pose: Array  # (4, 4) pose of the child's frame in the parent's at position zero
+    axis: Array  # (3,) unit vector in the child's frame
+    bounds: Mapping[str, float]  # the attributes of ``<limit>`` that are stated [rad or m, rad/s or m/s, Nm or N]
+    damping: float | None  # viscous and Coulomb friction [Nm s/rad or N s/m, Nm or N]; None without ``<dynamics>``
     friction: float | None
     mimic: Mimic | None
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfTree:
-    """Links and joints of one document; every link hangs below the root.
+    """Links and joints of one document; every link hangs below the root."""
 
-    Parameters
-    ----------
-    name, source : str
-        Name of the robot, name of the file for messages.
-    root : str
-    links : mapping of str to ndarray or None
-        Inertial parameters about the link frame's origin, shape (10,); None without ``<inertial>``.
-    above : mapping of str to TreeJoint
-        The joint that carries a link, by the link's name.
-    below : mapping of str to list of TreeJoint
-        The joints that a link carries, in the order of the document.
-    notes : tuple of Finding
-        On tags and attributes.
-    angles : AngleReader
-        With what it noticed.
-    actuated : frozenset of str
-        Joints that the document says to have a transmission; empty where it does not speak of them.
-    """
-
-    name: str
+    name: str  # name of the robot, name of the file for messages
     source: str
     root: str
+    # (10,) inertial parameters about the link frame's origin, shape (10,); None without ``<inertial>``
     links: Mapping[str, Array | None]
-    above: Mapping[str, TreeJoint]
-    below: Mapping[str, list[TreeJoint]]
-    notes: tuple[Finding, ...] = ()
-    angles: AngleReader = field(default_factory=lambda: AngleReader(snap=False))
+    above: Mapping[str, TreeJoint]  # the joint that carries a link, by the link's name
+    below: Mapping[str, list[TreeJoint]]  # the joints that a link carries, in the order of the document
+    notes: tuple[Finding, ...] = ()  # on tags and attributes
+    angles: AngleReader = field(default_factory=lambda: AngleReader(snap=False))  # with what it noticed
+    # joints that the document says to have a transmission; empty where it does not speak of them
     actuated: frozenset[str] = frozenset()
 
     def path(self, first: str, last: str) -> list[TreeJoint] | None:
@@ -189,19 +155,7 @@ def _joint(element: XmlElement, angles: AngleReader) -> TreeJoint:
 
 
 def robot_element(text: str | bytes, source: str) -> XmlElement:
-    """Outermost element of a URDF document.
-
-    Parameters
-    ----------
-    text : str or bytes
-    source : str
-        Name of the file, for messages.
-
-    Raises
-    ------
-    InputError
-        Not well-formed, a document type declaration, another format, or no link.
-    """
+    """Outermost element of a URDF document."""
     robot = read_document(text, source)
     refuse_foreign(robot)
     return robot
@@ -231,27 +185,7 @@ def _root(source: str, above: Mapping[str, TreeJoint], below: Mapping[str, list[
 
 
 def parse_tree(text: str | bytes, source: str, *, snap_angles: bool = True) -> UrdfTree:
-    """Read and check the tree of a URDF document.
-
-    Parameters
-    ----------
-    text : str or bytes
-        The document.
-    source : str
-        Name of the file, for messages.
-    snap_angles : bool
-        Take rounded multiples of pi for the multiples, see `regressors.readers.snapped_angles`.
-
-    Returns
-    -------
-    UrdfTree
-
-    Raises
-    ------
-    InputError
-        Not well-formed, a document type declaration, another format, a misspelt word, a missing or unusable value, or
-        links that form no tree.
-    """
+    """Read and check the tree of a URDF document."""
     robot = robot_element(text, source)
     notes, angles = check_words(robot), AngleReader(snap_angles)
     if not any(robot.below("link")):

@@ -36,18 +36,7 @@ _MANY = ("link", "joint")  # that may stand in a document more than once
 
 
 def check_words(robot: XmlElement) -> tuple[Finding, ...]:
-    """Findings on what is not known, once nothing that matters is misspelt.
-
-    Parameters
-    ----------
-    robot : XmlElement
-        Outermost element.
-
-    Raises
-    ------
-    InputError
-        A tag or an attribute is a misspelling of one that matters.
-    """
+    """Findings on what is not known, once nothing that matters is misspelt."""
     unknown: dict[tuple[str, str], list[str]] = defaultdict(list)
     todo = [robot]
     for element in todo:
@@ -92,25 +81,14 @@ def _finding(tag: str, labels: tuple[str, ...], words: list[str]) -> Finding:
 
 
 def nearest(word: str, candidates: Iterable[str]) -> str | None:
-    """Candidate that a word is a misspelling of: one edit away, or two from candidates of five letters or more.
-
-    Parameters
-    ----------
-    word : str
-    candidates : iterable of str
-    """
+    """Candidate that a word is a misspelling of: one edit away, or two from candidates of five letters or more."""
     distances = {candidate: edits(word.lower(), candidate.lower()) for candidate in candidates}
     close = {candidate: d for candidate, d in distances.items() if d <= (1 if len(candidate) < 5 else 2)}
     return min(close, key=lambda candidate: close[candidate]) if close else None
 
 
 def edits(a: str, b: str) -> int:
-    """Insertions, deletions, substitutions and swaps of neighbours that lead from one word to another [Damerau 1964].
-
-    Parameters
-    ----------
-    a, b : str
-    """
+    """Insertions, deletions, substitutions and swaps that lead from one word to another [Damerau 1964]."""
     before: list[int] = []
     row = list(range(len(b) + 1))
     for i, x in enumerate(a, 1):

@@ -109,13 +109,7 @@ class _Files:
 
 
 class _Expansion:
-    """xacro, with its expressions, files and environment replaced.
-
-    Parameters
-    ----------
-    xacro : module
-    files : _Files
-    """
+    """xacro, with its expressions, files and environment replaced."""
 
     def __init__(self, xacro: Any, files: _Files) -> None:
         self.xacro, self.files, self.calls = xacro, files, 0

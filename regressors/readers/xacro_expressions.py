@@ -71,31 +71,14 @@ class Refused(Exception):
 
 
 class Function:
-    """A function that expressions may call: a value that has no attributes for them.
-
-    Parameters
-    ----------
-    call : callable
-    """
+    """A function that expressions may call: a value that has no attributes for them."""
 
     def __init__(self, call: Callable[..., Any]) -> None:
         self.call = call
 
 
 def evaluate(text: str, names: Mapping[str, Any]) -> Any:
-    """Value of an expression.
-
-    Parameters
-    ----------
-    text : str
-    names : mapping
-        Values by name; functions are `Function`.
-
-    Raises
-    ------
-    Refused
-        It holds what no expression may hold, or becomes too large.
-    """
+    """Value of an expression."""
     text = text.strip()
     if len(text) > LONGEST:
         raise Refused(f"an expression of {len(text)} characters, more than the {LONGEST} that one may have")
@@ -290,13 +273,7 @@ _MATH = _functions(
 
 
 def known_names(own: Mapping[str, Any]) -> dict[str, Any]:
-    """All that xacro documents, by name.
-
-    Parameters
-    ----------
-    own : mapping
-        Functions of the namespace ``xacro``; some of them are known without it, too.
-    """
+    """All that xacro documents, by name."""
     of_xacro = _functions(own)
     plain = {name: of_xacro[name] for name in ("load_yaml", "abs_filename", "dotify") if name in of_xacro}
     spaces: dict[str, Any] = {"math": Names(_MATH), "python": Names({**_PYTHON, **_GLOBAL}), "xacro": Names(of_xacro)}

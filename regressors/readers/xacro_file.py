@@ -35,31 +35,6 @@ def read_xacro(
     A process of its own expands it, without a network and with caps on time and memory; expressions are limited to
     `regressors.readers.xacro_expressions`. It opens files of the folder of this one, of its package and of the packages
     that it names, and does not see the environment.
-
-    Parameters
-    ----------
-    path : str or Path
-    base, tip : str, optional
-        Names of the first and the last link, see `regressors.readers.urdf.parse_urdf`.
-    arguments : mapping of str to str, optional
-        Values of the file's ``<xacro:arg>``, as ``name:=value`` on the command line of xacro.
-    packages : iterable of str or Path, optional
-        Folders to look for ``$(find package)`` in, see `regressors.readers.ros_packages.find_package`.
-    snap_angles : bool
-        Take rounded right angles for right angles, see `regressors.readers.urdf.parse_urdf`.
-
-    Returns
-    -------
-    Robot
-        Its ``source`` is ``"URDF <file name>"``.
-
-    Raises
-    ------
-    UnknownName
-        No link has the name given as base or tip.
-    InputError
-        xacro is not installed or does not expand the file, or the URDF holds no such serial chain; lines in the message
-        are those of the expanded text.
     """
     path = Path(path)
     text = expand_xacro(path, arguments, packages)
@@ -70,13 +45,7 @@ def read_xacro(
 def expand_xacro(
     path: str | Path, arguments: Mapping[str, str] | None = None, packages: Iterable[str | Path] = ()
 ) -> str:
-    """Text of the URDF that a xacro file expands to; parameters as of `read_xacro`.
-
-    Raises
-    ------
-    InputError
-        xacro is not installed, or does not expand the file within its caps.
-    """
+    """Text of the URDF that a xacro file expands to; parameters as of `read_xacro`."""
     path = Path(path)
     order = {
         "path": str(path),

@@ -23,20 +23,6 @@ def xml_kind(path: str | Path) -> str:
     A name that ends in ``.xacro`` decides, then the outermost element. A text that breaks off, or whose outermost
     element is of no kind of robot, counts as URDF: the reader of URDF says what is wrong with it. So does one that
     holds xacro under another name: it is expanded only where its name, or the user, says so.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    str
-        `URDF`, `XACRO` or `MJCF`.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or it is a description that no reader here knows: SDF, or a part of an MJCF.
     """
     if Path(path).suffix.lower() == ".xacro":
         return XACRO

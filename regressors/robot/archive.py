@@ -17,23 +17,7 @@ _GEARS: dict[str, type[GearFunction]] = {"ConstantRatio": ConstantRatio, "BallSc
 
 @np.errstate(over="ignore", invalid="ignore")  # absurd sizes are refused, without a warning
 def robot_from_description(plain: Mapping[str, Any]) -> Robot:
-    """Inverse of `Robot.description`.
-
-    Parameters
-    ----------
-    plain : mapping
-        As read from JSON.
-
-    Returns
-    -------
-    Robot
-        With the same hash.
-
-    Raises
-    ------
-    InputError
-        Not a description of a robot.
-    """
+    """Inverse of `Robot.description`."""
     try:
         transmission = plain["transmission"]
         structure = plain["structure"]

@@ -10,25 +10,14 @@ FindingKind = Literal["found", "assumed", "snapped", "missing", "suspicious"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of a health report.
+    """One line of a health report."""
 
-    Parameters
-    ----------
-    kind : {"found", "assumed", "snapped", "missing", "suspicious"}
-        Read as it stands; taken for granted, since the file does not say; changed to the exact value; not in the
-        file; in the file, but hardly right.
-    where : str
-        Link, joint or file.
-    what : str
-        What was noticed, in words.
-    advice : str
-        What to do about it; empty where nothing is to be done.
-    """
-
+    # read as it stands; taken for granted, since the file does not say; changed to the exact value; not in the file;
+    # in the file, but hardly right
     kind: FindingKind
-    where: str
-    what: str
-    advice: str = ""
+    where: str  # link, joint or file
+    what: str  # what was noticed, in words
+    advice: str = ""  # what to do about it; empty where nothing is to be done
 
     def __str__(self) -> str:
         """Whole sentence for notes and messages."""
@@ -37,14 +26,6 @@ class Finding:
 
 @dataclass(frozen=True)
 class MissingRange(Finding):
-    """A joint that is not continuous, but whose range is not stated.
+    """A joint that is not continuous, but whose range is not stated."""
 
-    Parameters
-    ----------
-    kind, where, what, advice
-        As in `Finding`.
-    joint : str
-        Its name.
-    """
-
-    joint: str = ""
+    joint: str = ""  # its name

@@ -23,18 +23,7 @@ class GearFunction(ABC):
         """``F'(z)``, motor radians per unit of z, as an expression of the drive coordinate [rad or m]."""
 
     def coordinate(self, phi: Array) -> Array:
-        """Drive coordinate at a motor angle, ``z`` with ``int_0^z F'(s) ds = phi`` [rad or m].
-
-        Parameters
-        ----------
-        phi : ndarray
-            Motor angle, zero where the drive coordinate is [rad].
-
-        Raises
-        ------
-        InputError
-            The gear does not say, or does not reach the angle.
-        """
+        """Drive coordinate at a motor angle, ``z`` with ``int_0^z F'(s) ds = phi`` [rad or m]."""
         raise InputError(f"{type(self).__name__} does not say which drive coordinate belongs to a motor angle")
 
     @property
@@ -48,15 +37,9 @@ class GearFunction(ABC):
 
 @dataclass(frozen=True)
 class ConstantRatio(GearFunction):
-    """A gear whose ratio does not change.
+    """A gear whose ratio does not change."""
 
-    Parameters
-    ----------
-    value : float
-        Motor radians per unit of the drive coordinate; the sign says which way the motor turns.
-    """
-
-    value: float = 1.0
+    value: float = 1.0  # motor radians per unit of the drive coordinate; the sign says which way the motor turns
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.value) or self.value == 0.0:
@@ -82,17 +65,10 @@ class BallScrew(GearFunction):
 
     The screw's length follows the law of cosines, ``L(z)^2 = square + cosine cos z + sine sin z``, and the motor
     turns ``F(z) = (2 pi / pitch) L(z)``.
-
-    Parameters
-    ----------
-    pitch : float
-        Advance of the nut per turn [m].
-    square, cosine, sine : float
-        Coefficients of the squared length [m^2].
     """
 
-    pitch: float
-    square: float
+    pitch: float  # advance of the nut per turn [m]
+    square: float  # coefficients of the squared length [m^2]
     cosine: float
     sine: float
 

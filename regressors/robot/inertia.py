@@ -16,18 +16,7 @@ _IXX, _IXY, _IXZ, _IYY, _IYZ, _IZZ = range(4, 10)
 
 
 def parameter_names(link: int) -> tuple[str, ...]:
-    """Names of one link's ten parameters, such as ``m3``, ``m3c3x``, ``I3yy``.
-
-    Parameters
-    ----------
-    link : int
-        Number of the link, 1 for the first moving one.
-
-    Returns
-    -------
-    tuple of str
-        In the order of ``theta``.
-    """
+    """Names of one link's ten parameters, such as ``m3``, ``m3c3x``, ``I3yy``."""
     i = link
     moments = (f"m{i}c{i}x", f"m{i}c{i}y", f"m{i}c{i}z")
     inertia = tuple(f"I{i}{axes}" for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
@@ -44,17 +33,7 @@ def skew(v: ArrayLike) -> Array:
 
 
 def rotation_from_rpy(rpy: ArrayLike) -> Array:
-    """Rotation about the fixed x, y, z axes in turn, ``Rz(yaw) Ry(pitch) Rx(roll)``, as in a URDF.
-
-    Parameters
-    ----------
-    rpy : array_like, shape (3,)
-        Roll, pitch, yaw [rad].
-
-    Returns
-    -------
-    ndarray, shape (3, 3)
-    """
+    """Rotation about the fixed x, y, z axes in turn, ``Rz(yaw) Ry(pitch) Rx(roll)``, as in a URDF."""  # rpy (3,)
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
     rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
@@ -66,21 +45,7 @@ def from_centre_of_mass(mass: float, centre: ArrayLike, inertia: ArrayLike) -> A
     """Parameters about the frame's origin from those about the centre of mass (parallel axes, Steiner).
 
     ``I_O = I_C - m skew(c) skew(c)``.
-
-    Parameters
-    ----------
-    mass : float
-        Mass of the body [kg].
-    centre : array_like, shape (3,)
-        Centre of mass in the link frame [m].
-    inertia : array_like, shape (3, 3)
-        Inertia tensor about the centre of mass in the axes of the link frame [kg m^2].
-
-    Returns
-    -------
-    ndarray, shape (10,)
-        ``theta`` [kg, kg m, kg m^2].
-    """
+    """  # centre (3,); inertia (3, 3)
     c = np.asarray(centre, dtype=float)
     tensor = np.asarray(inertia, dtype=float) - mass * skew(c) @ skew(c)
     return np.concatenate([[mass], mass * c, tensor[np.triu_indices(3)]])
@@ -102,17 +67,7 @@ def pseudo_inertia(theta: ArrayLike) -> Array:
     """Pseudo-inertia matrix ``J = int [x; 1] [x; 1]' dm``, positive definite for every real body.
 
     ``J = [[tr(I)/2 E - I, m c], [m c', m]]``.
-
-    Parameters
-    ----------
-    theta : array_like, shape (10,)
-        Inertial parameters of one body.
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
-        ``J`` [kg m^2, kg m, kg].
-    """
+    """  # theta (10,)
     t = np.asarray(theta, dtype=float)
     tensor = inertia_tensor(t)
     J = np.empty((4, 4))
@@ -123,16 +78,7 @@ def pseudo_inertia(theta: ArrayLike) -> Array:
 
 
 def from_pseudo_inertia(J: ArrayLike) -> Array:
-    """Inverse of `pseudo_inertia`: ``I = tr(S) E - S`` with ``S = J[:3, :3]``.
-
-    Parameters
-    ----------
-    J : array_like, shape (4, 4)
-
-    Returns
-    -------
-    ndarray, shape (10,)
-    """
+    """Inverse of `pseudo_inertia`: ``I = tr(S) E - S`` with ``S = J[:3, :3]``."""  # J (4, 4)
     J = np.asarray(J, dtype=float)
     S = J[:3, :3]
     tensor = np.trace(S) * np.eye(3) - S
@@ -144,19 +90,7 @@ def transport(rotation: ArrayLike, translation: ArrayLike) -> Array:
 
     With ``T`` the pose of the body's frame in the new one, ``J_new = T J T'``; this returns the 10 x 10 matrix of
     that map on ``theta``.
-
-    Parameters
-    ----------
-    rotation : array_like, shape (3, 3)
-        Axes of the body's frame, in the new frame.
-    translation : array_like, shape (3,)
-        Origin of the body's frame, in the new frame [m].
-
-    Returns
-    -------
-    ndarray, shape (10, 10)
-        ``theta_new = transport(R, p) @ theta``.
-    """
+    """  # rotation (3, 3); translation (3,)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = rotation, translation
     unit = np.eye(PARAMETERS_PER_LINK)

@@ -17,14 +17,6 @@ def with_joint_rotors(robot: Robot) -> Robot:
 
     Without a transmission each joint gets a drive of ratio 1: its ``Ia`` is what the rotor's inertia amounts to at the
     joint, ``Ia = ratio^2 x inertia of the rotor`` [kg m^2].
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    Robot
     """
     old = robot.transmission
     if old is None:

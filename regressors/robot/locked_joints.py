@@ -19,29 +19,7 @@ from regressors.robot.shapes import Part
 
 
 def with_locked_joints(robot: Robot, moving: Sequence[int], position: Array | None = None) -> Robot:
-    """Robot of the moving joints only, the others held.
-
-    Parameters
-    ----------
-    robot : Robot
-    moving : sequence of int
-        Indices of the joints that move, in any order.
-    position : array_like, shape (n,), optional
-        Where the others rest [rad or m]; zero, or the nearest position limit, if not given.
-
-    Returns
-    -------
-    Robot
-        With ``len(moving)`` joints. Limits on drive coordinates hold still, shifted by what the resting joints add;
-        drives that rest, or that turn along with another one and show nothing new, keep their limits and lose their
-        parameters. Branches move with the joints that are left; those that none of them turns have become part of
-        what carries them.
-
-    Raises
-    ------
-    InputError
-        No joint moves.
-    """
+    """Robot of the moving joints only, the others held."""  # position (n,)
     keep = sorted(set(moving))
     if not keep:
         raise InputError(f"robot {robot.name!r}: no joint moves; choose from {', '.join(robot.joint_names)}")
@@ -64,19 +42,7 @@ def with_locked_joints(robot: Robot, moving: Sequence[int], position: Array | No
 def carriers(
     robot: Robot, moving: Sequence[int], position: Array | None = None
 ) -> tuple[tuple[int | None, Array], ...]:
-    """Body that each body of the robot has become a part of, with its pose in that one's frame.
-
-    Parameters
-    ----------
-    robot, moving, position
-        See `with_locked_joints`.
-
-    Returns
-    -------
-    tuple of (int or None, ndarray of shape (4, 4))
-        One per body of `Robot.bodies`: the index of the body that carries it, its own if it moves by itself; None for
-        the base.
-    """
+    """Body that each body of the robot has become a part of, with its pose in that one's frame."""
     return tuple((ride.carrier, ride.pose) for ride in _rides(robot, sorted(set(moving)), _resting(robot, position)))
 
 
@@ -87,24 +53,12 @@ def _resting(robot: Robot, position: Array | None) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Ride:
-    """Where a body of the whole robot has gone.
+    """Where a body of the whole robot has gone."""
 
-    Parameters
-    ----------
-    carrier : int or None
-        Index of the body whose part it has become, its own if it moves by itself; None for the base.
-    pose : ndarray, shape (4, 4)
-        Its frame in the carrier's.
-    parent : int or None
-        Carrier of the body that it sits on.
-    joint : Joint
-        Its joint, placed in the frame of that carrier.
-    """
-
-    carrier: int | None
-    pose: Array
-    parent: int | None
-    joint: Joint
+    carrier: int | None  # index of the body whose part it has become, its own if it moves by itself; None for the base
+    pose: Array  # (4, 4) its frame in the carrier's
+    parent: int | None  # carrier of the body that it sits on
+    joint: Joint  # its joint, placed in the frame of that carrier
 
 
 def _rides(robot: Robot, keep: list[int], rest: Array) -> list[_Ride]:

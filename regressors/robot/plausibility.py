@@ -19,15 +19,6 @@ def implausible_inertias(robot: Robot) -> dict[str, str]:
     A body is impossible if its mass is negative, or if its principal moments of inertia ``J1 <= J2 <= J3`` about the
     centre of mass break ``J1 >= 0`` or ``J1 + J2 >= J3``. Parameters are placeholders if three or more bodies share
     mass and moments, and zero if no body of the robot has mass.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    dict of str to str
-        Empty where nothing is wrong.
     """
     known = [body for body in robot.bodies if body.theta is not None]
     reasons = {body.name: "no mass is stated" for body in robot.bodies if body.theta is None}
@@ -54,12 +45,7 @@ def principal_moments(theta: Array) -> Array:
     """Eigenvalues of ``I_O + m skew(c) skew(c)``, the inertia about the centre of mass, ascending [kg m^2].
 
     NaN where the inertia is too large for a finite number.
-
-    Parameters
-    ----------
-    theta : ndarray, shape (10,)
-        Inertial parameters of one body about its frame's origin. About the origin itself where there is no mass.
-    """
+    """  # theta (10,)
     tensor, mass = inertia_tensor(theta), float(theta[0])
     if mass != 0:
         first = skew(theta[1:4])

@@ -261,26 +261,16 @@ class Limits(_Rebuilt):
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A motor and its gear, acting on one drive coordinate.
-
-    Parameters
-    ----------
-    name : str
-    ratio : GearFunction
-        Motor angle per drive coordinate as a function of it, `ConstantRatio` or `BallScrew`.
-    rotor_inertia : float, optional
-        Inertia of the motor's rotor [kg m^2]; None where there is none to identify.
-    coulomb, viscous : float, optional
-        Friction ``tau = viscous * dz + coulomb * sign(dz)`` at the drive coordinate [Nm s, Nm], where known.
-    rests : bool
-        True if the joint that this drive belongs to is held: its limits hold still, but it has no parameters.
-    """
+    """A motor and its gear, acting on one drive coordinate."""
 
     name: str
+    # motor angle per drive coordinate as a function of it, `ConstantRatio` or `BallScrew`
     ratio: GearFunction = field(default_factory=ConstantRatio)
-    rotor_inertia: float | None = None
+    rotor_inertia: float | None = None  # inertia of the motor's rotor [kg m^2]; None where there is none to identify
+    # friction ``tau = viscous * dz + coulomb * sign(dz)`` at the drive coordinate [Nm s, Nm], where known
     coulomb: float | None = None
     viscous: float | None = None
+    # True if the joint that this drive belongs to is held: its limits hold still, but it has no parameters
     rests: bool = False
 
 
@@ -321,18 +311,10 @@ class Transmission(_Rebuilt):
 
 @dataclass(frozen=True)
 class Aggregates:
-    """Parameters that the model is written in, each a linear combination of standard ones.
+    """Parameters that the model is written in, each a linear combination of standard ones."""
 
-    Parameters
-    ----------
-    joints : tuple of str
-        The moving joints for which this form holds.
-    parameters : mapping
-        Name of the aggregate to ``{standard parameter: coefficient}``.
-    """
-
-    joints: tuple[str, ...]
-    parameters: Mapping[str, Mapping[str, float]]
+    joints: tuple[str, ...]  # the moving joints for which this form holds
+    parameters: Mapping[str, Mapping[str, float]]  # name of the aggregate to ``{standard parameter: coefficient}``
 
 
 @dataclass(frozen=True)

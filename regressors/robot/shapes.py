@@ -25,24 +25,11 @@ def check_finite(what: str, *values: float) -> None:
 
 @dataclass(frozen=True)
 class Capsule:
-    """All points within a radius of a line from one point to another.
+    """All points within a radius of a line from one point to another."""
 
-    Parameters
-    ----------
-    start, end : tuple of float
-        Ends of the line; the same for a sphere.
-    radius : float
-        > 0.
-
-    Raises
-    ------
-    InputError
-        Numbers that are not finite, or a radius that is not positive.
-    """
-
-    start: Vector
+    start: Vector  # ends of the line; the same for a sphere
     end: Vector
-    radius: float
+    radius: float  # > 0
 
     def __post_init__(self) -> None:
         check_finite("capsule", *self.start, *self.end, self.radius)
@@ -70,18 +57,7 @@ class Capsule:
 
         With equal distances h between their centres, the first and the last one at its ends,
         ``R^2 = radius^2 + (h / 2)^2``; the fewest with ``R <= radius + tolerance``.
-
-        Parameters
-        ----------
-        tolerance : float
-            > 0.
-
-        Returns
-        -------
-        centres : ndarray, shape (count, 3)
-        radius : float
-            ``R``.
-        """
+        """  # result (count, 3)
         if self.length == 0:
             return np.array([self.start]), self.radius
         widest = 2 * np.sqrt((self.radius + tolerance) ** 2 - self.radius**2)
@@ -92,16 +68,9 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Part:
-    """A capsule on a link of the robot, in the link's frame.
+    """A capsule on a link of the robot, in the link's frame."""
 
-    Parameters
-    ----------
-    link : str
-        Name of a link, of a branch, or of the base.
-    capsule : Capsule
-    """
-
-    link: str
+    link: str  # name of a link, of a branch, or of the base
     capsule: Capsule
 
     def to_dict(self) -> dict[str, object]:

@@ -9,14 +9,7 @@ from regressors.robot.robot import LIMITED, Limits, Robot
 
 
 def check_sizes(robot: Robot, source: str) -> None:
-    """Raise `InputError` for the first number of a description that no robot has.
-
-    Parameters
-    ----------
-    robot : Robot
-    source : str
-        Name of the file, for messages.
-    """
+    """Raise `InputError` for the first number of a description that no robot has."""
     for what, quantity, value in _numbers(robot):
         if (wrong := fault(quantity, value)) is not None:
             raise InputError(f"{source}: {what} {wrong}")

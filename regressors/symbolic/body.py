@@ -20,19 +20,7 @@ def body_regressor(omega: ca.SX, domega: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]
     """Force and moment about the frame's origin that move a body, per parameter [KD96] eq. (8)-(10).
 
     ``F = m a + (domega x + omega x omega x) mc`` and ``N = mc x a + I domega + omega x I omega``.
-
-    Parameters
-    ----------
-    omega, domega : SX, shape (3, 1)
-        Angular velocity and acceleration of the body, in its frame [rad/s, rad/s^2].
-    a : SX, shape (3, 1)
-        Acceleration of the frame's origin less gravity, in its frame [m/s^2].
-
-    Returns
-    -------
-    force, moment : SX, shape (3, 10)
-        ``F = force @ theta`` [N], ``N = moment @ theta`` [Nm].
-    """
+    """  # omega, domega (3, 1); a (3, 1); result (3, 10)
     W = ca.skew(domega) + ca.mtimes(ca.skew(omega), ca.skew(omega))
     inertia = times_inertia(domega) + ca.mtimes(ca.skew(omega), times_inertia(omega))
     force = ca.horzcat(a, W, ca.SX(3, 6))

@@ -109,19 +109,7 @@ _CHUNK = 4096
 
 
 class IntervalFunction:
-    """Enclosure of a vector expression over boxes.
-
-    Parameters
-    ----------
-    inputs : sequence of SX, shape (n_k, 1) each
-        Free symbols.
-    expression : SX, shape (r, 1)
-
-    Raises
-    ------
-    ValueError
-        The expression has an instruction that has no enclosure here.
-    """
+    """Enclosure of a vector expression over boxes."""  # inputs (n_k, 1); expression (r, 1)
 
     def __init__(self, inputs: Sequence[ca.SX], expression: ca.SX) -> None:
         self._function = f = ca.Function("enclosed", list(inputs), [ca.densify(ca.cse(expression))])
@@ -130,18 +118,7 @@ class IntervalFunction:
                 raise ValueError(f"CasADi instruction {f.instruction_id(k)} has no enclosure here")
 
     def __call__(self, low: Sequence[Array], high: Sequence[Array]) -> Interval:
-        """Bounds of every component on every box.
-
-        Parameters
-        ----------
-        low, high : sequence of ndarray, shape (n_k, boxes)
-            Lower and upper ends of the inputs.
-
-        Returns
-        -------
-        low, high : ndarray, shape (r, boxes)
-            Infinite where no bound is known.
-        """
+        """Bounds of every component on every box."""  # low, high (n_k, boxes); result (r, boxes)
         boxes = low[0].shape[1]
         out = np.zeros((2, self._function.numel_out(0), boxes))
         for start in range(0, boxes, _CHUNK):

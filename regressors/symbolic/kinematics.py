@@ -19,32 +19,17 @@ from regressors.robot.robot import BASE, Branch, Joint, Robot
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """Motion of one link, and how each joint moves it.
+    """Motion of one link, and how each joint moves it."""
 
-    Parameters
-    ----------
-    omega, domega : SX, shape (3, 1)
-        Angular velocity and acceleration [rad/s, rad/s^2].
-    v : SX, shape (3, 1)
-        Velocity of the frame's origin [m/s].
-    a : SX, shape (3, 1)
-        Acceleration of the frame's origin less gravity, ``dv - g`` [m/s^2].
-    up : SX, shape (3, 1)
-        Gravity in the axes of this frame, ``R' g`` [m/s^2].
-    rotation, origin : SX, shape (3, 3) and (3, 1)
-        Pose of the frame in the base frame [-, m].
-    axes : tuple of (SX, SX)
-        Angular and linear velocity of this frame per unit rate of joint 1, 2, ...; joints beyond the last entry do not
-        move it.
-    """
-
-    omega: ca.SX
-    domega: ca.SX
-    v: ca.SX
-    a: ca.SX
-    up: ca.SX
-    rotation: ca.SX
-    origin: ca.SX
+    omega: ca.SX  # (3, 1) angular velocity and acceleration [rad/s, rad/s^2]
+    domega: ca.SX  # (3, 1)
+    v: ca.SX  # (3, 1) velocity of the frame's origin [m/s]
+    a: ca.SX  # (3, 1) acceleration of the frame's origin less gravity, ``dv - g`` [m/s^2]
+    up: ca.SX  # (3, 1) gravity in the axes of this frame, ``R' g`` [m/s^2]
+    rotation: ca.SX  # (3, 3) pose of the frame in the base frame [-, m]
+    origin: ca.SX  # (3, 3)
+    # angular and linear velocity of this frame per unit rate of joint 1, 2, ...; joints beyond the last entry do not
+    # move it
     axes: tuple[tuple[ca.SX, ca.SX], ...]
 
 
@@ -67,19 +52,7 @@ def relative_pose(joint: Joint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def chain(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]:
-    """Motion of each link in turn, by the outward Newton-Euler recursion.
-
-    Parameters
-    ----------
-    robot : Robot
-    q, dq, ddq : SX, shape (n, 1)
-        Joint position, velocity, acceleration.
-
-    Yields
-    ------
-    LinkMotion
-        Motion of link 1, 2, ..., n.
-    """
+    """Motion of each link in turn, by the outward Newton-Euler recursion."""  # q, dq, ddq (n, 1)
     state = _base_motion(robot)
     for i, joint in enumerate(robot.joints):
         state = _next_link(state, joint, q[i], dq[i], ddq[i])
@@ -113,19 +86,7 @@ def _next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX
 
 
 def bodies(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]:
-    """Motion of every body that has inertial parameters, in the order of their parameters.
-
-    Parameters
-    ----------
-    robot : Robot
-    q, dq, ddq : SX, shape (n, 1)
-        See `chain`.
-
-    Yields
-    ------
-    LinkMotion
-        Motion of link 1, 2, ..., n, then of each branch.
-    """
+    """Motion of every body that has inertial parameters, in the order of their parameters."""  # q, dq, ddq (n, 1)
     carriers = {BASE: _base_motion(robot)}
     for link, motion in zip(robot.links, chain(robot, q, dq, ddq), strict=True):
         carriers[link.name] = motion

@@ -40,17 +40,7 @@ class NotCompiledError(Exception):
 
 
 class MachineCode:
-    """A CasADi function of column vectors, with one result, for many instants at once.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Of numbers; its constants are finite.
-
-    Raises
-    ------
-    NotCompiledError
-    """
+    """A CasADi function of column vectors, with one result, for many instants at once."""
 
     def __init__(self, function: ca.Function) -> None:
         self._rows = [function.numel_in(k) for k in range(function.n_in())]

@@ -152,20 +152,7 @@ class _ArrayProgram:
 
 
 class VectorisedFunction:
-    """The structural nonzeros of a matrix expression, and their reverse derivative, for many instants at once.
-
-    Parameters
-    ----------
-    inputs : sequence of SX, shape (n_k, 1) each
-        Free symbols.
-    expression : SX, shape (r, p)
-        Matrix to evaluate.
-
-    Attributes
-    ----------
-    row, column : ndarray of int, shape (nnz,)
-        Place of each nonzero in the matrix.
-    """
+    """The structural nonzeros of a matrix expression, and their reverse derivative, for many instants at once."""
 
     def __init__(self, inputs: Sequence[ca.SX], expression: ca.SX) -> None:
         expression = ca.sparsify(ca.cse(ca.sparsify(expression)))
@@ -185,52 +172,22 @@ class VectorisedFunction:
         return _program(self._function)
 
     def __call__(self, *inputs: Array) -> Array:
-        """Nonzeros of the matrix at every instant.
-
-        Parameters
-        ----------
-        *inputs : ndarray, shape (n_k, instants)
-
-        Returns
-        -------
-        ndarray, shape (nnz, instants)
-        """
+        """Nonzeros of the matrix at every instant."""  # inputs (n_k, instants)
         return self._forward(inputs)
 
     def selection(self, nonzeros: NDArray[np.intp]) -> VectorisedFunction:
-        """Some of the nonzeros, in another order, as a column: what only the others need is not computed.
-
-        Parameters
-        ----------
-        nonzeros : ndarray of int, shape (k,)
-        """
+        """Some of the nonzeros, in another order, as a column: what only the others need is not computed."""
+        # nonzeros (k,)
         return VectorisedFunction(self._inputs, ca.vertcat(*(self._values[int(k)] for k in nonzeros)))
 
     def interpreted(self, *inputs: Array) -> Array:
-        """The same nonzeros by CasADi's own machine, which is slower, but needs no translation.
-
-        Parameters
-        ----------
-        *inputs : ndarray, shape (n_k, instants)
-
-        Returns
-        -------
-        ndarray, shape (nnz, instants)
-        """
+        """The same nonzeros by CasADi's own machine, which is slower, but needs no translation."""
+        # inputs (n_k, instants)
         return np.asarray(self._function(*map(ca.DM, inputs)), dtype=float).reshape(len(self.row), inputs[0].shape[1])
 
     def pullback(self, inputs: Sequence[Array], seeds: Array) -> tuple[Array, ...]:
-        """Gradient of ``sum(seeds * values)`` with respect to the inputs, by one reverse sweep.
-
-        Parameters
-        ----------
-        inputs : sequence of ndarray, shape (n_k, instants)
-        seeds : ndarray, shape (nnz, instants)
-
-        Returns
-        -------
-        tuple of ndarray, shape (n_k, instants) each
-        """
+        """Gradient of ``sum(seeds * values)`` with respect to the inputs, by one reverse sweep."""
+        # inputs (n_k, instants); seeds (nnz, instants)
         if self._reverse is None:
             seed = ca.SX.sym("seed", len(self.row))
             gradient = ca.cse(ca.gradient(ca.dot(self._values, seed), ca.vertcat(*self._inputs)))

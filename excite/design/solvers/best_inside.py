@@ -12,17 +12,7 @@ _INSIDE = 1.0 - 1e-12
 
 
 class BestInside:
-    """Best of the iterates of a solver, each pulled towards the start until it is inside the limits.
-
-    Parameters
-    ----------
-    problem : Problem
-        Problem with limits that are linear in x only.
-    start : ndarray, shape (n, size)
-        Inside the limits; the first point offered.
-    watch : callable, optional
-        Called with (x, criterion) at every point offered.
-    """
+    """Best of the iterates of a solver, each pulled towards the start until it is inside the limits."""
 
     def __init__(self, problem: Problem, start: Array, watch: Watcher | None) -> None:
         self.problem, self.start, self.watch = problem, start, watch

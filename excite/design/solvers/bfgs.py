@@ -15,16 +15,7 @@ class BfgsFactor:
 
     In whitened coordinates ``w = J^-1 d`` the curvature ``d'Hd`` is ``w'w``, so that a quadratic programme needs no
     factorisation, and an update of J takes n^2 operations.
-
-    Parameters
-    ----------
-    g : ndarray, shape (n,)
-        Gradient; H begins as the identity times its length.
-
-    Attributes
-    ----------
-    J : ndarray, shape (n, n)
-    """
+    """  # g (n,); J (n, n)
 
     def __init__(self, g: Array) -> None:
         length = max(float(np.linalg.norm(g)), _SMALLEST)
@@ -39,14 +30,7 @@ class BfgsFactor:
 
         With ``r = theta y + (1 - theta) H s`` and ``w = J^-1 s``, H becomes ``H - Hs s'H / s'Hs + r r' / s'r`` by
         ``J - s (J'r - sqrt(s'r / w'w) w)' / s'r`` [Brodlie, Gourlay, Greenstadt 1973].
-
-        Parameters
-        ----------
-        s, y : ndarray, shape (n,)
-            Step, and change of the gradient along it.
-        w : ndarray, shape (n,)
-            ``J^-1 s``.
-        """
+        """  # s, y (n,); w (n,)
         curvature = float(w @ w)  # s'Hs
         if curvature <= 0.0:
             return

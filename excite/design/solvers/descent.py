@@ -19,21 +19,11 @@ _STEEPEST = 1e100  # a gradient beyond it is of a motion that identifies next to
 
 @dataclass(frozen=True)
 class SqpOptions:
-    """Settings of the solver.
+    """Settings of the solver."""
 
-    Parameters
-    ----------
-    iterations : int
-        Limit per stage of the criterion.
-    tolerance : float
-        A step that improves the smooth approximation of ``log`` criterion by less is small.
-    patience : int
-        Small steps in a row that end a stage.
-    """
-
-    iterations: int = 80
-    tolerance: float = 2e-4
-    patience: int = 3
+    iterations: int = 80  # limit per stage of the criterion
+    tolerance: float = 2e-4  # A step that improves the smooth approximation of ``log`` criterion by less is small
+    patience: int = 3  # small steps in a row that end a stage
 
     @property
     def last(self) -> SqpOptions:
@@ -45,20 +35,11 @@ class SqpOptions:
 
 @dataclass(frozen=True, eq=False)
 class DescentStep:
-    """A step, and what is known of it.
+    """A step, and what is known of it."""
 
-    Parameters
-    ----------
-    d : ndarray, shape (n,)
-    w : ndarray, shape (n,)
-        The step in whitened coordinates, ``d = J w``.
-    length : float
-        Largest part of the step, at most 1, that is inside the limits that are linear in x.
-    """
-
-    d: Array
-    w: Array
-    length: float = 1.0
+    d: Array  # (n,)
+    w: Array  # (n,) the step in whitened coordinates, ``d = J w``
+    length: float = 1.0  # largest part of the step, at most 1, that is inside the limits that are linear in x
 
     def part(self, length: float) -> DescentStep:
         """A part of the step."""
@@ -68,21 +49,7 @@ class DescentStep:
 
 
 class Descent:
-    """State of one descent, stage by stage of the criterion.
-
-    Parameters
-    ----------
-    problem : Problem
-    start : ndarray, shape (n, size)
-        Inside the limits.
-    watch : callable, optional
-        See `excite.design.solvers.solver.Solver.solve`.
-
-    Attributes
-    ----------
-    status : Status or None
-        How the stage ended; None until it has.
-    """
+    """State of one descent, stage by stage of the criterion."""  # start (n, size)
 
     def __init__(self, problem: Problem, start: Array, watch: Watcher | None = None) -> None:
         self.problem, self.watch = problem, watch

@@ -27,16 +27,7 @@ class LeastDistance:
     """``min c'w + w'w/2`` within ``lower <= A w <= upper``, to which rows are added; w = 0 is inside.
 
     There is nothing to factorise, and the working set begins with rows that are expected to be active.
-
-    Parameters
-    ----------
-    c : ndarray, shape (n,)
-
-    Attributes
-    ----------
-    sides : ndarray of int
-        For each row that was added, the bound where it is active in the last solution, if any.
-    """
+    """  # c (n,)
 
     def __init__(self, c: Array) -> None:
         self._c = c

@@ -21,15 +21,7 @@ _BETWEEN = 0.02  # of a bound: more than a function exceeds its values there
 
 
 class LinearRows:
-    """Functions ``u = (A y^(d) - middle) / half`` of the motion on the grid; every bound is 1.
-
-    Parameters
-    ----------
-    limits : sequence of GridConstraint
-        Linear in x, on one grid of N instants, at least one.
-    shape : tuple of int
-        Shape (n, size) of x.
-    """
+    """Functions ``u = (A y^(d) - middle) / half`` of the motion on the grid; every bound is 1."""
 
     def __init__(self, limits: Sequence[GridConstraint], shape: tuple[int, int]) -> None:
         functions = [limit.function for limit in limits if isinstance(limit.function, LinearFunction)]
@@ -69,21 +61,7 @@ class LinearRows:
         return changes
 
     def peaks(self, xs: Array, threshold: float) -> tuple[Index, Index, Mask]:
-        """Where ``|u|`` has local maxima over (periodic) time beyond a threshold, at several x.
-
-        Parameters
-        ----------
-        xs : ndarray, shape (k, n size)
-            Flat x.
-        threshold : float
-
-        Returns
-        -------
-        which, flat : ndarray of int
-            Numbers of the x, ascending, and flat indices of functions and instants.
-        outside : ndarray of bool
-            Whether the bound is exceeded.
-        """
+        """Where ``|u|`` has local maxima over (periodic) time beyond a threshold, at several x."""  # xs (k, n size)
         joints = self._weights @ xs.reshape(len(xs), *self._shape)
         use = np.empty((*joints.shape[:-1], self._instants // self._stride))
         for functions, derivative in self._parts:
@@ -135,13 +113,7 @@ class LinearRows:
 
 
 def local_maxima(use: Array, threshold: float) -> Index:
-    """Flat indices of local maxima over (periodic) time that exceed a threshold.
-
-    Parameters
-    ----------
-    use : ndarray, shape (..., N)
-    threshold : float
-    """
+    """Flat indices of local maxima over (periodic) time that exceed a threshold."""  # use (..., N)
     flat = use.ravel()
     beyond = np.flatnonzero(flat > threshold)
     last = use.shape[-1] - 1

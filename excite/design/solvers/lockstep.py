@@ -24,19 +24,7 @@ _LENGTHS = 12
 
 
 def follow(problem: Problem, plans: Sequence[Plan]) -> Iterator[tuple[int, SolverResult]]:
-    """Follow some plans until each has returned.
-
-    Parameters
-    ----------
-    problem : Problem
-    plans : sequence of Plan
-        Each yields descents that have begun a stage, and goes on when all of them have ended it.
-
-    Yields
-    ------
-    int, SolverResult
-        Number and result of a plan, as soon as it returns.
-    """
+    """Follow some plans until each has returned."""
     programmes = Programmes(problem)
     stages: dict[int, Sequence[Descent]] = dict.fromkeys(range(len(plans)), ())
     while stages:

@@ -19,15 +19,7 @@ _SLACK = 1e-6
 
 
 class NearRows:
-    """Linearised functions near their bounds, of which those that are needed are rows of the programme.
-
-    Parameters
-    ----------
-    limits : sequence of GridConstraint
-        At least one.
-    x : ndarray
-        The iterate.
-    """
+    """Linearised functions near their bounds, of which those that are needed are rows of the programme."""
 
     def __init__(self, limits: Sequence[GridConstraint], x: Array) -> None:
         parts = [_near(limit, x) for limit in limits]
@@ -38,12 +30,7 @@ class NearRows:
         self._chosen = self._peaks(self._value, _ROW)
 
     def broken(self, d: Array) -> bool:
-        """Whether a step violates a limit where no row of the programme forbids it; if so, add rows.
-
-        Parameters
-        ----------
-        d : ndarray, shape (x.size,)
-        """
+        """Whether a step violates a limit where no row of the programme forbids it; if so, add rows."""  # d (x.size,)
         more = self._peaks(self._value + self._rows @ d, 1.0 + _SLACK)
         fresh = bool(np.any(more & ~self._chosen))
         self._chosen |= more

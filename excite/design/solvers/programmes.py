@@ -23,12 +23,7 @@ _ROUNDS = 8
 
 
 class Programmes:
-    """The programmes of the descents of one problem.
-
-    Parameters
-    ----------
-    problem : Problem
-    """
+    """The programmes of the descents of one problem."""
 
     def __init__(self, problem: Problem) -> None:
         linear = problem.limits.linear_in_x

@@ -22,12 +22,8 @@ def numbers(values: ArrayLike) -> str:
 
 
 def rpy_of(R: Array) -> tuple[float, float, float]:
-    """Roll, pitch, yaw with ``R = Rz(yaw) Ry(pitch) Rx(roll)``, to rounding accuracy also where pitch is 90 degrees.
-
-    Parameters
-    ----------
-    R : ndarray, shape (3, 3)
-    """
+    """Roll, pitch, yaw with ``R = Rz(yaw) Ry(pitch) Rx(roll)``, to rounding accuracy also where pitch is 90 degrees."""
+    # R (3, 3)
     yaw = math.atan2(R[1, 0], R[0, 0])
     c, s = math.cos(yaw), math.sin(yaw)
     pitch = math.atan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
@@ -47,11 +43,7 @@ def about_centre(theta: Array) -> tuple[float, Array, Array]:
     """Mass [kg], centre of mass [m], shape (3,), and inertia about it [kg m^2], shape (3, 3), in the axes of the frame.
 
     ``I_C = I_O + m skew(c)^2``; a body without mass has its centre in the origin.
-
-    Parameters
-    ----------
-    theta : ndarray, shape (10,)
-    """
+    """  # theta (10,)
     mass = float(theta[0])
     c = np.asarray(theta[1:4]) / mass if mass else np.zeros(3)
     return mass, c, np.asarray(inertia_tensor(theta) + mass * skew(c) @ skew(c))

@@ -78,13 +78,7 @@ def export_model(
 
 
 def comment_of(model: IdentifiedModel, notes: tuple[str, ...]) -> tuple[str, ...]:
-    """Lines of the comment that a file holds: provenance without a date, then notes.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-    notes : tuple of str
-    """
+    """Lines of the comment that a file holds: provenance without a date, then notes."""
     origin = "a result that was not saved" if model.sha256 is None else f"result.json with SHA-256 {model.sha256}"
     error = model.training_error
     fit = () if error is None else (f"relative error of the torques on the training logs: {100 * error:.4g} %",)

@@ -37,19 +37,7 @@ _ZERO = 1e-12  # of a body's largest parameter
 
 
 def model_of_result(result: IdentificationResult) -> IdentifiedModel:
-    """Bodies and drives that stand for a result, with what has to be known of them.
-
-    Parameters
-    ----------
-    result : IdentificationResult
-
-    Raises
-    ------
-    InputError
-        A result of a load, of a model that is not one of joint torques, or whose parameters are not those of its model.
-    ConicSolverError
-        The bodies could not be computed.
-    """
+    """Bodies and drives that stand for a result, with what has to be known of them."""
     target = torque_target(result)
     bodies = nearest_bodies(target, result.coefficients, stated_covariance(result), _standard(result))
     whole = _whole_robot(result, target, bodies.values)
@@ -77,18 +65,7 @@ def model_of_result(result: IdentificationResult) -> IdentifiedModel:
 def model_of_sample(
     model: IdentifiedModel, result: IdentificationResult, standard: Mapping[str, float], note: str
 ) -> IdentifiedModel:
-    """Another robot in the place of the identified one, such as one that the posterior allows.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-        Of the result.
-    result : IdentificationResult
-    standard : mapping of str to float
-        Its standard parameters of the moving bodies and drives.
-    note : str
-        What it is.
-    """
+    """Another robot in the place of the identified one, such as one that the posterior allows."""
     target = model.target
     whole = _whole_robot(result, target, standard)
     definition, names = target.model.definition()

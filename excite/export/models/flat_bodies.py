@@ -17,12 +17,7 @@ def flat_bodies(bodies: Mapping[str, Array]) -> tuple[str, ...]:
 
     The second moments of mass about the centre are the eigenvalues of ``J_xx - m c c'``, with the pseudo-inertia
     ``J``; a body is flat where the smallest is below 1e-5 of the largest: a sheet of 1 m by 3 mm.
-
-    Parameters
-    ----------
-    bodies : mapping of str to ndarray, shape (10,)
-        Inertial parameters by name.
-    """
+    """  # bodies (10,)
     return tuple(name for name, theta in bodies.items() if theta[0] > 0 and _flat(pseudo_inertia(theta)))
 
 

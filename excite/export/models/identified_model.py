@@ -14,25 +14,14 @@ from regressors.samples import Array
 
 @dataclass(frozen=True)
 class IdentifiedParameter:
-    """One base parameter of a result.
-
-    Parameters
-    ----------
-    name, expression, unit : str
-    value : float
-        As used for predictions.
-    deviation : float or None
-        Standard deviation; None where it is not known.
-    interval : tuple of float, or None
-        99 % confidence interval.
-    """
+    """One base parameter of a result."""
 
     name: str
     expression: str
     unit: str
-    value: float
-    deviation: float | None
-    interval: tuple[float, float] | None
+    value: float  # as used for predictions
+    deviation: float | None  # standard deviation; None where it is not known
+    interval: tuple[float, float] | None  # 99 % confidence interval
 
 
 @dataclass(frozen=True, eq=False)

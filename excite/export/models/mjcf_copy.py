@@ -27,18 +27,7 @@ from regressors.samples import Array
 
 
 def mjcf_copy(model: IdentifiedModel, file: Path) -> XmlCopy:
-    """Write the parameters of a model into a user's MJCF.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-    file : Path
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is no MJCF or that of another robot, or has the bodies in other files.
-    """
+    """Write the parameters of a model into a user's MJCF."""
     if xml_kind(str(file)) != MJCF:
         raise InputError(f"{str(file)!r} is no MJCF; leave `robot_file` out, and a new MJCF is written")
     compiled, tree = tree_of_mjcf(file, snap_angles=False)

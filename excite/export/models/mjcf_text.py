@@ -22,14 +22,7 @@ _NO_MASS = 1e-9  # of a moving body without inertia, which MuJoCo refuses
 
 
 def mjcf_text(model: IdentifiedModel, lines: tuple[str, ...]) -> str:
-    """The whole document.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-    lines : tuple of str
-        Of the comment.
-    """
+    """The whole document."""
     robot = model.robot
     parts = [
         comment(lines),

@@ -42,34 +42,17 @@ _SPEEDS = 50
 
 @dataclass(frozen=True, eq=False)
 class ModelDrive:
-    """One drive of an identified model.
+    """One drive of an identified model."""
 
-    Parameters
-    ----------
-    number : int
-        Of its parameters.
-    name : str
-    row : ndarray, shape (n,)
-        Row of the coupling, ``dz = row @ dq``.
-    gear : GearFunction
-    moved : bool
-        True if it moved while it was identified.
-    rotor_inertia : float or None
-        At the motor [kg m^2]; None where there is none.
-    coulomb, viscous : float or None
-        At the drive coordinate [Nm, Nm s/rad, or with N and m]; None where the model has none.
-    beyond : mapping of str to float
-        What else the friction consists of, by kind, one of `BEYOND`, with its parameter.
-    """
-
-    number: int
+    number: int  # of its parameters
     name: str
-    row: Array
+    row: Array  # (n,) row of the coupling, ``dz = row @ dq``
     gear: GearFunction
-    moved: bool
-    rotor_inertia: float | None
-    coulomb: float | None
+    moved: bool  # True if it moved while it was identified
+    rotor_inertia: float | None  # at the motor [kg m^2]; None where there is none
+    coulomb: float | None  # at the drive coordinate [Nm, Nm s/rad, or with N and m]; None where the model has none
     viscous: float | None
+    # what else the friction consists of, by kind, one of `BEYOND`, with its parameter
     beyond: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -97,29 +80,14 @@ class ModelDrive:
 
 
 def with_parameters(drive: ModelDrive, values: Mapping[str, float]) -> ModelDrive:
-    """The drive with what the standard parameters of a model say of it; what they do not contain is None.
-
-    Parameters
-    ----------
-    drive : ModelDrive
-    values : mapping of str to float
-        Standard parameters by name.
-    """
+    """The drive with what the standard parameters of a model say of it; what they do not contain is None."""
     own = {kind: values.get(drive_column(drive.number, kind).name) for kind in (ROTOR, *FRICTION_KINDS)}
     beyond = {kind: value for kind in BEYOND if (value := own.get(kind))}
     return replace(drive, rotor_inertia=own[ROTOR], coulomb=own[COULOMB], viscous=own[VISCOUS], beyond=beyond)
 
 
 def with_curve(drive: ModelDrive, curve: FrictionCurve | Callable[[Array], Array], fastest: float) -> ModelDrive:
-    """The drive with a known friction curve: its Coulomb and viscous part, and what else there is.
-
-    Parameters
-    ----------
-    drive : ModelDrive
-    curve : FrictionCurve or callable
-    fastest : float
-        Velocity limit of the drive [rad/s or m/s].
-    """
+    """The drive with a known friction curve: its Coulomb and viscous part, and what else there is."""
     plain, beyond = _plain(curve, fastest)
     return replace(drive, coulomb=plain.coulomb, viscous=plain.viscous, beyond=beyond)
 

@@ -61,17 +61,7 @@ class Feature:
 def features_of(
     robot: Robot, drives: Iterable[ModelDrive], shares: Mapping[str, float], further: tuple[str, ...]
 ) -> tuple[Feature, ...]:
-    """Features of a model that have a torque, each kind once.
-
-    Parameters
-    ----------
-    robot : Robot
-    drives : iterable of ModelDrive
-    shares : mapping of str to float
-        Torque of each standard parameter over that of the whole model.
-    further : tuple of str
-        Parameters that are neither of bodies nor of drives.
-    """
+    """Features of a model that have a torque, each kind once."""
     owners: dict[str, list[str]] = {kind: [] for kind in _TEXTS}
     parameters: dict[str, list[str]] = {kind: [] for kind in _TEXTS}
     for number, branch in zip(robot.body_numbers[robot.n :], robot.branches, strict=True):

@@ -32,26 +32,14 @@ _NOISE = 1e-2  # of the torques, where no covariance says how well they are know
 
 @dataclass(frozen=True, eq=False)
 class NearestBodies:
-    """Standard parameters of the moving robot that stand for identified base parameters.
+    """Standard parameters of the moving robot that stand for identified base parameters."""
 
-    Parameters
-    ----------
-    values : dict of str to float
-        Standard parameters of bodies and drives.
-    change : float
-        ``||W theta - W_b beta|| / ||W_b beta||`` over random states: what the bodies change of the predicted torques.
-    rigid_change : float
-        The same of bodies and rotors alone.
-    shares : dict of str to float
-        Of every standard parameter: torque on the random states over that of the whole model.
-    estimated : bool
-        True if they are those that the estimator found, which alone reproduce the base parameters.
-    """
-
-    values: dict[str, float]
+    values: dict[str, float]  # standard parameters of bodies and drives
+    # ``||W theta - W_b beta|| / ||W_b beta||`` over random states: what the bodies change of the predicted torques
     change: float
-    rigid_change: float
-    shares: dict[str, float]
+    rigid_change: float  # the same of bodies and rotors alone
+    shares: dict[str, float]  # of every standard parameter: torque on the random states over that of the whole model
+    # True if they are those that the estimator found, which alone reproduce the base parameters
     estimated: bool = False
 
     @property
@@ -68,24 +56,7 @@ def states_of(target: IdentificationTarget, count: int = STATES) -> Samples:
 def nearest_bodies(
     target: IdentificationTarget, beta: Array, covariance: Array | None, known: Mapping[str, float]
 ) -> NearestBodies:
-    """Physically consistent standard parameters nearest the robot's description.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With the model at single instants.
-    beta : ndarray, shape (b,)
-        Base parameters.
-    covariance : ndarray, shape (b, b), or None
-        Of them; NaN or infinite where it is not known.
-    known : mapping of str to float
-        Standard parameters that the estimator found, if it is one of standard parameters; empty otherwise.
-
-    Raises
-    ------
-    ConicSolverError
-        The conic solver found no solution.
-    """
+    """Physically consistent standard parameters nearest the robot's description."""  # beta (b,); covariance (b, b)
     bare = target.model.on(target.robot.replace(structure=Structure()))  # a column for every standard parameter
     samples = states_of(target)
     W_b = target.model.instants(samples)[:, target.base.index]

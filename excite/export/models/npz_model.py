@@ -45,13 +45,7 @@ class NpzFormat(ModelFormat):
 
 
 def arrays(model: IdentifiedModel, comment: tuple[str, ...]) -> dict[str, Any]:
-    """Arrays of the file by their names.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-    comment : tuple of str
-    """
+    """Arrays of the file by their names."""
     robot, n = model.robot, range(model.robot.n)
     bodies = [_body(link.theta) for link in robot.links]
     one = [drives[0] if len(drives := model.joint_drives(k)) == 1 else None for k in n]

@@ -15,39 +15,21 @@ HEAD = ("part", "owner", "name", "expression", "value", "standard deviation", "9
 
 @dataclass(frozen=True)
 class TableRow:
-    """One parameter.
+    """One parameter."""
 
-    Parameters
-    ----------
-    part : str
-        ``base parameter``, ``body`` or ``drive``.
-    owner : str
-        Name of the body or the drive; empty for a base parameter.
-    name, expression : str
-    value : float
-    deviation, low, high : float or None
-        Standard deviation and 99 % interval, of base parameters.
-    unit : str
-    """
-
-    part: str
-    owner: str
+    part: str  # ``base parameter``, ``body`` or ``drive``
+    owner: str  # name of the body or the drive; empty for a base parameter
     name: str
     expression: str
     value: float
-    deviation: float | None
+    deviation: float | None  # standard deviation and 99 % interval, of base parameters
     low: float | None
     high: float | None
     unit: str
 
 
 def table_rows(model: IdentifiedModel) -> tuple[TableRow, ...]:
-    """All rows of a model.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-    """
+    """All rows of a model."""
     rows = []
     for p in model.parameters:
         low, high = p.interval if p.interval is not None else (None, None)
@@ -85,12 +67,7 @@ _STANDARD_HEAD = ("owner", "parameter", "value", "unit")
 
 
 def sections(model: IdentifiedModel) -> list[tuple[str, tuple[str, ...], list[tuple[str | float | None, ...]]]]:
-    """Titles, heads and rows of the tables for readers: base parameters, then bodies, then drives; none is empty.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-    """
+    """Titles, heads and rows of the tables for readers: base parameters, then bodies, then drives; none is empty."""
     rows = table_rows(model)
     base: list[tuple[str | float | None, ...]] = [
         (r.name, r.expression, r.value, r.deviation, r.low, r.high, r.unit) for r in rows if r.part == "base parameter"

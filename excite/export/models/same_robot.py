@@ -19,22 +19,7 @@ _ROUNDED = 1e-3  # of a pose whose angles were snapped
 
 
 def chain_in(tree: UrdfTree, robot: Robot, file: Path) -> list[TreeJoint]:
-    """The joints of a robot in a file, in their order.
-
-    Parameters
-    ----------
-    tree : UrdfTree
-        Of the file.
-    robot : Robot
-        As described.
-    file : Path
-        For messages.
-
-    Raises
-    ------
-    InputError
-        The file is that of another robot.
-    """
+    """The joints of a robot in a file, in their order."""
     by_name = {joint.name: joint for joint in tree.above.values()}
     if missing := [name for name in robot.joint_names if name not in by_name]:
         raise InputError(
@@ -45,21 +30,7 @@ def chain_in(tree: UrdfTree, robot: Robot, file: Path) -> list[TreeJoint]:
 
 
 def pose_error(trees: tuple[UrdfTree, ...], robot: Robot, file: Path) -> float:
-    """Largest difference of the poses and axes of joints in the first tree from those of the robot.
-
-    Parameters
-    ----------
-    trees : tuple of UrdfTree
-        Of the same file, one of which must be near the robot.
-    robot : Robot
-    file : Path
-        For messages.
-
-    Raises
-    ------
-    InputError
-        A joint sits elsewhere, or moves otherwise: the file is that of another robot.
-    """
+    """Largest difference of the poses and axes of joints in the first tree from those of the robot."""
     chain = chain_in(trees[0], robot, file)
     distances = [_distances(tree, robot) for tree in trees]
     for k, joint in enumerate(robot.joints):
@@ -104,25 +75,7 @@ def _distance(path: list[TreeJoint], joint: Joint) -> float:
 def moving_groups(
     tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel
 ) -> Iterator[tuple[str, str, list[tuple[str, Array, Array]]]]:
-    """The links of a file that moved as one, for every moving body.
-
-    Parameters
-    ----------
-    tree : UrdfTree
-        Of the file.
-    chain : list of TreeJoint
-        See `chain_in`.
-    model : IdentifiedModel
-
-    Yields
-    ------
-    link : str
-        Of the robot.
-    child : str
-        Of the file: the one that the joint moves.
-    others : list of (str, ndarray of shape (10,), ndarray of shape (4, 4))
-        Names of the other links that have an inertia, their parameters, and their poses in the frame of the first.
-    """
+    """The links of a file that moved as one, for every moving body."""  # result (10,)
     names = {joint.name for joint in chain}
     for own, name in enumerate(link.name for link in model.described.links):
         if name not in model.composites:

@@ -24,14 +24,7 @@ def own_part(group: Array, others: Sequence[tuple[Array, Array]]) -> tuple[Array
 
     ``J_own = J_group - f sum_i T_i J_i T_i'`` with f = 1 or, where that leaves no possible body, ``1 / (2 lambda)``;
     lambda is the largest generalised eigenvalue of the others' pseudo-inertia and the group's.
-
-    Parameters
-    ----------
-    group : ndarray, shape (10,)
-        Of the whole group, about the frame of the moving body; physically possible.
-    others : sequence of (ndarray of shape (10,), ndarray of shape (4, 4))
-        Parameters of the other members about their own frames, and the poses of these in that of the moving body.
-    """
+    """  # group (10,); others (10,)
     J = pseudo_inertia(group)
     rest = sum((T @ pseudo_inertia(theta) @ T.T for theta, T in others), np.zeros((4, 4)))
     if not np.any(rest):
@@ -42,16 +35,7 @@ def own_part(group: Array, others: Sequence[tuple[Array, Array]]) -> tuple[Array
 
 
 def held_note(link: str, others: Sequence[str], factor: float) -> str:
-    """What to say of the bodies that moved with another one.
-
-    Parameters
-    ----------
-    link : str
-        The moving body.
-    others : sequence of str
-    factor : float
-        On their parameters.
-    """
+    """What to say of the bodies that moved with another one."""
     names = ", ".join(others[:_LISTED]) + (f" and {len(others) - _LISTED} more" if len(others) > _LISTED else "")
     if factor == 1.0:
         return (

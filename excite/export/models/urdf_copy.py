@@ -21,18 +21,7 @@ _NEAR = 1e-9  # of a pose that is the same
 
 
 def urdf_copy(model: IdentifiedModel, file: Path) -> XmlCopy:
-    """Write the parameters of a model into a user's URDF.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-    file : Path
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is no URDF, or is that of another robot.
-    """
+    """Write the parameters of a model into a user's URDF."""
     try:
         content = read_bytes(file)
     except (OSError, ValueError) as error:

@@ -24,18 +24,7 @@ Extra = Callable[[IdentifiedModel], tuple[str, ...]]
 
 
 def urdf_text(model: IdentifiedModel, lines: tuple[str, ...], extra: Extra, attributes: dict[str, str]) -> str:
-    """The whole document.
-
-    Parameters
-    ----------
-    model : IdentifiedModel
-    lines : tuple of str
-        Of the comment.
-    extra : callable
-        Gives further elements from the model.
-    attributes : dict of str to str
-        Of the outermost element, beside the name.
-    """
+    """The whole document."""
     robot = model.robot
     base = base_name(robot)
     body = [

@@ -10,13 +10,7 @@ from excite.export.models.xml_text import comment
 
 @dataclass(frozen=True, eq=False)
 class XmlCopy:
-    """A user's URDF or MJCF with the parameters of a model to be written into it.
-
-    Parameters
-    ----------
-    document : XmlDocument
-    notes : tuple of str
-    """
+    """A user's URDF or MJCF with the parameters of a model to be written into it."""
 
     document: XmlDocument
     notes: tuple[str, ...]

@@ -19,21 +19,12 @@ _END = re.compile(rb"\s*(/?)>")
 
 @dataclass(eq=False)
 class XmlSpan:
-    """An element and where it is in the document.
-
-    Parameters
-    ----------
-    tag : str
-    attributes : mapping of str to str
-    begin, inner, close, end : int
-        Offsets of its start tag, of what follows that tag, of its end tag, and of what follows the element; for an
-        empty element the last three are alike.
-    parent : XmlSpan or None
-    children : list of XmlSpan
-    """
+    """An element and where it is in the document."""
 
     tag: str
     attributes: Mapping[str, str]
+    # offsets of its start tag, of what follows that tag, of its end tag, and of what follows the element; for an
+    # empty element the last three are alike
     begin: int
     inner: int
     close: int = -1
@@ -62,19 +53,7 @@ class XmlSpan:
 
 
 class XmlDocument:
-    """A document with edits to come.
-
-    Parameters
-    ----------
-    content : bytes
-    source : str
-        Name of the file, for messages.
-
-    Raises
-    ------
-    InputError
-        Not well-formed, or in an encoding whose letters are not those of ASCII.
-    """
+    """A document with edits to come."""
 
     def __init__(self, content: bytes, source: str) -> None:
         self.content, self.source = content, source
@@ -133,13 +112,7 @@ class XmlDocument:
         return text.encode(self.encoding, "xmlcharrefreplace").replace(b"\n", self.line)
 
     def set(self, element: XmlSpan, values: Mapping[str, str]) -> None:
-        """Set attributes of an element; those that have the value already stay as they are written.
-
-        Parameters
-        ----------
-        element : XmlSpan
-        values : mapping of str to str
-        """
+        """Set attributes of an element; those that have the value already stay as they are written."""
         at = element.begin + 1 + len(element.tag.encode(self.encoding))
         missing = dict(values)
         while match := _ATTRIBUTE.match(self.content, at):
@@ -153,15 +126,7 @@ class XmlDocument:
             self._edits.append((at, at, self.bytes_of(added)))
 
     def insert_in(self, element: XmlSpan, text: str, *, first: bool = False) -> None:
-        """Insert lines into an element, indented as its children are, before its end or behind its start tag.
-
-        Parameters
-        ----------
-        element : XmlSpan
-        text : str
-            Lines, indented among each other.
-        first : bool
-        """
+        """Insert lines into an element, indented as its children are, before its end or behind its start tag."""
         indent = self.indent_of(element.children[0]) if element.children else self.indent_of(element) + "  "
         lines = "".join(f"\n{indent}{line}" for line in text.split("\n"))
         if element.empty:

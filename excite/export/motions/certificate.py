@@ -41,15 +41,9 @@ class Interpolation(Enum):
 
 @dataclass(frozen=True)
 class Certificate:
-    """Limits of what is played.
+    """Limits of what is played."""
 
-    Parameters
-    ----------
-    curves : tuple of InterpolatedLimits
-        Of every curve that a controller may lay through the samples.
-    """
-
-    curves: tuple[InterpolatedLimits, ...]
+    curves: tuple[InterpolatedLimits, ...]  # of every curve that a controller may lay through the samples
 
     @property
     def uses(self) -> tuple[LimitUse, ...]:
@@ -72,15 +66,6 @@ def check_formula(motion: SampledDesign) -> None:
 
     Torques are looked at in 4000 instants; of tool, obstacles and torques on approach and return the certificate of the
     design counts.
-
-    Parameters
-    ----------
-    motion : SampledDesign
-
-    Raises
-    ------
-    BrokenLimitError
-        The message names the limit.
     """
     design = motion.design
     source = MotionSource(design.robot, design.task, design.trajectory, None, None, {"friction_plan": None})
@@ -103,16 +88,7 @@ def _broken_transfers(motion: SampledDesign) -> list[LimitUse]:
 
 
 def certify(motion: SampledDesign, interpolation: Interpolation, given: int = 2) -> Certificate:
-    """Certificate of the limits of joints and drives for what is interpolated, to 1e-6 of their bounds.
-
-    Parameters
-    ----------
-    motion : SampledDesign
-        With the numbers that are written.
-    interpolation : Interpolation
-    given : int
-        Highest derivative of the positions that is written.
-    """
+    """Certificate of the limits of joints and drives for what is interpolated, to 1e-6 of their bounds."""
     limits = linear_limits(motion.robot)
     return Certificate(
         tuple(interpolated_limits(limits, motion.samples, curve, given) for curve in interpolation.curves)

@@ -45,20 +45,8 @@ def fr3_velocities(q: Array) -> tuple[Array, Array]:
 
 
 def check_rates(robot: Robot, q: Array) -> None:
-    """Refuse positions whose differences break a limit; the robot rests before the first and after the last.
-
-    Parameters
-    ----------
-    robot : Robot
-        Of seven joints.
-    q : ndarray, shape (N, 7)
-        Commanded positions, one in a millisecond [rad].
-
-    Raises
-    ------
-    BrokenLimitError
-        The message names joint, quantity, time and bound.
-    """
+    """Refuse positions whose differences break a limit; the robot rests before the first and after the last."""
+    # q (N, 7)
     fr3 = is_fr3(robot)
     acceleration, jerk = (FR3_ACCELERATION, FR3_JERK) if fr3 else (ACCELERATION, JERK)
     rest = np.concatenate([np.repeat(q[:1], 3, axis=0), q, np.repeat(q[-1:], 3, axis=0)])

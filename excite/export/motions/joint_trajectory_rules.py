@@ -16,15 +16,7 @@ _RATES = ("velocities", "accelerations")
 
 
 def broken_rules(trajectory: Mapping[str, Any], joints: Sequence[str]) -> list[str]:
-    """Rules that a trajectory_msgs/JointTrajectory breaks; none where the controller accepts it.
-
-    Parameters
-    ----------
-    trajectory : mapping
-        Fields of the message: ``header``, ``joint_names``, ``points``.
-    joints : sequence of str
-        Joints of the controller, which takes all of them in any order.
-    """
+    """Rules that a trajectory_msgs/JointTrajectory breaks; none where the controller accepts it."""
     names, points = list(trajectory["joint_names"]), list(trajectory["points"])
     broken = []
     if sorted(names) != sorted(joints):

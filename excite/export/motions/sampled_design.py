@@ -91,25 +91,6 @@ def sampled_design(
     """Sample a design's whole motion by the formulas of its pieces.
 
     Where the duration is not a whole number of sampling periods, the robot rests in the end pose until the last one.
-
-    Parameters
-    ----------
-    design : DesignedMotion
-    rate : float
-        [Hz]
-    breaks : bool
-        Also sample where approach, return and splines change their polynomial, with equal steps between two of these.
-    whole_nanoseconds : bool
-        Sample at instants of whole nanoseconds, as they are written.
-    most : int
-        Samples that it may have.
-
-    Raises
-    ------
-    InputError
-        Too many samples or too few to show the motion, or a motion that does not begin or end at rest.
-    NumericalError
-        A number that is not finite.
     """
     sequence = design.sequence
     _check_not_too_slow(design, rate)

@@ -27,14 +27,6 @@ def broken_loose(
     """Find break-aways in all logs; with a plan, in its creeping runs and in the logs of its torque ramps.
 
     Without a plan, and for ramps that are not those of the plan, all other drives must be at rest.
-
-    Parameters
-    ----------
-    drive : str
-    sources : sequence of Source
-    settings : FitSettings
-        With the treatment of gravity decided.
-    runs : PlannedRuns, optional
     """
     breaks: list[BreakAway] = []
     balance = gravity_about(drive, sources) if settings.gravity == "none" and runs is not None else None
@@ -58,13 +50,7 @@ def broken_loose(
 
 
 def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
-    """Slope of gravity about the pose, where it cancels over whole windows: the median slope of their torques.
-
-    Parameters
-    ----------
-    drive : str
-    sources : sequence of Source
-    """
+    """Slope of gravity about the pose, where it cancels over whole windows: the median slope of their torques."""
     slopes, middle = [], 0.0
     for source in sources:
         if source.plan_match is None:
@@ -88,14 +74,6 @@ def plausible_break_aways(
     Friction resists motion: a torque against the motion that follows is rejected. So is one of less than half or more
     than three times the friction of the slowest windows of its direction; it is too small only if it is also less than
     half of the value at speed zero of a line through all windows of the direction.
-
-    Parameters
-    ----------
-    breaks : sequence of BreakAway
-    points : sequence of Point
-        Of windows; a direction without windows has no bounds.
-    unit : str
-        Of torques.
     """
     against: list[BreakAway] = []
     small: list[BreakAway] = []
@@ -135,12 +113,7 @@ def _bounds(points: Sequence[Point], way: int) -> tuple[float, float]:
 
 
 def repeated_break_aways(breaks: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
-    """Break-aways in directions that have two or more: a single one is not reliable.
-
-    Parameters
-    ----------
-    breaks : sequence of BreakAway
-    """
+    """Break-aways in directions that have two or more: a single one is not reliable."""
     count = Counter(each.direction for each in breaks)
     return tuple(each for each in breaks if count[each.direction] > 1)
 
@@ -148,17 +121,7 @@ def repeated_break_aways(breaks: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
 def breakaway_notes(
     drive: str, breaks: Sequence[BreakAway], sources: Sequence[Source], runs: PlannedRuns | None, unit: str = ""
 ) -> list[str]:
-    """How many of the plan's break-away tests end in a break-away, and why the others do not.
-
-    Parameters
-    ----------
-    drive : str
-    breaks : sequence of BreakAway
-    sources : sequence of Source
-    runs : PlannedRuns, optional
-    unit : str
-        Of torques.
-    """
+    """How many of the plan's break-away tests end in a break-away, and why the others do not."""
     if runs is None:
         return []
     starts: list[tuple[Source, tuple[float, float], float]] = []

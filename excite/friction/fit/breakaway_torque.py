@@ -35,35 +35,17 @@ _MISSING = 0.07  # of the ramp's rise from onset to speed: mean deficit of the t
 
 @dataclass(frozen=True)
 class BreakAway:
-    """Break-away of a drive.
+    """Break-away of a drive."""
 
-    Parameters
-    ----------
-    direction : int
-        1 or -1.
-    torque : float
-        Friction torque at break-away, with its sign [Nm or N].
-    deviation : float
-        Its standard deviation, from the noise of the torque and the uncertainty of the instant [Nm or N].
-    rate : float
-        Of the ramp [Nm/s or N/s].
-    time : float
-        [s]
-    log : int
-    temperature : float or None
-        [deg C]
-    load : float or None
-        Size of the torque that the drive carries, by the model [Nm or N].
-    """
-
-    direction: int
-    torque: float
+    direction: int  # 1 or -1
+    torque: float  # friction torque at break-away, with its sign [Nm or N]
+    # its standard deviation, from the noise of the torque and the uncertainty of the instant [Nm or N]
     deviation: float
-    rate: float
-    time: float
+    rate: float  # of the ramp [Nm/s or N/s]
+    time: float  # [s]
     log: int
-    temperature: float | None = None
-    load: float | None = None
+    temperature: float | None = None  # [deg C]
+    load: float | None = None  # size of the torque that the drive carries, by the model [Nm or N]
 
 
 @dataclass(frozen=True)
@@ -88,23 +70,6 @@ def break_aways(
     """Find every slow ramp of torque at rest that ends in motion in its direction.
 
     A ramp lasts 0.3 s or more at rest and is straight; where a controller just starts a motion, the torque jumps.
-
-    Parameters
-    ----------
-    measured : DriveLog
-    drive : str
-    rigid : RigidModel, optional
-        Its torque at rest, gravity, is subtracted.
-    number : int
-        Of the log.
-    spans : sequence of (float, float), optional
-        Begin and end of the stretches to search for ramps, since the first sample; everywhere if not given [s].
-    controlled : bool, optional
-        True if a position controller makes the ramps, False for a commanded torque; found from the data if not given.
-    balance : Balance, optional
-        Gravity about the pose, where there is no model.
-    alone : bool
-        True for only those ramps during which all other drives rest.
     """
     log, k = measured.log, measured.names.index(drive)
     assert log.effort is not None

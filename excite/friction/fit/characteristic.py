@@ -15,39 +15,18 @@ from regressors.friction.curves import FrictionCurve
 
 @dataclass(frozen=True, eq=False)
 class Characteristic:
-    """Friction of one drive.
-
-    Parameters
-    ----------
-    drive : str
-    unit : str
-        Of its torque.
-    gravity : {"model", "symmetric", "none"}
-        How gravity was accounted for.
-    points : tuple of Point
-        Of windows.
-    rests : tuple of Point
-        Break-away torques that are points of the curve, at speed zero.
-    fit : CurveFit, optional
-        None for a table.
-    others : tuple of CurveFit
-        All that were fitted, best first.
-    failed : dict of str to str
-        Forms that could not be fitted, and why.
-    stiction : tuple of BreakAway
-    notes : tuple of str
-    """
+    """Friction of one drive."""
 
     beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"break_away": lambda characteristic: characteristic.means}
 
     drive: str
-    unit: str
-    gravity: str
-    points: tuple[Point, ...]
-    rests: tuple[Point, ...]
-    fit: CurveFit | None
-    others: tuple[CurveFit, ...]
-    failed: dict[str, str]
+    unit: str  # of its torque
+    gravity: str  # how gravity was accounted for
+    points: tuple[Point, ...]  # of windows
+    rests: tuple[Point, ...]  # break-away torques that are points of the curve, at speed zero
+    fit: CurveFit | None  # None for a table
+    others: tuple[CurveFit, ...]  # all that were fitted, best first
+    failed: dict[str, str]  # forms that could not be fitted, and why
     stiction: tuple[BreakAway, ...]
     notes: tuple[str, ...]
 

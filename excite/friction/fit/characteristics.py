@@ -46,30 +46,7 @@ def characteristics(
     drives: Sequence[str] | None = None,
     plan: Mapping[str, PlannedRuns] | None = None,
 ) -> tuple[Characteristic, ...]:
-    """Fit friction curves of the drives that move in the logs.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    logs : sequence of Log
-        With torques.
-    settings : FitSettings
-    rigid : callable, optional
-        Model without friction for the robot of a log's joints; None if there is none.
-    drives : sequence of str, optional
-        Each must have a curve; if not given, all drives that have one, the others named in the notes of the first.
-    plan : mapping of str to PlannedRuns, optional
-        Planned runs of each drive in the logs; windows are searched for everywhere if not given.
-
-    Raises
-    ------
-    InputError
-        No stretch of constant speed, one direction only, gravity that is not accounted for, a temperature that does not
-        change, a log that does not follow the plan.
-    UnknownName
-        A drive that does not move in the logs.
-    """
+    """Fit friction curves of the drives that move in the logs."""
     measured = [drive_log(log, robot) for log in logs]
     shown = sources_of(measured, settings, rigid, plan)
     for name in drives or ():

@@ -21,42 +21,22 @@ _STEPS = 10  # changes of speed that differ by less than a tenth of what is allo
 
 @dataclass(frozen=True)
 class ConstantWindow:
-    """Rows ``start`` to before ``stop`` in which a coordinate moves at one speed.
-
-    Parameters
-    ----------
-    start, stop : int
-    speed : float
-        Path increment over time, ``(z2 - z1) / (t2 - t1)`` with its sign [rad/s or m/s].
-    change : float
-        Change of the speed over the window, of a parabola through the positions [rad/s or m/s].
-    """
+    """Rows ``start`` to before ``stop`` in which a coordinate moves at one speed."""
 
     start: int
     stop: int
-    speed: float
-    change: float
+    speed: float  # path increment over time, ``(z2 - z1) / (t2 - t1)`` with its sign [rad/s or m/s]
+    change: float  # change of the speed over the window, of a parabola through the positions [rad/s or m/s]
 
 
 @dataclass(frozen=True)
 class WindowSearch:
-    """Search criteria.
+    """Search criteria."""
 
-    Parameters
-    ----------
-    length : float
-        Of a window [s]; the paper has 0.5 s and 0.3 s.
-    tolerance : float
-        Allowed change of the speed over the window, relative to the speed.
-    least_speed : float
-        Below, the coordinate counts as at rest [rad/s or m/s].
-    spans : tuple of (float, float), optional
-        Windows lie within one of these, begin and end since the first sample [s]; anywhere if not given.
-    """
-
-    length: float
-    tolerance: float
-    least_speed: float
+    length: float  # of a window [s]; the paper has 0.5 s and 0.3 s
+    tolerance: float  # allowed change of the speed over the window, relative to the speed
+    least_speed: float  # below, the coordinate counts as at rest [rad/s or m/s]
+    # windows lie within one of these, begin and end since the first sample [s]; anywhere if not given
     spans: tuple[tuple[float, float], ...] | None = None
 
     def within(self, begin: float, end: float) -> bool:
@@ -67,21 +47,12 @@ class WindowSearch:
 
 @dataclass(frozen=True)
 class Found:
-    """Windows in the order of time, and the number of those that were rejected.
-
-    Parameters
-    ----------
-    windows : tuple of ConstantWindow
-    changing, resting : int
-        Number of windows, end to end, in the time in between: of changing speed, and at rest.
-    missing : int
-        Number of windows of a plan that have a gap.
-    """
+    """Windows in the order of time, and the number of those that were rejected."""
 
     windows: tuple[ConstantWindow, ...]
-    changing: int
+    changing: int  # number of windows, end to end, in the time in between: of changing speed, and at rest
     resting: int
-    missing: int = 0
+    missing: int = 0  # number of windows of a plan that have a gap
 
 
 def constant_windows(time: Array, z: Array, others: Array, search: WindowSearch) -> Found:
@@ -90,21 +61,7 @@ def constant_windows(time: Array, z: Array, others: Array, search: WindowSearch)
     The change of the speed is that of a parabola through the positions, or the difference between a part of the window,
     a quarter or 0.1 s, and the whole if that is larger, less three standard deviations of the effect of position noise.
     Windows do not overlap; where they would, the one with the smaller change is taken.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Increasing [s].
-    z : ndarray, shape (N,)
-        The coordinate [rad or m].
-    others : ndarray, shape (N, k)
-        Coordinates that must not accelerate either; their changes of speed count relative to the same speed.
-    search : WindowSearch
-
-    Returns
-    -------
-    Found
-    """
+    """  # time (N,); z (N,); others (N, k)
     columns = np.column_stack([z, others])
     noise = position_noise(time, columns)
     places = (x for x in _places(time, search) if search.within(*(time[[x[0], x[1] - 1]] - time[0])))
@@ -137,21 +94,8 @@ def _places(time: Array, search: WindowSearch) -> Iterator[tuple[int, int]]:
 def constant_window(
     time: Array, columns: Array, noise: Array, a: int, b: int, search: WindowSearch, margin: float = _MARGIN
 ) -> tuple[float, ConstantWindow] | None:
-    """A window if its speed is constant, with the change of the speed relative to the allowed one, in steps.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-    columns : ndarray, shape (N, 1 + k)
-        The coordinate, then those that must not accelerate.
-    noise : ndarray, shape (1 + k,)
-        Standard deviation of their noise.
-    a, b : int
-        Rows a to before b.
-    search : WindowSearch
-    margin : float
-        How far the speed must be constant beyond both ends, relative to the window.
-    """
+    """A window if its speed is constant, with the change of the speed relative to the allowed one, in steps."""
+    # time (N,); columns (N, 1 + k); noise (1 + k,)
     duration = float(time[b - 1] - time[a])
     speed = float(columns[b - 1, 0] - columns[a, 0]) / duration
     wider = _with_margin(time, a, b, margin)

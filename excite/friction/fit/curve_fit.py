@@ -29,36 +29,21 @@ WARMER = 2.0  # [K], least difference of temperatures that counts
 
 @dataclass(frozen=True, eq=False)
 class CurveFit:
-    """A fitted form with its parameters.
-
-    Parameters
-    ----------
-    form : Form
-    values : ndarray, shape (k,)
-    covariance : ndarray, shape (k, k)
-        By the deviations of the windows; larger where the points scatter more than these predict.
-    scatter : float
-        Root mean square of the residuals, each divided by its deviation, per degree of freedom.
-    quantile : float
-        Half the 99 % interval over the standard deviation.
-    bic, aicc : float
-        Information criteria for the deviations of the points, enlarged in proportion if they scatter more.
-    measured : tuple of float, optional
-        Lowest and highest temperature of the points, where the form depends on it [deg C].
-    held : tuple of str
-        Parameters that the points bound but do not determine: held fixed, with intervals of zero.
-    """
+    """A fitted form with its parameters."""
 
     beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"parameters": lambda fit: fit.parameters}
 
     form: Form
-    values: Array
+    values: Array  # (k,)
+    # (k, k) by the deviations of the windows; larger where the points scatter more than these predict
     covariance: Array
-    scatter: float
-    quantile: float
-    bic: float
+    scatter: float  # root mean square of the residuals, each divided by its deviation, per degree of freedom
+    quantile: float  # half the 99 % interval over the standard deviation
+    bic: float  # information criteria for the deviations of the points, enlarged in proportion if they scatter more
     aicc: float
+    # lowest and highest temperature of the points, where the form depends on it [deg C]
     measured: tuple[float, float] | None = None
+    # parameters that the points bound but do not determine: held fixed, with intervals of zero
     held: tuple[str, ...] = ()
 
     @property
@@ -95,13 +80,7 @@ class CurveFit:
 
 
 class NoCurve(InputError):
-    """No form can be fitted.
-
-    Parameters
-    ----------
-    failed : mapping of str to str
-        Forms and their reasons.
-    """
+    """No form can be fitted."""
 
     def __init__(self, failed: Mapping[str, str]) -> None:
         super().__init__("no curve can be fitted: " + "; ".join(f"{name}: {why}" for name, why in failed.items()))
@@ -109,18 +88,7 @@ class NoCurve(InputError):
 
 
 def fit(points: Sequence[Point], form: Form) -> CurveFit:
-    """Parameters of a form by weighted least squares, with intervals from the Jacobian.
-
-    Parameters
-    ----------
-    points : sequence of Point
-    form : Form
-
-    Raises
-    ------
-    InputError
-        The points do not determine the parameters, or the curve is not possible friction.
-    """
+    """Parameters of a form by weighted least squares, with intervals from the Jacobian."""
     at, tau, sigma = _arrays(points, form.temperature)
     free = np.ones(len(form.parameters), dtype=bool)
     p, stuck = _minimum(form, at, tau, sigma, free)
@@ -192,13 +160,7 @@ def _with_covariance(
     data: tuple[Conditions, Array, Array],
     measured: tuple[float, float] | None,
 ) -> CurveFit:
-    """A fit with its covariance and criteria.
-
-    Raises
-    ------
-    InputError
-        The points do not determine the parameters.
-    """
+    """A fit with its covariance and criteria."""
     r, J = _residuals(form, *data, free, p, p[free])
     k, n = int(np.count_nonzero(free)), r.size
     scale = np.linalg.norm(J, axis=0)
@@ -222,19 +184,7 @@ def _with_covariance(
 def chosen_fit(
     points: Sequence[Point], candidates: Sequence[Form], criterion: str
 ) -> tuple[CurveFit, tuple[CurveFit, ...], dict[str, str]]:
-    """The fit with the smallest criterion, all fits, and why other forms could not be fitted.
-
-    Parameters
-    ----------
-    points : sequence of Point
-    candidates : sequence of Form
-    criterion : {"bic", "aicc"}
-
-    Raises
-    ------
-    NoCurve
-        None can be fitted.
-    """
+    """The fit with the smallest criterion, all fits, and why other forms could not be fitted."""
     fits, failed = [], {}
     for form in candidates:
         try:
@@ -253,10 +203,6 @@ def table_of(points: Sequence[Point]) -> TableFriction:
     """Mean torque per speed; points within 5 % of each other are merged, weighted by their inverse variances.
 
     Where their temperatures differ by 2 K or more, the weights are equal: their scatter is not noise.
-
-    Parameters
-    ----------
-    points : sequence of Point
     """
     rows: list[list[Point]] = []
     for point in sorted(points, key=lambda p: p.speed):

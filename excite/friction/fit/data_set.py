@@ -28,19 +28,10 @@ _FEWEST = 3
 
 @dataclass(frozen=True, eq=False)
 class DataSet:
-    """Points of a drive's curve.
-
-    Parameters
-    ----------
-    points : tuple of Point
-    gravity : {"model", "symmetric", "none"}
-        How gravity was accounted for.
-    stiction : tuple of BreakAway
-    notes : tuple of str
-    """
+    """Points of a drive's curve."""
 
     points: tuple[Point, ...]
-    gravity: str
+    gravity: str  # how gravity was accounted for
     stiction: tuple[BreakAway, ...]
     notes: tuple[str, ...]
 
@@ -52,26 +43,7 @@ class NoWindows(InputError):
 def data_set_of(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, unit: str = ""
 ) -> DataSet:
-    """Collect the points of all logs, with windows of changing speed where these are asked for or needed.
-
-    Parameters
-    ----------
-    drive : str
-    sources : sequence of Source
-        Logs in which it moves.
-    settings : FitSettings
-    runs : PlannedRuns, optional
-        Planned runs of the drive.
-    unit : str
-        Of its torque.
-
-    Raises
-    ------
-    NoWindows
-        No stretch of constant speed.
-    InputError
-        Gravity matters, and neither a model nor the plan accounts for it.
-    """
+    """Collect the points of all logs, with windows of changing speed where these are asked for or needed."""
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
     gravity, of_gravity = _gravity(drive, sources, settings, runs, whole=whole)
     settings = replace(settings, gravity=gravity)

@@ -13,26 +13,12 @@ from regressors.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A log in which a drive moves.
+    """A log in which a drive moves."""
 
-    Parameters
-    ----------
-    number : int
-        Of the log.
-    measured : DriveLog
-    model : RigidModel, optional
-        Without friction.
-    unknown : InputError, optional
-        Why there is no model.
-    plan_match : PlanMatch, optional
-        Where it has the runs of a plan; with a plan but no runs, only break-aways are evaluated.
-    ramped : Ramped, optional
-        Where it has the drive's torque ramps of a plan.
-    """
-
-    number: int
+    number: int  # of the log
     measured: DriveLog
-    model: RigidModel | None
-    unknown: InputError | None = None
+    model: RigidModel | None  # without friction
+    unknown: InputError | None = None  # why there is no model
+    # where it has the runs of a plan; with a plan but no runs, only break-aways are evaluated
     plan_match: PlanMatch | None = None
-    ramped: Ramped | None = None
+    ramped: Ramped | None = None  # where it has the drive's torque ramps of a plan

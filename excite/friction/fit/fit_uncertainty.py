@@ -15,10 +15,6 @@ def curve_uncertainty(fit: CurveFit) -> CurveUncertainty:
 
     Where the scatter is known from few points, the interval is by Student's t, and the covariance larger by
     ``(t / 2.576)^2``. Parameters that are held have no deviation.
-
-    Parameters
-    ----------
-    fit : CurveFit
     """
     places = [(place, k) for k, name in enumerate(fit.form.parameters) for place in _places(fit.form, name)]
     rows = [k for _, k in places]

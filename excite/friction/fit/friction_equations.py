@@ -12,24 +12,12 @@ from regressors.samples import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Conditions that friction depends on, at N points.
+    """Conditions that friction depends on, at N points."""
 
-    Parameters
-    ----------
-    v : ndarray, shape (N,)
-        [rad/s or m/s]
-    direction : ndarray, shape (N,)
-        1 or -1, also at speed zero.
-    temperature_rise : ndarray, shape (N,)
-        Temperature above the reference [K].
-    load : ndarray, shape (N,)
-        Size of the torque that the drive carries [Nm or N].
-    """
-
-    v: Array
-    direction: Array
-    temperature_rise: Array
-    load: Array
+    v: Array  # (N,) [rad/s or m/s]
+    direction: Array  # (N,) 1 or -1, also at speed zero
+    temperature_rise: Array  # (N,) temperature above the reference [K]
+    load: Array  # (N,) size of the torque that the drive carries [Nm or N]
 
     @classmethod
     def of(cls, v: Array, temperature_rise: float = 0.0, load: float = 0.0) -> Conditions:
@@ -43,32 +31,15 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Form:
-    """An equation of friction over speed, over temperature, and over load.
-
-    Parameters
-    ----------
-    name : str
-    stribeck : bool
-        ``Fc + (Fs - Fc) exp(-(|v| / vs)^delta)`` rather than ``Fc``.
-    asymmetric : bool
-        Separate parameters for each direction and no offset, rather than one set and an offset.
-    exponent : float
-        delta.
-    offset : bool
-        Whether one set of parameters has an offset.
-    temperature : float, optional
-        Reference temperature [deg C]; then Fc and Fv are linear in the difference to it.
-    load : bool
-        Whether a share of the torque that the drive carries is added to Fc.
-    """
+    """An equation of friction over speed, over temperature, and over load."""
 
     name: str
-    stribeck: bool = False
-    asymmetric: bool = False
-    exponent: float = 1.0
-    offset: bool = True
-    temperature: float | None = None
-    load: bool = False
+    stribeck: bool = False  # ``Fc + (Fs - Fc) exp(-(|v| / vs)^delta)`` rather than ``Fc``
+    asymmetric: bool = False  # separate parameters for each direction and no offset, rather than one set and an offset
+    exponent: float = 1.0  # delta
+    offset: bool = True  # whether one set of parameters has an offset
+    temperature: float | None = None  # reference temperature [deg C]; then Fc and Fv are linear in the difference to it
+    load: bool = False  # whether a share of the torque that the drive carries is added to Fc
 
     @property
     def _of_side(self) -> tuple[str, ...]:
@@ -84,19 +55,7 @@ class Form:
         return (*self._of_side, *(("offset",) if self.offset else ()))
 
     def values(self, p: Array, at: Conditions) -> tuple[Array, Array]:
-        """Torque and its derivatives with respect to the parameters.
-
-        Parameters
-        ----------
-        p : ndarray, shape (k,)
-        at : Conditions
-            Of N points.
-
-        Returns
-        -------
-        torque : ndarray, shape (N,)
-        J : ndarray, shape (N, k)
-        """
+        """Torque and its derivatives with respect to the parameters."""  # p (k,); result (N,); result (N, k)
         n = len(self._of_side)
         if not self.asymmetric:
             f, J = self._side(p[:n], at)
@@ -131,14 +90,7 @@ class Form:
         return f, np.column_stack(columns)
 
     def curve(self, p: Array, measured: tuple[float, float] | None = None) -> FrictionCurve:
-        """The curve, linear in temperature where the form is.
-
-        Parameters
-        ----------
-        p : ndarray, shape (k,)
-        measured : tuple of float, optional
-            Lowest and highest temperature of the points [deg C].
-        """
+        """The curve, linear in temperature where the form is."""  # p (k,)
         given = dict(zip(self.parameters, p.tolist(), strict=True))
         of = [f"{side}." if self.asymmetric else "" for side in ("forward", "backward")]
         curve: FrictionCurve
@@ -162,20 +114,7 @@ class Form:
 def forms(
     model: str, exponent: float | None, *, offset: bool, temperature: float | None = None, load: bool = False
 ) -> tuple[Form, ...]:
-    """Candidate forms of a model, by its name.
-
-    Parameters
-    ----------
-    model : {"auto", "coulomb-viscous", "stribeck"}
-    exponent : float, optional
-        Of the Stribeck term; both Tustin's 1 and the usual 2 if not given.
-    offset : bool
-        False where only the part that is the same in both directions was measured.
-    temperature : float, optional
-        Reference temperature, where friction is to depend on it [deg C].
-    load : bool
-        Whether friction is to grow with the torque that the drive carries.
-    """
+    """Candidate forms of a model, by its name."""
     candidates = []
     on = [*([] if temperature is None else ["temperature"]), *(["load"] if load else [])]
     also = f", linear in {' and '.join(on)}" if on else ""

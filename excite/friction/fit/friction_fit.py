@@ -100,15 +100,5 @@ def check_no_fit(folder: Path, names: Collection[str] = (FRICTION,), *, replace:
 
 
 def load_friction_fit(path: str | Path) -> FrictionFit:
-    """Load a ``fit.json`` of friction curves.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    InputError
-        Another schema, entries that are missing, or a file that is not the one that was written.
-    """
+    """Load a ``fit.json`` of friction curves."""
     return read_record(Path(path), FrictionFit, KIND)

@@ -22,21 +22,7 @@ Rigid = Callable[[Robot], RigidModel] | None
 def sources_of(
     measured: Sequence[DriveLog], settings: FitSettings, rigid: Rigid, plan: Mapping[str, PlannedRuns] | None
 ) -> dict[str, list[Source]]:
-    """Logs in which each drive moves; with a plan, those that contain its runs, or ramps until it breaks away.
-
-    Parameters
-    ----------
-    measured : sequence of DriveLog
-    settings : FitSettings
-    rigid : callable, optional
-        Model without friction for the robot of a log's joints.
-    plan : mapping of str to PlannedRuns, optional
-
-    Raises
-    ------
-    InputError
-        A log that does not follow the plan, or gravity that is to be subtracted without a known model.
-    """
+    """Logs in which each drive moves; with a plan, those that contain its runs, or ramps until it breaks away."""
     sources: dict[str, list[Source]] = {}
     for number, part in enumerate(measured):
         model, unknown = _model(rigid, part.robot, settings)

@@ -60,35 +60,18 @@ class PlannedRamp:
 
 @dataclass(frozen=True, eq=False)
 class PlannedRuns:
-    """Planned runs of one drive.
+    """Planned runs of one drive."""
 
-    Parameters
-    ----------
-    plan : str
-        Where the plan is, for messages.
-    drive : str
-    pose, direction : mapping of str to float
-        Middle of every run, and how the joints move per rad or m of the coordinate.
-    gravity : {"none", "cancels", "subtracted", "stated"}
-        Its effect over whole windows, see `excite.friction.plan.pose`.
-    windows : tuple of PlannedWindow
-    creeps : tuple of (float, float)
-        Begin and end of the creeping runs out of the pose, in which it breaks away [s].
-    ramps : tuple of PlannedRamp
-        Of the drive's torque, in the plan's other file.
-    creep : float
-        Speed of the creeping runs; zero if it is not known [rad/s or m/s].
-    """
-
-    plan: str
+    plan: str  # where the plan is, for messages
     drive: str
-    pose: Mapping[str, float]
+    pose: Mapping[str, float]  # middle of every run, and how the joints move per rad or m of the coordinate
     direction: Mapping[str, float]
-    gravity: str
+    gravity: str  # its effect over whole windows, see `excite.friction.plan.pose`
     windows: tuple[PlannedWindow, ...]
+    # begin and end of the creeping runs out of the pose, in which it breaks away [s]
     creeps: tuple[tuple[float, float], ...] = ()
-    ramps: tuple[PlannedRamp, ...] = ()
-    creep: float = 0.0
+    ramps: tuple[PlannedRamp, ...] = ()  # of the drive's torque, in the plan's other file
+    creep: float = 0.0  # speed of the creeping runs; zero if it is not known [rad/s or m/s]
 
     def cancels(self, *, whole: bool) -> bool:
         """Whether gravity cancels over the windows, whole ones or parts of them, according to the plan."""
@@ -106,27 +89,15 @@ class PlannedRuns:
 
 @dataclass(frozen=True)
 class PlanMatch:
-    """Runs of a plan in a log.
+    """Runs of a plan in a log."""
 
-    Parameters
-    ----------
-    seconds : float
-        When the plan begins, since the log's first sample; negative where the recording began later [s].
-    windows : tuple of PlannedWindow
-        Those that the log contains, in time since its first sample, as displacements of the drive.
-    middle : float
-        Position of the drive in the plan's pose [rad or m].
-    missing : int
-        Number of windows that it does not contain.
-    astray : float
-        Root mean square of the difference, relative to that of the path, in the median window; infinite where the log
-        contains none.
-    """
-
-    seconds: float
+    seconds: float  # when the plan begins, since the log's first sample; negative where the recording began later [s]
+    # those that the log contains, in time since its first sample, as displacements of the drive
     windows: tuple[PlannedWindow, ...]
-    middle: float
-    missing: int
+    middle: float  # position of the drive in the plan's pose [rad or m]
+    missing: int  # number of windows that it does not contain
+    # root mean square of the difference, relative to that of the path, in the median window; infinite where the log
+    # contains none
     astray: float
 
     @property
@@ -136,20 +107,7 @@ class PlanMatch:
 
 
 def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns]:
-    """Runs of every drive of a plan.
-
-    Parameters
-    ----------
-    content : mapping
-        Of ``plan.json``.
-    plan : str
-        Where it is, for messages.
-
-    Raises
-    ------
-    InputError
-        A coordinate that turns several drives, whose friction cannot be separated.
-    """
+    """Runs of every drive of a plan."""
     runs_of = {}
     for each in content["trajectories"]:
         drive, *more = each["turns"]
@@ -175,14 +133,7 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
 
 
 def match_plan(measured: DriveLog, runs: PlannedRuns) -> PlanMatch:
-    """Find the runs of a drive in a log.
-
-    Parameters
-    ----------
-    measured : DriveLog
-        A log with the drive.
-    runs : PlannedRuns
-    """
+    """Find the runs of a drive in a log."""
     z, scale = runs.path(measured)
     middle = float(measured.z[0, measured.names.index(runs.drive)] - z[0])
     time = measured.log.time - measured.log.time[0]

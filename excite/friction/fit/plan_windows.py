@@ -25,28 +25,7 @@ def windows_of_plan(
     """Windows of a plan, each from end to end, or trimmed at both ends so that its speed changes least.
 
     The trimmed path is the same on both sides of the middle, up to two fifths of the whole.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Increasing [s].
-    z : ndarray, shape (N,)
-        The coordinate [rad or m].
-    others : ndarray, shape (N, k)
-        Coordinates that must not accelerate.
-    planned : sequence of PlannedWindow
-        In time since the first sample.
-    middle : float
-        Position of the coordinate in the pose that their displacements are measured from.
-    search : WindowSearch
-        Its length and spans are ignored.
-
-    Returns
-    -------
-    Found
-        ``changing`` counts planned windows that are not of constant speed, ``missing`` those with a gap, ``resting``
-        is zero.
-    """
+    """  # time (N,); z (N,); others (N, k)
     columns = np.column_stack([z, others])
     noise = position_noise(time, columns)
     longest = longest_step(time)

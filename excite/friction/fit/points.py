@@ -25,55 +25,27 @@ _SURE = 3.0  # standard deviations
 
 @dataclass(frozen=True)
 class Point:
-    """Friction torque in one window.
+    """Friction torque in one window."""
 
-    Parameters
-    ----------
-    speed : float
-        Path increment over time, with its sign; of a break-away zero, with the sign of its direction [rad/s or m/s].
-    torque : float
-        Mean friction torque [Nm or N].
-    deviation : float
-        Standard deviation of the mean, from the residual in the window and its correlation in time.
-    time, duration : float
-        Where the window begins in its log, and how long it is [s].
-    log : int
-        Number of the log.
-    temperature : float or None
-        [deg C]
-    load : float or None
-        Mean size of the torque that the drive carries, by the model [Nm or N].
-    """
-
+    # path increment over time, with its sign; of a break-away zero, with the sign of its direction [rad/s or m/s]
     speed: float
-    torque: float
-    deviation: float
-    time: float
+    torque: float  # mean friction torque [Nm or N]
+    deviation: float  # standard deviation of the mean, from the residual in the window and its correlation in time
+    time: float  # where the window begins in its log, and how long it is [s]
     duration: float
-    log: int
-    temperature: float | None = None
-    load: float | None = None
+    log: int  # number of the log
+    temperature: float | None = None  # [deg C]
+    load: float | None = None  # mean size of the torque that the drive carries, by the model [Nm or N]
 
 
 @dataclass(frozen=True, eq=False)
 class DriveLog:
-    """A log in drive coordinates, ``z = C q``, ``tau_q = C' tau_z``, for the joints that it has.
+    """A log in drive coordinates, ``z = C q``, ``tau_q = C' tau_z``, for the joints that it has."""
 
-    Parameters
-    ----------
-    robot : Robot
-        Of the log's joints.
-    log : Log
-    names : tuple of str
-        Drives, k of them.
-    rows : ndarray, shape (k, n)
-        Their rows of C; linearly independent.
-    """
-
-    robot: Robot
+    robot: Robot  # of the log's joints
     log: Log
-    names: tuple[str, ...]
-    rows: Array
+    names: tuple[str, ...]  # drives, k of them
+    rows: Array  # (k, n) their rows of C; linearly independent
 
     @property
     def z(self) -> Array:
@@ -89,17 +61,6 @@ def drive_log(log: Log, robot: Robot) -> DriveLog:
     """A log in coordinates of the robot's drives.
 
     Of drives that depend linearly on each other, for example where a joint is not in the log, the first is kept.
-
-    Parameters
-    ----------
-    log : Log
-    robot : Robot
-        The whole robot.
-
-    Raises
-    ------
-    InputError
-        No torques, or no joint of the robot.
     """
     joints = [name for name in robot.joint_names if name in log.joints]
     if not joints:
@@ -119,16 +80,7 @@ def drive_log(log: Log, robot: Robot) -> DriveLog:
 
 
 def windows_of(measured: DriveLog, drive: str, search: WindowSearch, *, alone: bool = True) -> Found:
-    """Windows of constant speed of one drive.
-
-    Parameters
-    ----------
-    measured : DriveLog
-    drive : str
-    search : WindowSearch
-    alone : bool
-        True if no other drive may accelerate; False where a model subtracts their effect.
-    """
+    """Windows of constant speed of one drive."""
     k = measured.names.index(drive)
     others = np.delete(measured.z, k, axis=1) if alone else np.zeros((measured.log.count, 0))
     return constant_windows(measured.log.time, measured.z[:, k], others, search)
@@ -149,21 +101,6 @@ def points_of(
     The motion in the window is a parabola through the positions, one of each joint. Where a speed still settles at one
     end, as under a soft controller, the mean acceleration is that from end to end, ``(dq(t2) - dq(t1)) / (t2 - t1)``,
     so that no change of kinetic energy [KD96] eq. (19) counts as friction.
-
-    Parameters
-    ----------
-    measured : DriveLog
-    drive : str
-    windows : sequence of ConstantWindow
-    rigid : RigidModel, optional
-        Nothing is subtracted if not given.
-    number : int
-        Of the log.
-    folded : bool
-        True if torques at equal distances from the middle of a window are averaged before their deviation is taken:
-        odd parts, such as gravity about a pose in which it cancels, are then not taken as noise.
-    settling : bool
-        True if speeds are taken at both ends, where the noise of the positions allows.
     """
     points = []
     for w in windows:
@@ -184,11 +121,6 @@ def paired_points(
     """Half the difference of the torques in both directions over the same path, so that gravity cancels.
 
     Only the part of friction that is the same in both directions is left, at positive speeds.
-
-    Parameters
-    ----------
-    measured, drive, windows, number
-        See `points_of`.
     """
     k = measured.names.index(drive)
     z, time = measured.z[:, k], measured.log.time
@@ -314,11 +246,7 @@ def mean_deviation(x: Array) -> float:
     """Standard deviation of the mean of a window, ``s^2 (1 + 2 sum rho_k) / n``, with a trend removed.
 
     The sum ends before the first autocorrelation that white noise would explain.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    """
+    """  # x (n,)
     n = x.size
     s = np.linspace(-1.0, 1.0, n)
     r = x - np.mean(x) - s * (s @ x) / (s @ s)
@@ -348,14 +276,7 @@ def _within(z: Array, time: Array, window: ConstantWindow, low: float, high: flo
 
 
 def temperature_of(measured: DriveLog, drive: str, rows: slice) -> float | None:
-    """Mean temperature of the joint that the drive moves first, over some rows [deg C].
-
-    Parameters
-    ----------
-    measured : DriveLog
-    drive : str
-    rows : slice
-    """
+    """Mean temperature of the joint that the drive moves first, over some rows [deg C]."""
     if measured.log.temperature is None:
         return None
     row = measured.rows[measured.names.index(drive)]

@@ -27,32 +27,15 @@ _AFTER = 0.2  # [s], largest lag of a robot behind the plan
 
 @dataclass(frozen=True)
 class Ramped:
-    """Torque ramps of a plan in a log.
+    """Torque ramps of a plan in a log."""
 
-    Parameters
-    ----------
-    seconds : float
-        When the plan begins, since the log's first sample [s].
-    spans : tuple of (float, float)
-        Begin and end of the ramps, since its first sample [s].
-    share : float
-        Share of the planned torque that the log contains, at most one.
-    """
-
-    seconds: float
-    spans: tuple[tuple[float, float], ...]
-    share: float
+    seconds: float  # when the plan begins, since the log's first sample [s]
+    spans: tuple[tuple[float, float], ...]  # begin and end of the ramps, since its first sample [s]
+    share: float  # share of the planned torque that the log contains, at most one
 
 
 def match_ramps(measured: DriveLog, plan: Mapping[str, PlannedRuns]) -> tuple[str, Ramped] | None:
-    """The drive whose planned ramps a log contains, and where; None where it contains those of no drive.
-
-    Parameters
-    ----------
-    measured : DriveLog
-    plan : mapping of str to PlannedRuns
-        Per drive.
-    """
+    """The drive whose planned ramps a log contains, and where; None where it contains those of no drive."""
     matches = [
         (name, ramps)
         for name, runs in plan.items()

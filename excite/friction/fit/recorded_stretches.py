@@ -14,25 +14,12 @@ _FEWEST = 9  # consecutive samples that noise can be estimated from
 
 
 def longest_step(time: Array) -> float:
-    """Longest step that is not a gap: 3.5 times the median one, or 20 ms if that is more [s].
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Increasing [s].
-    """
+    """Longest step that is not a gap: 3.5 times the median one, or 20 ms if that is more [s]."""  # time (N,)
     return max(STEPS * float(np.median(np.diff(time))), LEAST) if time.size > 1 else np.inf
 
 
 def unbroken(time: Array, longest: float) -> bool:
-    """Whether no two consecutive samples are further apart than `longest`.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-    longest : float
-        [s]
-    """
+    """Whether no two consecutive samples are further apart than `longest`."""  # time (N,)
     return bool(np.diff(time).max(initial=0.0) <= longest)
 
 
@@ -40,17 +27,7 @@ def position_noise(time: Array, x: Array) -> Array:
     """Standard deviation of the noise of positions, over the stretches between steps longer than 3.5 median ones.
 
     The motion continues in a gap, so a difference across it is not noise.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Increasing [s].
-    x : ndarray, shape (N, n)
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """  # time (N,); x (N, n)
     step = np.diff(time)
     broken = np.flatnonzero(step > STEPS * np.median(step)) + 1
     parts = [x[a:b] for a, b in pairwise([0, *broken.tolist(), len(x)]) if b - a >= _FEWEST]

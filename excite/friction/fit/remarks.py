@@ -25,22 +25,7 @@ def stiction_remarks(
     *,
     alone: bool,
 ) -> list[str]:
-    """Remarks on how break-away torques enter the curve.
-
-    Parameters
-    ----------
-    rests : int
-        Points of the curve at speed zero.
-    breaks : sequence of BreakAway
-    best : CurveFit, optional
-        None for a table.
-    settings : FitSettings
-    points : sequence of Point
-        Of windows.
-    speed_unit : str
-    alone : bool
-        Whether some are ignored because they are not repeated.
-    """
+    """Remarks on how break-away torques enter the curve."""
     remarks = []
     if rests:
         paired = " pairs of" if settings.gravity == "symmetric" else ""
@@ -69,14 +54,7 @@ def stiction_remarks(
 
 
 def alike_remarks(fits: Sequence[CurveFit], settings: FitSettings) -> list[str]:
-    """Remark on the forms whose criterion is within 2 of that of the best.
-
-    Parameters
-    ----------
-    fits : sequence of CurveFit
-        Best first.
-    settings : FitSettings
-    """
+    """Remark on the forms whose criterion is within 2 of that of the best."""
     value = [getattr(curve_fit, settings.criterion) for curve_fit in fits]
     alike = [curve_fit.form.name for curve_fit, x in zip(fits[1:], value[1:], strict=True) if x - value[0] < _ALIKE]
     if not alike:
@@ -88,16 +66,7 @@ def alike_remarks(fits: Sequence[CurveFit], settings: FitSettings) -> list[str]:
 def load_remarks(
     loads: tuple[float, float] | None, best: CurveFit | None, settings: FitSettings, unit: str
 ) -> list[str]:
-    """Remark on whether friction grows with the torque that the drive carries.
-
-    Parameters
-    ----------
-    loads : tuple of float, optional
-        Least and largest torque that the drive carries.
-    best : CurveFit, optional
-    settings : FitSettings
-    unit : str
-    """
+    """Remark on whether friction grows with the torque that the drive carries."""
     if loads is None or best is None:
         return []
     sentence = f"the drive carries {loads[0]:.3g} to {loads[1]:.3g} {unit}"
@@ -113,18 +82,7 @@ def temperature_remarks(
     settings: FitSettings,
     breaks: Sequence[BreakAway],
 ) -> list[str]:
-    """Remarks on whether friction depends on temperature.
-
-    Parameters
-    ----------
-    of_temperature : str
-        Description of the temperature.
-    reference : float, optional
-        Reference temperature, where the temperature changed [deg C].
-    best : CurveFit, optional
-    settings : FitSettings
-    breaks : sequence of BreakAway
-    """
+    """Remarks on whether friction depends on temperature."""
     if reference is None:
         return [of_temperature] if of_temperature else []
     known = [each.temperature for each in breaks if each.temperature is not None]
@@ -144,15 +102,7 @@ def temperature_remarks(
 
 
 def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, speed_unit: str) -> str:
-    """The common reason why no form can be fitted, where it is known; else that of each.
-
-    Parameters
-    ----------
-    points : sequence of Point
-    failed : mapping of str to str
-        Forms and their reasons.
-    unit, speed_unit : str
-    """
+    """The common reason why no form can be fitted, where it is known; else that of each."""
     count = f"{len(points)} window{'s' if len(points) > 1 else ''}"
     speeds = np.array([abs(p.speed) for p in points])
     against = np.array([float(np.sign(p.speed)) * p.torque for p in points])

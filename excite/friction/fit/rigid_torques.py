@@ -21,35 +21,15 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True, eq=False)
 class RigidModel:
-    """Joint torques of a motion without friction, ``D(q, dq, ddq) X`` of [KD96] eq. (21).
+    """Joint torques of a motion without friction, ``D(q, dq, ddq) X`` of [KD96] eq. (21)."""
 
-    Parameters
-    ----------
-    joints : tuple of str
-        Joints of the model; the others rest.
-    source : str
-        Where its parameters are from.
-    torque : callable
-        From `Samples` of these joints to torques, shape (N, n) [Nm or N].
-    """
-
-    joints: tuple[str, ...]
-    source: str
-    torque: Callable[[Samples], Array]
+    joints: tuple[str, ...]  # joints of the model; the others rest
+    source: str  # where its parameters are from
+    torque: Callable[[Samples], Array]  # (N, n) from `Samples` of these joints to torques, shape (N, n) [Nm or N]
 
 
 def described_model(robot: Robot) -> RigidModel:
-    """Model with the parameters of the robot's description.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Raises
-    ------
-    InputError
-        Masses that the description does not state; the message names them.
-    """
+    """Model with the parameters of the robot's description."""
     known = standard_values(robot)
     drives = () if robot.transmission is None else robot.transmission.drives
     rotor = bool(drives) and all(
@@ -72,19 +52,7 @@ def described_model(robot: Robot) -> RigidModel:
 
 
 def identified_model(result: IdentificationResult, robot: Robot) -> RigidModel:
-    """Model with the parameters of a result, its friction left out.
-
-    Parameters
-    ----------
-    result : IdentificationResult
-    robot : Robot
-        The whole robot of the logs.
-
-    Raises
-    ------
-    InputError
-        A result of another robot or of a load, or one whose friction cannot be separated from the rest.
-    """
+    """Model with the parameters of a result, its friction left out."""
     if result.robot.sha256() != robot.sha256():
         raise InputError(f"{result.name} is a result for {result.robot.name}, not for {robot.name} as given here")
     target = target_of(result.robot, result.task, 0.0, instantaneous=True)

@@ -17,33 +17,17 @@ _LEVEL = 0.995  # quantile of a two-sided 99 % interval
 
 @dataclass(frozen=True)
 class MeanBreakAway:
-    """Torque at which a drive breaks loose in one direction.
+    """Torque at which a drive breaks loose in one direction."""
 
-    Parameters
-    ----------
-    direction : int
-        1 or -1.
-    torque : float
-        Mean, with its sign [Nm or N].
-    interval99 : float
-        Half its 99 % interval, by Student's t of the repeats, no less than the reading error of each [Nm or N].
-    count : int
-        Of ramps.
-    """
-
-    direction: int
-    torque: float
+    direction: int  # 1 or -1
+    torque: float  # mean, with its sign [Nm or N]
+    # half its 99 % interval, by Student's t of the repeats, no less than the reading error of each [Nm or N]
     interval99: float
-    count: int
+    count: int  # of ramps
 
 
 def mean_break_aways(breaks: Sequence[BreakAway]) -> tuple[MeanBreakAway, ...]:
-    """Mean of each direction that there is, the positive one first.
-
-    Parameters
-    ----------
-    breaks : sequence of BreakAway
-    """
+    """Mean of each direction that there is, the positive one first."""
     return tuple(_mean(side) for side in _sides(breaks) if side)
 
 
@@ -62,12 +46,6 @@ def rest_points(breaks: Sequence[BreakAway], *, paired: bool = False) -> tuple[P
     The deviation of each is the scatter of the repeats, pooled over both directions and widened as Student's t is than
     the normal distribution; no less than its own, which repeats of one log and direction share, so that their mean is
     no better.
-
-    Parameters
-    ----------
-    breaks : sequence of BreakAway
-    paired : bool
-        True for half the difference of both directions, so that gravity cancels.
     """
     sides = _sides(breaks)
     freedom = sum(max(len(side) - 1, 0) for side in sides)

@@ -14,11 +14,6 @@ def never_loaded(measured: DriveLog, drive: str) -> bool:
     """Whether gravity exerts no torque on a drive in the poses of a log, even if masses are unknown.
 
     With torques ``tau_q = C' tau_z`` the drive's is ``N' tau_q``, N the column of the inverse of C that moves it alone.
-
-    Parameters
-    ----------
-    measured : DriveLog
-    drive : str
     """
     from excite.friction.plan.pose import Gravity
 

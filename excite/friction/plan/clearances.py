@@ -28,42 +28,16 @@ _RESERVE = 2e-3  # of a function's scale: more than the gap between a certificat
 
 @dataclass(frozen=True)
 class ClearStretch:
-    """Part of a line on which all distances are kept.
+    """Part of a line on which all distances are kept."""
 
-    Parameters
-    ----------
-    low, high : float
-        Range of s [rad or m].
-    below, above : str
-        Pair that is too near beyond the ends, such as ``forearm to table``; empty where there is none.
-    """
-
-    low: float
+    low: float  # range of s [rad or m]
     high: float
-    below: str
+    below: str  # pair that is too near beyond the ends, such as ``forearm to table``; empty where there is none
     above: str
 
 
 class CollisionChecks:
-    """Distances that a robot has to keep.
-
-    Parameters
-    ----------
-    robot : Robot
-    world : World
-
-    Attributes
-    ----------
-    limits : list of NonlinearConstraint
-        On the joints of the whole robot.
-    notes : tuple of str
-        What is not checked, and why.
-
-    Raises
-    ------
-    InputError
-        A world that does not fit the robot, or an obstacle that touches a body that never moves away from it.
-    """
+    """Distances that a robot has to keep."""
 
     def __init__(self, robot: Robot, world: World) -> None:
         self.world = world
@@ -72,15 +46,8 @@ class CollisionChecks:
         self._labels = [*(label for limit in self.limits for label in limit.labels), ""]
 
     def free(self, pose: Array, line: Array, low: float, high: float) -> list[ClearStretch]:
-        """Stretches of a line on which every distance is proven to be kept, to about 1/30,000 of the line.
-
-        Parameters
-        ----------
-        pose, line : ndarray, shape (n,)
-            p and N of ``q = p + N s``.
-        low, high : float
-            Range of s [rad or m].
-        """
+        """Stretches of a line on which every distance is proven to be kept, to about 1/30,000 of the line."""
+        # pose, line (n,)
         half = 0.5 * (high - low) / _INTERVALS
         middle = np.asarray(low + half * (2 * np.arange(_INTERVALS) + 1))
         ends: list[tuple[float, float, str]] = []  # of each interval, and what is too near there
@@ -113,14 +80,7 @@ class CollisionChecks:
         return _joined(ends)
 
     def uses(self, pose: Array, line: Array, low: float, high: float) -> list[LimitUse]:
-        """Certificate of each pair of bodies over a stretch; its time is ``s - low``.
-
-        Parameters
-        ----------
-        pose, line : ndarray, shape (n,)
-        low, high : float
-            Range of s, not empty [rad or m].
-        """
+        """Certificate of each pair of bodies over a stretch; its time is ``s - low``."""  # pose, line (n,)
 
         def passed(time: Array) -> Samples:
             still = np.zeros((time.size, line.size))

@@ -24,112 +24,54 @@ from regressors.samples import Samples
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A stretch of constant speed.
+    """A stretch of constant speed."""
 
-    Parameters
-    ----------
-    segment : str
-        Such as ``z1 +30 %``.
-    percent, speed : float
-        Part of the largest speed, and the signed speed itself [%, rad/s or m/s].
-    start, end : float
-        [s]
-    first, last : float
-        Position of the coordinate at both ends [rad or m].
-    gravity : float
-        Mean gravity torque over the window; NaN where it is not known [Nm or N].
-    """
-
-    segment: str
-    percent: float
+    segment: str  # such as ``z1 +30 %``
+    percent: float  # part of the largest speed, and the signed speed itself [%, rad/s or m/s]
     speed: float
-    start: float
+    start: float  # [s]
     end: float
-    first: float
+    first: float  # position of the coordinate at both ends [rad or m]
     last: float
-    gravity: float
+    gravity: float  # mean gravity torque over the window; NaN where it is not known [Nm or N]
 
 
 @dataclass(frozen=True)
 class Distance:
-    """Least distance of two bodies in the runs of a coordinate.
+    """Least distance of two bodies in the runs of a coordinate."""
 
-    Parameters
-    ----------
-    use : LimitUse
-        Proven for every instant; its time is when the pose is first passed.
-    at : float
-        Position of the coordinate there [rad or m].
-    """
-
-    use: LimitUse
-    at: float
+    use: LimitUse  # proven for every instant; its time is when the pose is first passed
+    at: float  # position of the coordinate there [rad or m]
 
 
 @dataclass(frozen=True)
 class Passage:
-    """Straight line in joint space from one pose to the next.
+    """Straight line in joint space from one pose to the next."""
 
-    Parameters
-    ----------
-    start, end : str
-        Coordinates that are measured in the two poses; ``home`` for the home pose of the robot's file.
-    obstacle : str
-        Pair that comes too near on the path; empty where there is none.
-    """
-
-    start: str
+    start: str  # coordinates that are measured in the two poses; ``home`` for the home pose of the robot's file
     end: str
-    obstacle: str
+    obstacle: str  # pair that comes too near on the path; empty where there is none
 
 
 @dataclass(frozen=True, eq=False)
 class CoordinatePlan:
-    """Measurement of one coordinate.
+    """Measurement of one coordinate."""
 
-    Parameters
-    ----------
-    label, unit : str
-        Name of the joint or drive, and ``rad`` or ``m``.
-    turns : tuple of str
-        Drives that turn in this motion; the friction of several cannot be separated.
-    motion : PartialMotion
-    place : Place
-    centre : float
-        Position of the coordinate in the pose [rad or m].
-    largest_gravity : float
-        Largest gravity torque within the strokes; NaN where it is not known [Nm or N].
-    pace : Pace
-    sequence : RunSequence
-    windows : tuple of Window
-        In the order of playing.
-    limits : tuple of LimitUse
-        Every limit of joints and drives over continuous time.
-    torques_unchecked : str
-        Why torque limits are not among them; empty where they are.
-    distances : tuple of Distance, optional
-        Of every pair of bodies that must not touch; none without a world.
-    ramps : TorqueRamps, optional
-        Of the drive's torque, in the same pose.
-    no_ramps : str
-        Why there are no torque ramps.
-    """
-
-    label: str
+    label: str  # name of the joint or drive, and ``rad`` or ``m``
     unit: str
-    turns: tuple[str, ...]
+    turns: tuple[str, ...]  # drives that turn in this motion; the friction of several cannot be separated
     motion: PartialMotion
     place: Place
-    centre: float
-    largest_gravity: float
+    centre: float  # position of the coordinate in the pose [rad or m]
+    largest_gravity: float  # largest gravity torque within the strokes; NaN where it is not known [Nm or N]
     pace: Pace
     sequence: RunSequence
-    windows: tuple[Window, ...]
-    limits: tuple[LimitUse, ...]
-    torques_unchecked: str
-    distances: tuple[Distance, ...] | None
-    ramps: TorqueRamps | None
-    no_ramps: str
+    windows: tuple[Window, ...]  # in the order of playing
+    limits: tuple[LimitUse, ...]  # every limit of joints and drives over continuous time
+    torques_unchecked: str  # why torque limits are not among them; empty where they are
+    distances: tuple[Distance, ...] | None  # of every pair of bodies that must not touch; none without a world
+    ramps: TorqueRamps | None  # of the drive's torque, in the same pose
+    no_ramps: str  # why there are no torque ramps
 
     @property
     def runs(self) -> Runs:

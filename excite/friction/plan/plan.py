@@ -49,35 +49,7 @@ def friction_plan(
     torque_ramp: Sequence[float] | None = None,
     seed: int = 0,
 ) -> FrictionPlan:
-    """Plan the runs from which the friction characteristics of joints or drives are identified.
-
-    Parameters
-    ----------
-    robot : Robot
-    schedule : Schedule, optional
-    joints, drives : sequence of str, optional
-        What to measure, by name or number; all drives if neither is given. While one drive moves the others hold
-        their z; while one joint moves the other joints rest.
-    pose : ndarray, shape (n,), optional
-        Middle of every run [rad or m]; found if not given.
-    balanced : bool
-        True if gravity is known to cancel about the given pose, although the inertias of links are unknown.
-    world : World, optional
-        Shape of the robot and its environment. Poses are chosen, and strokes bounded, so that all distances are kept,
-        which is proven over all positions that are passed. Where a given pose leaves no stroke, the pose is kept and
-        its distances identify the pairs that are too near.
-    torque_ramp : sequence of float, optional
-        Largest torque of the break-away ramps, one for all or one per coordinate, 0 for no ramps
-        [Nm or N]; see `excite.friction.plan.torque_ramps.torque_ramps` for the default.
-    seed : int
-        Of the random poses that are tried.
-
-    Raises
-    ------
-    InputError
-        Unknown names, both joints and drives, an invalid pose, no room for any window, gravity that is not known,
-        a world that does not fit the robot, or torques beyond the limits.
-    """
+    """Plan the runs from which the friction characteristics of joints or drives are identified."""  # pose (n,)
     schedule = Schedule() if schedule is None else schedule
     limits = linear_limits(robot)
     if pose is not None:

@@ -14,15 +14,7 @@ _RAMPS = 0.5  # seconds of speeding up and braking in a run
 
 
 def plan_prediction(robot: Robot, schedule: Schedule, coordinates: int) -> WorkPrediction:
-    """Memory of the runs of all coordinates and of the samples of one; the factors are measured.
-
-    Parameters
-    ----------
-    robot : Robot
-    schedule : Schedule
-    coordinates : int
-        How many are measured.
-    """
+    """Memory of the runs of all coordinates and of the samples of one; the factors are measured."""
     window = math.sqrt(schedule.shortest * min(schedule.longest, 10.0 * schedule.shortest))
     run = window + _RAMPS
     runs = 2.0 * schedule.repeats * len(schedule.percent)

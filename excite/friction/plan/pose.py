@@ -33,12 +33,7 @@ _GRID, _VALUES, _DRAWN = 241, 9, 40
 
 
 class Gravity:
-    """Gravity torque of a robot's coordinates at rest.
-
-    Parameters
-    ----------
-    robot : Robot
-    """
+    """Gravity torque of a robot's coordinates at rest."""
 
     def __init__(self, robot: Robot) -> None:
         self._model = DifferentialModel(robot.replace(structure=Structure()), Terms.inertial_only())
@@ -46,20 +41,8 @@ class Gravity:
         self._theta = np.array([known.get(name, np.nan) for name in self._model.definition()[1]])
 
     def along(self, line: Array, q: Array) -> Array:
-        """``N' tau_g`` in some poses; NaN in all of them where a body of unknown inertia loads the coordinate.
-
-        Parameters
-        ----------
-        line : ndarray, shape (n,)
-            ``N``.
-        q : ndarray, shape (N, n)
-            [rad or m]
-
-        Returns
-        -------
-        ndarray, shape (N,)
-            [Nm or N]
-        """
+        """``N' tau_g`` in some poses; NaN in all of them where a body of unknown inertia loads the coordinate."""
+        # line (n,); q (N, n)
         still = np.zeros_like(q)
         rows = self._model.instants(Samples(np.zeros(len(q)), q, still, still, still))
         W = np.einsum("j,ijp->ip", line, rows.reshape(len(q), line.size, -1))
@@ -71,26 +54,16 @@ class Gravity:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where a coordinate is measured.
+    """Where a coordinate is measured."""
 
-    Parameters
-    ----------
-    pose : ndarray, shape (n,)
-        p, the middle of every run [rad or m].
-    low, high : float
-        Range of s about it that all position limits allow, less 1 % of it at both ends [rad or m].
-    gravity : {"none", "cancels", "subtracted", "stated"}
-        No gravity torque anywhere; odd about the pose; neither, so that a model has to be subtracted; unknown, but
-        stated by the user to cancel.
-    below, above : str
-        Pair that is too near beyond the ends of the range, such as ``forearm to table``; empty where a position limit
-        ends it.
-    """
-
-    pose: Array
-    low: float
+    pose: Array  # (n,) p, the middle of every run [rad or m]
+    low: float  # range of s about it that all position limits allow, less 1 % of it at both ends [rad or m]
     high: float
+    # no gravity torque anywhere; odd about the pose; neither, so that a model has to be subtracted; unknown, but
+    # stated by the user to cancel
     gravity: str
+    # pair that is too near beyond the ends of the range, such as ``forearm to table``; empty where a position limit
+    # ends it
     below: str = ""
     above: str = ""
 
@@ -118,26 +91,7 @@ def given_place(
     balanced: bool = False,
     collision_checks: CollisionChecks | None = None,
 ) -> Place:
-    """Place in a given pose; its range ends where bodies come too near, unless they already are.
-
-    Parameters
-    ----------
-    gravity : Gravity
-    motion : PartialMotion
-        Of one coordinate.
-    limits : sequence of LinearConstraint
-    pose : ndarray, shape (n,)
-        [rad or m]
-    balanced : bool
-        True if gravity is stated to cancel about the pose; only used where the model does not know.
-    collision_checks : CollisionChecks, optional
-        Distances that the robot has to keep.
-
-    Raises
-    ------
-    InputError
-        Gravity is not known to vanish there, because inertias are unknown.
-    """
+    """Place in a given pose; its range ends where bodies come too near, unless they already are."""  # pose (n,)
     line = motion.matrix[:, 0]
     whole = _on_line(pose, line, limits)
     place = _free(whole, line, collision_checks) or whole
@@ -166,26 +120,6 @@ def found_place(
     The other joints stay at home, at zero, or in the middle of their ranges, in this order; where none of these has
     enough room, one of them is moved, then all are drawn at random. Where none offers half of the room that there is
     regardless of gravity, gravity has to be subtracted.
-
-    Parameters
-    ----------
-    gravity : Gravity
-    robot : Robot
-        Whole.
-    motion : PartialMotion
-        Of one coordinate.
-    limits : sequence of LinearConstraint
-        Of joints and drives.
-    enough, wanted : float
-        Stroke to both sides that is enough, and the one beyond which more has no benefit [rad or m].
-    seed : int
-    collision_checks : CollisionChecks, optional
-        Distances that the robot has to keep.
-
-    Raises
-    ------
-    InputError
-        Gravity matters and inertias are unknown, or no pose keeps the position limits and all distances.
     """
     line = motion.matrix[:, 0]
     best: Place | None = None

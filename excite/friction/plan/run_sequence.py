@@ -13,44 +13,20 @@ WARM_UP, TRANSFER = "warm-up", "transfer"
 
 @dataclass(frozen=True, eq=False)
 class RunSequence:
-    """Runs of one coordinate.
-
-    Parameters
-    ----------
-    runs : Runs
-    breakaways : tuple of Part
-        Creeping runs out of the pose and back, for the break-away tests.
-    windowed : tuple of (Part, float)
-        Parts with a window of constant speed, and the speed in percent of the largest one, in the order of execution.
-    strokes : dict of float to float
-        Stroke to both sides of the pose for each speed [%, rad or m].
-    left_out : dict of float to str
-        Speeds that are left out [%], and why.
-    """
+    """Runs of one coordinate."""
 
     runs: Runs
-    breakaways: tuple[Part, ...]
+    breakaways: tuple[Part, ...]  # creeping runs out of the pose and back, for the break-away tests
+    # parts with a window of constant speed, and the speed in percent of the largest one, in the order of execution
     windowed: tuple[tuple[Part, float], ...]
-    strokes: dict[float, float]
-    left_out: dict[float, str]
+    strokes: dict[float, float]  # stroke to both sides of the pose for each speed [%, rad or m]
+    left_out: dict[float, str]  # speeds that are left out [%], and why
 
 
 def run_sequence_of(
     schedule: Schedule, pace: Pace, half: float, label: str, unit: str, because: str = ""
 ) -> RunSequence:
-    """Build the runs of a schedule within the range of a place; empty where no speed leaves a window.
-
-    Parameters
-    ----------
-    schedule : Schedule
-    pace : Pace
-    half : float
-        Largest displacement to both sides of the pose [rad or m].
-    label, unit : str
-        Of the coordinate.
-    because : str
-        What bounds it, for the reasons given for speeds that are left out.
-    """
+    """Build the runs of a schedule within the range of a place; empty where no speed leaves a window."""
     half = min(half, schedule.stroke)
     strokes, left_out = _strokes(schedule, pace, half, unit, because)
     runs = Runs(pace, schedule.rate)

@@ -21,23 +21,7 @@ _SAME = 9  # digits in which two parts are the same motion
 
 
 def torque_uses(robot: Robot, runs: Runs, pose: Array, motion: PartialMotion) -> tuple[list[LimitUse], str]:
-    """Certificates of all torque limits, enclosed over continuous time, with the friction that the robot's file states.
-
-    Parameters
-    ----------
-    robot : Robot
-    runs : Runs
-    pose : ndarray, shape (n,)
-        [rad or m]
-    motion : PartialMotion
-        Of one coordinate.
-
-    Returns
-    -------
-    uses : list of LimitUse
-    unchecked : str
-        Why there are none; empty where there are.
-    """
+    """Certificates of all torque limits over continuous time, with the friction of the robot's file."""  # pose (n,)
     try:
         limits = torque_limits(robot, standard_values(robot), 0.0, replace(motion, offset=pose))
     except InputError as error:

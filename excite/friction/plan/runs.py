@@ -27,19 +27,12 @@ LEAST_RUN = 1e-9  # rad or m: a shorter way is none
 
 @dataclass(frozen=True)
 class Pace:
-    """Largest velocity, acceleration and jerk of a coordinate s along its line.
+    """Largest velocity, acceleration and jerk of a coordinate s along its line."""
 
-    Parameters
-    ----------
-    velocity, acceleration, jerk : float
-        V, A, J [rad/s, rad/s^2, rad/s^3, or with m].
-    assumed : tuple of str
-        ``acceleration``, ``jerk`` where no limit is known: V is then reached in 0.5 s, A in 0.1 s.
-    """
-
-    velocity: float
+    velocity: float  # V, A, J [rad/s, rad/s^2, rad/s^3, or with m]
     acceleration: float
     jerk: float
+    # ``acceleration``, ``jerk`` where no limit is known: V is then reached in 0.5 s, A in 0.1 s
     assumed: tuple[str, ...]
 
     def ramp(self, speed: float) -> float:
@@ -55,13 +48,7 @@ class Pace:
 
 
 def pace_of(motion: PartialMotion, limits: Sequence[LinearConstraint]) -> Pace:
-    """Tightest limits on the derivatives of one coordinate.
-
-    Raises
-    ------
-    InputError
-        No velocity limit, which the speeds are relative to.
-    """
+    """Tightest limits on the derivatives of one coordinate."""
     line = motion.matrix[:, 0]
     pace = [np.inf] * 4
     for limit in limits:
@@ -82,25 +69,13 @@ def pace_of(motion: PartialMotion, limits: Sequence[LinearConstraint]) -> Pace:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A stretch of the motion that begins on a sample.
+    """A stretch of the motion that begins on a sample."""
 
-    Parameters
-    ----------
-    segment : str
-        Its name in files.
-    begin : float
-        Time when it begins [s].
-    start, end : float
-        Positions s [rad or m].
-    law : SCurve, optional
-        From 0 to 1; none while the coordinate rests.
-    """
-
-    segment: str
-    begin: float
-    start: float
+    segment: str  # its name in files
+    begin: float  # time when it begins [s]
+    start: float  # positions s [rad or m]
     end: float
-    law: SCurve | None = None
+    law: SCurve | None = None  # from 0 to 1; none while the coordinate rests
 
     def values(self, time: Array) -> Array:
         """Position s and its three derivatives at given instants [s], shape (4, N)."""
@@ -121,20 +96,11 @@ class Part:
 
 @dataclass(eq=False)
 class Runs:
-    """Motion of one coordinate, part after part.
-
-    Parameters
-    ----------
-    pace : Pace
-    rate : float
-        Samples per second; every part begins on a sample [Hz].
-    parts : list of Part
-        Filled by `go` and `wait`.
-    """
+    """Motion of one coordinate, part after part."""
 
     pace: Pace
-    rate: float
-    parts: list[Part] = field(default_factory=list)
+    rate: float  # samples per second; every part begins on a sample [Hz]
+    parts: list[Part] = field(default_factory=list)  # filled by `go` and `wait`
     steps: int = 0
     at: float = 0.0
 
@@ -205,14 +171,7 @@ def _part_extrema(part: Part, order: int) -> Extrema:
 
 
 def samples_of(runs: Runs, pose: Array, line: Array) -> tuple[Samples, list[str]]:
-    """Motion of every joint at the samples, ``q = p + N s``, and the segment of each.
-
-    Parameters
-    ----------
-    runs : Runs
-    pose, line : ndarray, shape (n,)
-        p and N.
-    """
+    """Motion of every joint at the samples, ``q = p + N s``, and the segment of each."""  # pose, line (n,)
     time = np.arange(runs.steps + 1) / runs.rate
     values, number = runs.values(time)
     q, dq, ddq, dddq = (np.outer(row, line) + 0.0 for row in values)

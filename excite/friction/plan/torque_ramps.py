@@ -23,56 +23,28 @@ CAP = 0.5  # of the torque limit, unless a torque is given
 
 @dataclass(frozen=True)
 class Ramp:
-    """One rise of the torque, ``tau(t) = rate (t - start)``.
+    """One rise of the torque, ``tau(t) = rate (t - start)``."""
 
-    Parameters
-    ----------
-    segment : str
-        Such as ``z1 stiction +``.
-    direction : int
-        Of the coordinate, 1 or -1.
-    start, end : float
-        [s]
-    rate : float
-        Of the drive's torque, with its sign [Nm/s or N/s].
-    """
-
-    segment: str
-    direction: int
-    start: float
+    segment: str  # such as ``z1 stiction +``
+    direction: int  # of the coordinate, 1 or -1
+    start: float  # [s]
     end: float
-    rate: float
+    rate: float  # of the drive's torque, with its sign [Nm/s or N/s]
 
 
 @dataclass(frozen=True)
 class TorqueRamps:
-    """Ramps of one drive's torque.
+    """Ramps of one drive's torque."""
 
-    Parameters
-    ----------
-    drive, unit : str
-        The drive, and the unit of its torque: ``Nm`` or ``N``.
-    largest : float
-        Torque at the end of each [Nm or N].
-    origin : str
-        Source of `largest`.
-    gravity : float
-        Gravity torque of the coordinate in the pose, in addition to the ramps; NaN where it is not known [Nm or N].
-    ramps : tuple of Ramp
-    steps : int
-        Sampling periods in all.
-    rate : float
-        Samples per second [Hz].
-    """
-
-    drive: str
+    drive: str  # the drive, and the unit of its torque: ``Nm`` or ``N``
     unit: str
-    largest: float
-    origin: str
+    largest: float  # torque at the end of each [Nm or N]
+    origin: str  # source of `largest`
+    # gravity torque of the coordinate in the pose, in addition to the ramps; NaN where it is not known [Nm or N]
     gravity: float
     ramps: tuple[Ramp, ...]
-    steps: int
-    rate: float
+    steps: int  # sampling periods in all
+    rate: float  # samples per second [Hz]
 
     @property
     def duration(self) -> float:
@@ -87,20 +59,7 @@ class TorqueRamps:
         return torques
 
     def samples(self, pose: Array) -> tuple[Samples, Array, list[str]]:
-        """The pose at every sample, the torque of the drive, and the segments.
-
-        Parameters
-        ----------
-        pose : ndarray, shape (n,)
-            [rad or m]
-
-        Returns
-        -------
-        samples : Samples
-        torque : ndarray, shape (N,)
-            [Nm or N]
-        segments : list of str
-        """
+        """The pose at every sample, the torque of the drive, and the segments."""  # pose (n,); result (N,)
         time = np.arange(self.steps + 1) / self.rate
         still = np.zeros((time.size, pose.size))
         segments = np.full(time.size, REST, dtype=object)
@@ -116,31 +75,7 @@ def torque_ramps(
 
     Each lasts ``schedule.ramping`` and ends at the largest torque: the one that is given, or 1.5 times the Coulomb
     friction that the robot's description states, but no more than half of the torque limit.
-
-    Parameters
-    ----------
-    robot : Robot
-    schedule : Schedule
-    label : str
-        Of the coordinate.
-    line : ndarray, shape (n,)
-        N of ``q = p + N s``.
-    gravity : float
-        Gravity torque of the coordinate in the pose; NaN where it is not known [Nm or N].
-    given : float, optional
-        Largest torque; 0 for no ramps [Nm or N].
-
-    Returns
-    -------
-    ramps : TorqueRamps or None
-    reason : str
-        Why there are none.
-
-    Raises
-    ------
-    InputError
-        A torque that, with gravity's, is beyond the limit.
-    """
+    """  # line (n,)
     turning = turning_drives(robot, line)
     if schedule.breakaways == 0 or given == 0.0:
         return None, "none were requested"
@@ -166,14 +101,7 @@ def torque_ramps(
 
 
 def turning_drives(robot: Robot, line: Array) -> list[tuple[int, str, float]]:
-    """Number, name and speed of the drives that turn where the joints move on a line.
-
-    Parameters
-    ----------
-    robot : Robot
-        Its joints count as drives where it has no transmission.
-    line : ndarray, shape (n,)
-    """
+    """Number, name and speed of the drives that turn where the joints move on a line."""  # line (n,)
     if robot.transmission is None:
         named = zip(robot.joint_names, line, strict=True)
     else:

@@ -14,35 +14,14 @@ from regressors.samples import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class BlockStatistics:
-    """``[W y]' [W y]`` of every block and equation.
+    """``[W y]' [W y]`` of every block and equation."""
 
-    Parameters
-    ----------
-    products : ndarray, shape (B, r, p + 1, p + 1)
-    counts : ndarray of int, shape (B,)
-        Instants.
-    """
-
-    products: Array
-    counts: Index
+    products: Array  # (B, r, p + 1, p + 1)
+    counts: Index  # (B,) instants
 
     @classmethod
     def of(cls, W: Sequence[Array], y: Sequence[Array], blocks: Sequence[Index]) -> BlockStatistics:
-        """Sums of the logs' rows.
-
-        Parameters
-        ----------
-        W : sequence of ndarray, shape (N, r, p)
-            Of each log.
-        y : sequence of ndarray, shape (N, r)
-        blocks : sequence of ndarray of int, shape (N,)
-            See `excite.identification.choices.time_blocks`.
-
-        Raises
-        ------
-        InputError
-            Fewer than two blocks with rows.
-        """
+        """Sums of the logs' rows."""  # W (N, r, p); y (N, r); blocks (N,)
         products, counts = [], []
         for Wk, yk, block in zip(W, y, blocks, strict=True):
             rows = [np.flatnonzero(block == number) for number in np.unique(block[block >= 0])]
@@ -67,12 +46,7 @@ class BlockStatistics:
         return np.asarray(self.total - self.products[block])
 
     def of_columns(self, columns: Sequence[int]) -> BlockStatistics:
-        """Statistics of some of the columns.
-
-        Parameters
-        ----------
-        columns : sequence of int
-        """
+        """Statistics of some of the columns."""
         kept = np.append(np.asarray(columns, dtype=np.intp), self.products.shape[2] - 1)
         return BlockStatistics(self.products[:, :, kept[:, None], kept], self.counts)
 

@@ -25,16 +25,7 @@ DEVIATIONS = (None, 10.0, 3.0, 1.0, 0.3)  # of the described bodies, in their si
 def possible_estimate_of_products(
     target: IdentificationTarget, described: Mapping[str, float], deviation: float | None
 ) -> Estimate:
-    """Estimate by physically possible bodies from sums of products.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    described : mapping of str to float
-        Standard parameters of the description.
-    deviation : float, optional
-        See `Recipe.described_within`.
-    """
+    """Estimate by physically possible bodies from sums of products."""
 
     def estimate(products: Array, weights: Array) -> Array:
         rows = equivalent_rows(target, products, weights)
@@ -48,14 +39,7 @@ def possible_estimate_of_products(
 
 
 def of_base_columns(target: IdentificationTarget, columns: Sequence[int]) -> IdentificationTarget:
-    """A target with some of its base columns; parameters that only the others contain remain undetermined.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    columns : sequence of int
-        Among the base columns.
-    """
+    """A target with some of its base columns; parameters that only the others contain remain undetermined."""
     base, kept = target.base, list(columns)
     few = replace(
         base,
@@ -68,15 +52,7 @@ def of_base_columns(target: IdentificationTarget, columns: Sequence[int]) -> Ide
 
 
 def equivalent_rows(target: IdentificationTarget, products: Array, weights: Array) -> Observations:
-    """As few rows as have the given sums of products.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    products : ndarray, shape (r, p + 1, p + 1)
-    weights : ndarray, shape (r,)
-        Inverse variances of the equations.
-    """
+    """As few rows as have the given sums of products."""  # products (r, p + 1, p + 1); weights (r,)
     r, width = products.shape[:2]
     factors = []
     for block in products:
@@ -109,14 +85,6 @@ def choose_bodies(
 
     Least squares is taken only where it predicts left-out torques better by more than a standard error, and a
     thousandth; and of the pulls towards the description the weakest that is within that of the best.
-
-    Parameters
-    ----------
-    statistics : BlockStatistics
-        In the target's base columns.
-    target : IdentificationTarget
-    described : mapping of str to float
-    recipe : Recipe
     """
     free = left_out(statistics)
     held = {
@@ -163,13 +131,7 @@ def _has_solution(
 
 
 def deviations_to_try(target: IdentificationTarget, described: Mapping[str, float]) -> Sequence[float | None]:
-    """Deviations from the description that are tried; only None where it states no body.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    described : mapping of str to float
-    """
+    """Deviations from the description that are tried; only None where it states no body."""
     return DEVIATIONS if near_described(target.model, described, 1.0).values else DEVIATIONS[:1]
 
 

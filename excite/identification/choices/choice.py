@@ -8,21 +8,12 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate of a choice.
+    """One candidate of a choice."""
 
-    Parameters
-    ----------
-    value : bool, float, str or None
-        As in the settings.
-    error : float
-        Relative error of the torques that were left out, over all equations.
-    score : float
-        Mean over the equations of the logarithm of that error's root mean square, see
-        `excite.identification.choices.left_out.LeftOut.score`; the least is best.
-    """
-
-    value: Any
-    error: float
+    value: Any  # as in the settings
+    error: float  # relative error of the torques that were left out, over all equations
+    # mean over the equations of the logarithm of that error's root mean square, see
+    # `excite.identification.choices.left_out.LeftOut.score`; the least is best
     score: float
 
 

@@ -30,24 +30,6 @@ class ChoicesInTurn:
     """Choices one after the other, each with what the earlier ones chose.
 
     `task`, `tried` and `choices` are what is chosen so far.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-    target : IdentificationTarget
-        Of single instants, with rotor inertias and offsets where they may be chosen, and the exact sign.
-    scoring : Scoring
-        By all rows.
-    free : frozenset of str
-        Settings to choose.
-    tried : Recipe
-    progress : callable
-    friction : FrictionCurves, optional
-        Known friction of the moving drives, which the trial subtracts.
-    undivided : bool
-        Whether the trial's logs are whole logs.
     """
 
     def __init__(

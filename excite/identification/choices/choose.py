@@ -33,21 +33,12 @@ _TOO_SHORT = (
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
-    """Settings with those that were chosen.
-
-    Parameters
-    ----------
-    task : Task
-    recipe : Recipe
-    choices : tuple of Choice
-    notes : tuple of str
-        Why some were not.
-    """
+    """Settings with those that were chosen."""
 
     task: Task
     recipe: Recipe
     choices: tuple[Choice, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # why some were not
 
 
 def choose_settings(
@@ -60,27 +51,7 @@ def choose_settings(
     friction: FrictionCurves | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Chosen:
-    """Choose settings of a task and a recipe, as far as the logs allow.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-    logs : sequence of Log
-    recipe : Recipe
-    free : frozenset of str
-        Settings to choose, see `excite.identification.choices.free_settings`.
-    friction : FrictionCurves, optional
-        Known friction of the moving drives, which is subtracted; the curves of the task if not given.
-    progress : callable
-        Called with a description of each step.
-
-    Returns
-    -------
-    Chosen
-        What could not be chosen, such as from a log that is too short, is as it was, with a note.
-    """
+    """Choose settings of a task and a recipe, as far as the logs allow."""
     chosen = Chosen(task, recipe)
     try:
         for further in _choices(robot, task, logs, recipe, free, friction, progress):

@@ -20,18 +20,10 @@ EstimateOf = Callable[[Sequence[int]], Estimate | None]
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """Estimates of some columns.
+    """Estimates of some columns."""
 
-    Parameters
-    ----------
-    careful : callable
-        What decides: an estimate from the columns that are in it.
-    quick : callable, optional
-        A fast one, by which the most promising groups are found first.
-    """
-
-    careful: EstimateOf
-    quick: EstimateOf | None = None
+    careful: EstimateOf  # what decides: an estimate from the columns that are in it
+    quick: EstimateOf | None = None  # A fast one, by which the most promising groups are found first
 
 
 def choose_columns(
@@ -43,26 +35,6 @@ def choose_columns(
     """Add the group of columns that lowers the left-out errors most, as long as the gain is clear.
 
     A gain is clear where it exceeds its standard error over the blocks, and a hundredth of one equation's error.
-
-    Parameters
-    ----------
-    statistics : BlockStatistics
-        With all columns.
-    always : sequence of int
-        Columns that are kept.
-    optional : mapping of (str, int) to sequence of int
-        Columns that are added together, by kind and drive.
-    estimates : Estimates, optional
-        Weighted least squares if not given.
-
-    Returns
-    -------
-    groups : list of (str, int)
-        In the order in which they were added.
-    steps : list of LeftOut
-        Errors without any of them, and after each.
-    candidates : list of Candidate
-        Every group that was tried, with its errors when it was added, or last tried.
     """
     estimates = Estimates(lambda columns: None) if estimates is None else estimates
     columns = list(always)

@@ -25,38 +25,18 @@ _WITHIN = 10.0  # largest factor, and its inverse the least
 
 @dataclass(frozen=True, eq=False)
 class ChosenScale:
-    """Whether known friction is scaled.
-
-    Parameters
-    ----------
-    recipe : Recipe
-    friction : FrictionCurves
-        The curves with the factors that the trial instants ask for; as given where they are not scaled.
-    choices : tuple of Choice
-        None where no moving drive has a curve.
-    """
+    """Whether known friction is scaled."""
 
     recipe: Recipe
+    # the curves with the factors that the trial instants ask for; as given where they are not scaled
     friction: FrictionCurves
-    choices: tuple[Choice, ...]
+    choices: tuple[Choice, ...]  # None where no moving drive has a curve
 
 
 def choose_friction_scale(
     scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], friction: FrictionCurves
 ) -> ChosenScale:
-    """Scale known friction where this predicts left-out torques better by more than a standard error, and 0.5 %.
-
-    Parameters
-    ----------
-    scoring : Scoring
-        Its trial subtracts the curves as they are given.
-    recipe : Recipe
-        With the chosen motion and presliding.
-    parts : sequence of PreparedLog
-        The trial's logs under that recipe.
-    friction : FrictionCurves
-        Of the moving drives.
-    """
+    """Scale known friction where this predicts left-out torques better by more than a standard error, and 0.5 %."""
     names, statistics = _with_factors(scoring, recipe, parts, friction)
     if not names:
         return ChosenScale(recipe, friction, ())

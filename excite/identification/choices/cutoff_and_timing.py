@@ -22,16 +22,6 @@ def choose_cutoff_and_timing(
 
     The errors of a delay that is not known hide what a cutoff does. So where a delay is found, the cutoff is chosen
     again with it, and the delay again with that cutoff, until the cutoff stays.
-
-    Parameters
-    ----------
-    scoring : Scoring
-        Its target has the exact sign.
-    recipe : Recipe
-    cutoffs : sequence of float
-        Candidates, see `excite.identification.choices.cutoffs`; none where the cutoff is given [Hz].
-    free : frozenset of str
-        Settings that may be chosen.
     """
     known = recipe
     of_timing: tuple[Choice, ...] = ()

@@ -23,13 +23,6 @@ def cutoff_candidates(duration: float, rate: float) -> list[float]:
     """Cutoffs to try, from the lowest that leaves nine tenths of a log to 0.35 of the sample rate [Hz].
 
     None where a log has too few rows for both.
-
-    Parameters
-    ----------
-    duration : float
-        Of the shortest log [s].
-    rate : float
-        Lowest sample rate [Hz].
     """
     highest = _HIGHEST * rate
     lowest = PERIODS / (_CUT * duration)
@@ -43,14 +36,6 @@ def choose_cutoff(candidates: Sequence[float], recipe: Recipe, scored: Scored) -
     """Cutoff whose motion predicts left-out torques best: by octaves, then between the neighbours of the best.
 
     A cutoff that is too low loses motion; one that is too high lets noise through, which spoils the accelerations.
-
-    Parameters
-    ----------
-    candidates : sequence of float
-        Ascending [Hz].
-    recipe : Recipe
-    scored : callable
-        Left-out errors under a recipe, on the same rows and against the torques as measured for all.
     """
     scores = {cutoff: scored(replace(recipe, cutoff=cutoff)) for cutoff in candidates}
     for ratio in (np.sqrt(_STEP), np.sqrt(np.sqrt(_STEP))):

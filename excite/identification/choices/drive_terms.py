@@ -38,30 +38,14 @@ EVERY_DRIVE = 0  # number that stands for all drives together
 
 @dataclass(frozen=True, eq=False)
 class DriveTerms:
-    """Columns of a target by whether they are optional.
+    """Columns of a target by whether they are optional."""
 
-    Parameters
-    ----------
-    always : tuple of int
-        Base columns that are kept.
-    optional : mapping of (str, int) to tuple of int
-        Base columns by kind and drive; rotor inertias of all drives together.
-    """
-
-    always: tuple[int, ...]
-    optional: Mapping[Group, tuple[int, ...]]
+    always: tuple[int, ...]  # base columns that are kept
+    optional: Mapping[Group, tuple[int, ...]]  # base columns by kind and drive; rotor inertias of all drives together
 
 
 def drive_terms(target: IdentificationTarget, free: frozenset[str]) -> DriveTerms:
-    """Sort a target's base columns.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With every term that may be chosen.
-    free : frozenset of str
-        Kinds that may be chosen.
-    """
+    """Sort a target's base columns."""
     optional: dict[Group, tuple[int, ...]] = {}
     always = []
     for k, index in enumerate(target.base.index):
@@ -79,14 +63,7 @@ def drive_terms(target: IdentificationTarget, free: frozenset[str]) -> DriveTerm
 
 
 def with_terms(task: Task, groups: list[Group], free: frozenset[str]) -> Task:
-    """A task with the chosen terms, and without the others that were free.
-
-    Parameters
-    ----------
-    task : Task
-    groups : list of (str, int)
-    free : frozenset of str
-    """
+    """A task with the chosen terms, and without the others that were free."""
     changes: dict[str, object] = {}
     for kind in free:
         drives = tuple(str(drive) for k, drive in sorted(groups) if k == kind)
@@ -98,15 +75,7 @@ def with_terms(task: Task, groups: list[Group], free: frozenset[str]) -> Task:
 
 
 def added_columns(target: IdentificationTarget, names: Sequence[str]) -> list[int]:
-    """Places of the base parameters that chosen terms are.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With the terms.
-    names : sequence of str
-        Kind and drive, such as ``offset 2``; only the kind for rotor inertias.
-    """
+    """Places of the base parameters that chosen terms are."""
     columns = [target.model.columns[index] for index in target.base.index]
     called = [c.kind if c.kind == ROTOR else f"{c.kind} {c.owner}" for c in columns]
     return [k for k, name in enumerate(called) if name in names]

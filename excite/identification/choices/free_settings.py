@@ -21,24 +21,7 @@ _TOGETHER = {  # settings that decide on another one
 def free_settings(
     choose: bool | Collection[str], recipe: Recipe, model: ModelChoice, given: Collection[str]
 ) -> frozenset[str]:
-    """Settings that are left to be chosen.
-
-    Parameters
-    ----------
-    choose : bool or collection of str
-        All, none, or those named.
-    recipe : Recipe
-        What differs from its defaults was given.
-    model : ModelChoice
-        Likewise; terms of a model object are as it has them.
-    given : collection of str
-        Names of settings that were given, whatever their values.
-
-    Raises
-    ------
-    UnknownName
-        A setting that cannot be chosen.
-    """
+    """Settings that are left to be chosen."""
     wanted = (CHOSEN if choose else ()) if isinstance(choose, bool) else tuple(choose)
     for name in wanted:
         if name not in CHOSEN:

@@ -31,22 +31,7 @@ _SPEED = 0.2  # of the Stribeck part, in typical speeds
 def choose_terms(
     scoring: Scoring, robot: Robot, task: Task, recipe: Recipe, parts: Sequence[PreparedLog], free: frozenset[str]
 ) -> tuple[Task, Choice]:
-    """Choose the optional parameters of each drive.
-
-    Parameters
-    ----------
-    scoring : Scoring
-        Its target has no friction that grows with load.
-    robot : Robot
-        The whole robot.
-    task : Task
-    recipe : Recipe
-        With the chosen motion and presliding.
-    parts : sequence of PreparedLog
-        The trial's logs under that recipe.
-    free : frozenset of str
-        Settings that may be chosen.
-    """
+    """Choose the optional parameters of each drive."""
     kinds = frozenset(kind for kind, option in OPTIONS.items() if option in free)
     kinds |= {ROTOR} if "joint_rotors" in free else set()
     wide_task = _with_all(task, kinds, scoring, scoring.trial.statistics(scoring.target, parts, recipe), parts)

@@ -20,21 +20,11 @@ Estimate = Callable[[Array, Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """Squared errors in left-out blocks.
+    """Squared errors in left-out blocks."""
 
-    Parameters
-    ----------
-    squares : ndarray, shape (B, r)
-        Sums over the rows of each block and equation, errors below `NEGLIGIBLE` counted as that.
-    instants : int
-        Of all blocks.
-    sizes : ndarray, shape (r,)
-        Sums of the squared measurements.
-    """
-
-    squares: Array
-    instants: int
-    sizes: Array
+    squares: Array  # (B, r) sums over the rows of each block and equation, errors below `NEGLIGIBLE` counted as that
+    instants: int  # of all blocks
+    sizes: Array  # (r,) sums of the squared measurements
 
     @property
     def score(self) -> float:
@@ -52,19 +42,7 @@ class LeftOut:
         return np.asarray(self.instants / self.squares.sum(axis=0))
 
     def gain_over(self, other: LeftOut) -> tuple[float, float]:
-        """By how much the score is better than another, and the standard error of that (jackknife over the blocks).
-
-        Parameters
-        ----------
-        other : LeftOut
-            On the same rows.
-
-        Returns
-        -------
-        gain : float
-            Positive if this one is better.
-        deviation : float
-        """
+        """By how much the score is better than another, and the standard error of that (jackknife over the blocks)."""
         mine, theirs = (each.squares.sum(axis=0) - each.squares for each in (self, other))
         gains = np.log(theirs / mine).mean(axis=1) / 2  # without one block after the other
         deviation = np.sqrt((gains.size - 1) / gains.size * np.sum((gains - gains.mean()) ** 2))
@@ -78,19 +56,7 @@ def left_out(
     *,
     judged: BlockStatistics | None = None,
 ) -> LeftOut:
-    """Predict every block from the others.
-
-    Parameters
-    ----------
-    statistics : BlockStatistics
-    estimate : callable, optional
-        Estimate, shape (p,), from the sums of the other blocks, shape (r, p + 1, p + 1), and the equations' weights,
-        shape (r,); weighted least squares if not given.
-    weights : ndarray, shape (r,), optional
-        Inverse variances of the equations to begin with.
-    judged : BlockStatistics, optional
-        Of the rows by which the predictions are judged, in the same blocks; all rows if not given.
-    """
+    """Predict every block from the others."""  # estimate (p,); weights (r,)
     judged = statistics if judged is None else judged
     sizes = np.maximum(judged.sizes, _SMALLEST * (judged.sizes.max() or 1.0))
     floor = NEGLIGIBLE**2 * sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
@@ -109,18 +75,7 @@ def left_out(
 
 
 def least_squares_of_products(products: Array, weights: Array) -> Array:
-    """Weighted least squares from sums of products.
-
-    Parameters
-    ----------
-    products : ndarray, shape (r, p + 1, p + 1)
-    weights : ndarray, shape (r,)
-        Inverse variances of the equations.
-
-    Returns
-    -------
-    ndarray, shape (p,)
-    """
+    """Weighted least squares from sums of products."""  # products (r, p + 1, p + 1); weights (r,)
     return _solutions(np.tensordot(weights, products, axes=1))
 
 

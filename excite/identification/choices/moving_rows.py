@@ -33,27 +33,14 @@ _WORTH = 0.01  # of the score
 
 @dataclass(frozen=True, eq=False)
 class RowChoice:
-    """By which rows settings are chosen, and what was chosen by them.
-
-    Parameters
-    ----------
-    scoring : Scoring
-    recipe : Recipe
-    choices : tuple of Choice
-    free : frozenset of str
-        Settings that are still to be chosen by these rows.
-    least : float
-        Speed below which rows have no part in it, of the typical one.
-    spoilt : bool
-        False where rows near standstill are known to be predicted as well as the others.
-    """
+    """By which rows settings are chosen, and what was chosen by them."""
 
     scoring: Scoring
     recipe: Recipe
     choices: tuple[Choice, ...]
-    free: frozenset[str]
-    least: float = 0.0
-    spoilt: bool = True
+    free: frozenset[str]  # settings that are still to be chosen by these rows
+    least: float = 0.0  # speed below which rows have no part in it, of the typical one
+    spoilt: bool = True  # False where rows near standstill are known to be predicted as well as the others
 
 
 def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], free: frozenset[str]) -> RowChoice:
@@ -63,14 +50,6 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     rows of moving drives as well, with the delay of fast ones; and where the delay predicts the rows of fast drives no
     better than none, which is what friction does near standstill, by all rows with the delay of fast ones. The best of
     these is taken if it predicts the rows of moving drives clearly better.
-
-    Parameters
-    ----------
-    scoring : Scoring
-        Its target has the exact sign.
-    plain : Recipe
-    cutoffs, free
-        See `choose_cutoff_and_timing`.
     """
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, free)
     every = RowChoice(scoring, recipe, choices, free)

@@ -14,27 +14,14 @@ _PIECES = 5
 
 @dataclass(frozen=True, eq=False)
 class LogPiece:
-    """A stretch of a log without faulty rows.
-
-    Parameters
-    ----------
-    log : Log
-    left_out : tuple of (float, float)
-        First and last instant of what makes no equations [s].
-    """
+    """A stretch of a log without faulty rows."""
 
     log: Log
-    left_out: Spans
+    left_out: Spans  # first and last instant of what makes no equations [s]
 
 
 def pieces_of(part: PreparedLog) -> list[LogPiece]:
-    """The exciting stretch of a log, or evenly spaced pieces of a very long one.
-
-    Parameters
-    ----------
-    part : PreparedLog
-        Under the settings to begin with.
-    """
+    """The exciting stretch of a log, or evenly spaced pieces of a very long one."""
     log = part.log
     if log.count <= _LONGEST:
         return [LogPiece(log, part.left_out)]

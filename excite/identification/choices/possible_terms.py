@@ -10,16 +10,7 @@ from regressors.robot.robot import Robot
 
 
 def possible_terms(robot: Robot, task: Task, free: frozenset[str]) -> frozenset[str]:
-    """The settings without parameters that a task's model refuses, such as load shares of the energy model.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-    free : frozenset of str
-        Settings.
-    """
+    """The settings without parameters that a task's model refuses, such as load shares of the energy model."""
     return free - {name for name in free & TERM_SETTINGS if not _is_possible(robot, task, name)}
 
 

@@ -16,15 +16,7 @@ _WITHIN = (10.0, 3.0, 1.0)  # of the described bodies, in their sizes
 
 
 def best_pulled(target: IdentificationTarget, described: Mapping[str, float], statistics: BlockStatistics) -> Estimate:
-    """`pulled_least_squares` with the deviation that predicts left-out blocks best.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    described : mapping of str to float
-    statistics : BlockStatistics
-        In the target's base columns.
-    """
+    """`pulled_least_squares` with the deviation that predicts left-out blocks best."""
     every = range(target.base.rank)
     estimates = [pulled_least_squares(target, described, within, every) for within in _WITHIN]
     return min(estimates, key=lambda estimate: left_out(statistics, estimate).score)
@@ -33,18 +25,7 @@ def best_pulled(target: IdentificationTarget, described: Mapping[str, float], st
 def pulled_least_squares(
     target: IdentificationTarget, described: Mapping[str, float], within: float, columns: Sequence[int]
 ) -> Estimate:
-    """Least squares with the prior ``beta ~ N(A theta0, A D^2 A')`` of the base parameters that bodies are part of.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    described : mapping of str to float
-        theta0.
-    within : float
-        See `excite.identification.estimators.standard.near_described`, which gives D.
-    columns : sequence of int
-        Base columns that are estimated.
-    """
+    """Least squares with the prior ``beta ~ N(A theta0, A D^2 A')`` of the base parameters that bodies are part of."""
     definition, names = target.model.definition()
     A = np.asarray(target.base.D @ definition)[list(columns)]
     pull = near_described(target.model, described, within)

@@ -22,35 +22,16 @@ _LOGS = 8  # whose motion is kept as splines
 
 @dataclass(frozen=True, eq=False)
 class TrialRows:
-    """Equations of one log under one delay.
+    """Equations of one log under one delay."""
 
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With a model of single instants.
-    part : PreparedLog
-    delay : float
-        Of the measurements after the motion, beyond that of the part [s].
-    time : ndarray, shape (N,)
-        Trial instants [s].
-    rows : ndarray of int, shape (N,)
-        Of the part at these instants.
-    motion : Samples
-        The whole delayed motion.
-    W : ndarray, shape (N, r, b)
-        Fast along N. Its columns of directed friction are written by `regressor`.
-    directed : DirectedFriction, optional
-        None where the model has no friction torque at every instant.
-    """
-
-    target: IdentificationTarget
+    target: IdentificationTarget  # with a model of single instants
     part: PreparedLog
-    delay: float
-    time: Array
-    rows: Index
-    motion: Samples
-    W: Array
-    directed: DirectedFriction | None
+    delay: float  # of the measurements after the motion, beyond that of the part [s]
+    time: Array  # (N,) trial instants [s]
+    rows: Index  # (N,) of the part at these instants
+    motion: Samples  # the whole delayed motion
+    W: Array  # (N, r, b) fast along N. Its columns of directed friction are written by `regressor`
+    directed: DirectedFriction | None  # None where the model has no friction torque at every instant
 
     @classmethod
     def of(

@@ -16,19 +16,11 @@ from regressors.models.nominal import standard_values
 
 @dataclass(frozen=True, eq=False)
 class Scoring:
-    """Logs, the columns of a target, and an estimate.
-
-    Parameters
-    ----------
-    trial : Trial
-    target : IdentificationTarget
-    estimate : callable, optional
-        See `left_out`; weighted least squares if not given.
-    """
+    """Logs, the columns of a target, and an estimate."""
 
     trial: Trial
     target: IdentificationTarget
-    estimate: Estimate | None = None
+    estimate: Estimate | None = None  # see `left_out`; weighted least squares if not given
 
     def statistics(self, recipe: Recipe) -> BlockStatistics:
         """Sums of products under a recipe."""
@@ -40,13 +32,7 @@ class Scoring:
         return plain if self.estimate is None else left_out(statistics, self.estimate, plain.weights)
 
     def with_target(self, target: IdentificationTarget, recipe: Recipe) -> Scoring:
-        """Score in the columns of another target, with the described bodies if these were needed before.
-
-        Parameters
-        ----------
-        target : IdentificationTarget
-        recipe : Recipe
-        """
+        """Score in the columns of another target, with the described bodies if these were needed before."""
         other = replace(self, target=target, estimate=None)
         if self.estimate is None:
             return other
@@ -55,17 +41,7 @@ class Scoring:
 
 
 def scoring_of(trial: Trial, target: IdentificationTarget, recipe: Recipe, *, may_hold: bool) -> Scoring:
-    """Score by least squares; where few data determine too little, and possible bodies may predict better, with bodies.
-
-    Parameters
-    ----------
-    trial : Trial
-    target : IdentificationTarget
-    recipe : Recipe
-        To begin with.
-    may_hold : bool
-        Whether bodies may be held possible.
-    """
+    """Score by least squares; with possible bodies where few data determine too little."""
     plain = Scoring(trial, target)
     if not may_hold or not target.model.standard_columns:
         return plain

@@ -27,14 +27,6 @@ def choose_signals(scoring: Scoring, recipe: Recipe, *, whole: bool) -> tuple[Re
 
     The others have the bandwidth of the low-pass, so that one evaluation of each is enough. Averages over periods are
     not among them: they have other rows.
-
-    Parameters
-    ----------
-    scoring : Scoring
-    recipe : Recipe
-        With the chosen cutoff, presliding and delay.
-    whole : bool
-        Whether the trial's logs are whole logs, which may be periodic.
     """
     timed = replace(scoring, target=softened(scoring.target, recipe))
     recipes = _recipes(recipe, whole=whole, velocities=all(log.dq is not None for log in scoring.trial.logs))

@@ -25,17 +25,9 @@ _FACTORS = (0.25, 0.5, 2**-0.5, 1.0, 2**0.5, 2.0, 4.0)
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """When friction and torques act.
+    """When friction and torques act."""
 
-    Parameters
-    ----------
-    recipe : Recipe
-        With presliding and delay.
-    errors : LeftOut
-    choices : tuple of Choice
-    """
-
-    recipe: Recipe
+    recipe: Recipe  # with presliding and delay
     errors: LeftOut
     choices: tuple[Choice, ...]
 
@@ -46,16 +38,6 @@ def choose_timing(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]
     A friction that changes its direction late looks like a delay; so each kind of presliding is tried with its own best
     delay. Presliding over a distance is preferred where it predicts as well as the best, within a standard error or 5 %
     of the errors: only it has a direction at standstill, which exciting motions hardly show, but others do.
-
-    Parameters
-    ----------
-    scoring : Scoring
-        Its target has the exact sign.
-    recipe : Recipe
-    parts : sequence of PreparedLog
-        The trial's logs under that recipe.
-    free : frozenset of str
-        Settings that may be chosen: whether ``delay`` is among them.
     """
     step = min(1 / part.log.rate for part in parts)
     timings = [_timing(scoring, tried, parts, free, step) for tried in _slidings(scoring, recipe, parts)]

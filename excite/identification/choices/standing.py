@@ -24,20 +24,6 @@ def choose_standstill(
     """Choose the speed below which rows are left out, by the rows that every candidate keeps.
 
     The smallest speed is taken that is as good as the best within a standard error, and clearly better than none.
-
-    Parameters
-    ----------
-    scoring : Scoring
-        In the columns that were chosen.
-    recipe : Recipe
-        With the chosen motion and presliding.
-    parts : sequence of PreparedLog
-        The trial's logs under that recipe.
-    least : float
-        Of `excite.identification.standstill.SPEEDS`, below which other settings were not chosen.
-    needed : bool
-        Whether rows of slow drives are predicted worse than the others; if not, they stay, since what leaving them out
-        improves has another cause, such as friction that drifts.
     """
     candidates = standstill_candidates(scoring.target, parts)
     if len(candidates) < 2:

@@ -18,19 +18,7 @@ def time_blocks(times: Sequence[Array], count: int = COUNT) -> list[Index]:
 
     Neighbouring instants have nearly the same motion and noise; a block that is predicted from its neighbours across a
     gap shows more honestly how well another motion would be predicted [Roberts et al. 2017].
-
-    Parameters
-    ----------
-    times : sequence of ndarray, shape (N,)
-        Instants of each log [s].
-    count : int
-        Of the blocks of one log; several logs share them, each has two or more.
-
-    Returns
-    -------
-    list of ndarray of int, shape (N,)
-        Numbers count on from log to log.
-    """
+    """  # times (N,)
     each = max(2, -(-count // len(times)))
     numbers = []
     for k, time in enumerate(times):

@@ -24,13 +24,6 @@ def choose_delay(scored: Scored, step: float) -> tuple[float, Choice]:
     """Delay of the torques after the motion; zero where it does not predict left-out torques clearly better.
 
     Nor is a delay taken whose interval contains zero, or that is at the end of the range that is searched.
-
-    Parameters
-    ----------
-    scored : callable
-        Left-out errors at a delay [s].
-    step : float
-        Sample time [s].
     """
     zero = scored(0.0)
     tried = {0.0: zero}

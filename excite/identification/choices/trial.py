@@ -29,29 +29,14 @@ _INSTANTS = 6000  # of all logs together
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Logs, and the instants of each on which all settings are tried.
+    """Logs, and the instants of each on which all settings are tried."""
 
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    logs : tuple of Log
-    instants : tuple of ndarray
-        Of each log [s].
-    blocks : tuple of ndarray of int
-        Block of each instant.
-    friction : FrictionCurves, optional
-        Known friction, which is subtracted.
-    rows : tuple of ndarray of bool, shape (M, r), optional
-        Rows of each log's instants that count; all if not given.
-    """
-
-    robot: Robot
+    robot: Robot  # the whole robot
     logs: tuple[Log, ...]
-    instants: tuple[Array, ...]
-    blocks: tuple[Index, ...]
-    friction: FrictionCurves | None = None
-    rows: tuple[Mask, ...] | None = None
+    instants: tuple[Array, ...]  # of each log [s]
+    blocks: tuple[Index, ...]  # block of each instant
+    friction: FrictionCurves | None = None  # known friction, which is subtracted
+    rows: tuple[Mask, ...] | None = None  # (M, r) rows of each log's instants that count; all if not given
 
     _usable: dict[tuple[object, ...], list[UsableRows]] = field(default_factory=dict, repr=False)
     _recent: RecentRows = field(default_factory=RecentRows, repr=False)
@@ -71,21 +56,7 @@ class Trial:
         delay: float = 0.0,
         kept: Sequence[Mask] | None = None,
     ) -> BlockStatistics:
-        """Sums of products of every block.
-
-        Parameters
-        ----------
-        target : IdentificationTarget
-            With a model of single instants.
-        parts : sequence of PreparedLog
-            Of the same logs.
-        recipe : Recipe
-            With the presliding of friction.
-        delay : float
-            Of the measurements after the motion, beyond that of the recipe [s].
-        kept : sequence of ndarray of bool, shape (N, r), optional
-            Rows of each part's instants that count; all if not given.
-        """
+        """Sums of products of every block."""  # kept (N, r)
         equations = self.equations(target, parts, recipe, delay)
         if kept is not None:
             rows = [nearest(part.samples.time, time) for part, time in zip(parts, self.instants, strict=True)]
@@ -98,13 +69,7 @@ class Trial:
     def equations(
         self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: float = 0.0
     ) -> list[tuple[Array, Array]]:
-        """W, shape (N, r, b), and y, shape (N, r), of each log at its trial instants; valid until the next call.
-
-        Parameters
-        ----------
-        target, parts, recipe, delay
-            See `statistics`.
-        """
+        """W, shape (N, r, b), and y, shape (N, r), of each log at its trial instants; valid until the next call."""
         return [
             self._equations(target, part, recipe, time, delay) for part, time in zip(parts, self.instants, strict=True)
         ]
@@ -128,16 +93,7 @@ def _masked(equations: Sequence[tuple[Array, Array]], masks: Sequence[Mask]) -> 
 def trial_of(
     robot: Robot, pieces: Sequence[LogPiece], parts: Sequence[PreparedLog], friction: FrictionCurves | None = None
 ) -> Trial:
-    """Logs and trial instants: evenly spaced ones of prepared logs, without those that make no equations.
-
-    Parameters
-    ----------
-    robot : Robot
-    pieces : sequence of LogPiece
-    parts : sequence of PreparedLog
-        Of the pieces, under the recipe that cuts most at the ends.
-    friction : FrictionCurves, optional
-    """
+    """Logs and trial instants: evenly spaced ones of prepared logs, without those that make no equations."""
     total = sum(part.samples.time.size for part in parts)
     every = max(1, -(-total // _INSTANTS))
     kept = [part.samples.time[::every] for part in parts]

@@ -40,21 +40,6 @@ def huber(observations: Observations, threshold: float = THRESHOLD) -> Estimate:
     ``min(1, k / |u|)``; solved with modified residuals [Huber 1981, section 7.8], so that W is factored only once. The
     covariance is Huber's, ``K^2 (sum psi^2 / (m - p)) / mean(psi')^2 (W' Sigma^-1 W)^-1`` with
     ``K = 1 + p/m (1 - mean psi') / mean psi'`` [Huber 1981, section 7.6].
-
-    Parameters
-    ----------
-    observations : Observations
-    threshold : float
-        k, in standard deviations.
-
-    Returns
-    -------
-    Estimate
-
-    Raises
-    ------
-    InputError
-        A threshold that is not positive, no rows, numbers that are not finite.
     """
     if not threshold > 0:
         raise InputError(f"huber: the threshold must be greater than zero, given {threshold}")

@@ -28,24 +28,7 @@ def instrumental(observations: Observations, instruments: Array) -> Estimate:
     The triangular factor of ``[Z W y]`` holds ``Q'W`` and ``Q'y`` of ``Z = Q T`` in its first rows; with them
     ``beta = (Q'W)^-1 Q'y`` has the covariance ``(Q'W)^-1 (Q'W)^-T``, rows divided by their noise. The noise of
     each group is that of its residuals at this estimate, iterated until it converges.
-
-    Parameters
-    ----------
-    observations : Observations
-        m rows, p parameters.
-    instruments : ndarray, shape (m, p)
-        Z: the noise-free regressor of a simulated motion at the same instants. Iterating it with the identified
-        parameters is left to the caller.
-
-    Returns
-    -------
-    Estimate
-
-    Raises
-    ------
-    InputError
-        Instruments of another shape than W or not finite, no rows, numbers that are not finite.
-    """
+    """  # instruments (m, p)
     Z = np.asarray(instruments, dtype=float)
     if Z.shape != observations.W.shape:
         raise InputError(f"instruments have shape {Z.shape}, the observations' W has {observations.W.shape}")

@@ -18,21 +18,6 @@ def least_squares(observations: Observations) -> Estimate:
 
     The covariance is ``s^2 (W'W)^-1`` with ``s^2 = ||y - W beta||^2 / (m - p)``; with known noise of covariance Sigma
     it is ``(W'W)^-1 W' Sigma W (W'W)^-1``.
-
-    Parameters
-    ----------
-    observations : Observations
-        m rows, p parameters.
-
-    Returns
-    -------
-    Estimate
-        Its `noise` is that of each group's own residuals.
-
-    Raises
-    ------
-    InputError
-        No rows, or numbers that are not finite.
     """
     factors = GroupFactors.of(observations)
     solution = solve_triangular_system(factors.stacked(np.ones(factors.count.size)))
@@ -50,16 +35,7 @@ def least_squares(observations: Observations) -> Estimate:
 def plain_covariance(
     observations: Observations, factors: GroupFactors, solution: LinearSolution, variance: float
 ) -> Array:
-    """Covariance of an unweighted estimate, shape (p, p).
-
-    Parameters
-    ----------
-    observations : Observations
-    factors : GroupFactors
-    solution : LinearSolution
-    variance : float
-        Of the noise, used where it is not known beforehand; NaN gives infinite variances.
-    """
+    """Covariance of an unweighted estimate, shape (p, p)."""
     half = solution.half
     if observations.noise is None:
         return scaled_covariance(half, variance)
@@ -80,15 +56,7 @@ def residual_noise(observations: Observations, factors: GroupFactors, values: Ar
     """Known noise of each group, or the standard deviation of its residuals, shape (groups,).
 
     ``sigma_g^2 = ||y_g - W_g beta||^2 / (n_g - h_g)``; NaN for a group without redundant rows.
-
-    Parameters
-    ----------
-    observations : Observations
-    factors : GroupFactors
-    values : ndarray, shape (p,)
-    leverages : ndarray, shape (groups,)
-        Degrees of freedom h_g that the estimate takes from each group's rows.
-    """
+    """  # values (p,); leverages (groups,)
     if observations.noise is not None:
         return observations.noise.ravel()
     spare = factors.count - leverages

@@ -44,21 +44,6 @@ def log_cholesky(
 
     Solved by the Gauss-Newton method in a trust region, with the exact Jacobian. An optimum with a singular
     pseudo-inertia is approached, not reached.
-
-    Parameters
-    ----------
-    observations, model, base, pull, reference
-        As in `physical`.
-
-    Returns
-    -------
-    Estimate
-        With `standard`; its covariance is that of the unconstrained least squares.
-
-    Raises
-    ------
-    InputError
-        As in `physical`, or an entropic pull with all ten parameters of no body, or with impossible ones.
     """
     problem = weighting(observations)
     quadratic = pull if isinstance(pull, Quadratic) else None

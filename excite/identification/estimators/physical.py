@@ -57,32 +57,6 @@ def physical(
     Coulomb and viscous friction of zero or more, and the zeros and equalities of the robot's structure. The triangular
     factor enters as residuals, never as R'R. What the data does not determine stays near the reference. Where the
     weighted least-squares estimate is physically possible, the result equals it.
-
-    Parameters
-    ----------
-    observations : Observations
-        In the base columns.
-    model : RegressorModel
-    base : Base
-        Of the model.
-    pull : Quadratic or Entropic, optional
-        Prior knowledge, such as values of a CAD model.
-    reference : mapping of str to float, optional
-        Standard parameters near which undetermined ones stay; those of the robot's description if not given.
-    least : float
-        Smallest eigenvalue of a pseudo-inertia [of kg m^2 and kg together].
-
-    Returns
-    -------
-    Estimate
-        With `standard`; its covariance is that of the unconstrained least squares.
-
-    Raises
-    ------
-    InputError
-        Observations in other columns, a bound that is not positive; see `weighted`.
-    ConicSolverError
-        The conic solver found no solution.
     """
     if not (np.isfinite(least) and least > 0):
         raise InputError(f"physical: the least eigenvalue must be a positive number, given {least}")
@@ -107,18 +81,7 @@ def possible_fit(
     pull: Quadratic | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> Array:
-    """Base parameters of `physical`, shape (b,), without what else belongs to an estimate.
-
-    Parameters
-    ----------
-    observations, model, base, pull, reference
-        See `physical`.
-
-    Raises
-    ------
-    InputError, ConicSolverError
-        See `physical`.
-    """
+    """Base parameters of `physical`, shape (b,), without what else belongs to an estimate."""
     standard = standard_problem(observations, weighting(observations), model, base, pull, reference)
     return np.asarray(standard.A @ _minimiser(standard, LEAST)[0])
 
@@ -126,22 +89,7 @@ def possible_fit(
 def nearest_possible(
     standard: StandardProblem, least: float = LEAST, shares: Sequence[float] = ()
 ) -> tuple[Array, bool]:
-    """Possible standard parameters nearest the reference, and whether they have the residuals of least squares.
-
-    Parameters
-    ----------
-    standard : StandardProblem
-    least : float
-        See `physical`.
-    shares : sequence of float
-        Parts of its reference that every pseudo-inertia is to keep, ``J(theta_i) >= share J0_i``, tried one after the
-        other: bodies at the bound of what is possible have no thickness.
-
-    Raises
-    ------
-    ConicSolverError
-        The conic solver found no solution.
-    """
+    """Possible standard parameters nearest the reference, and whether they have the residuals of least squares."""
     for share in (*shares, 0.0):
         theta = _unchanged(standard, least, share)
         if theta is not None:

@@ -39,20 +39,12 @@ Block = tuple[Array, Array, object]  # A, b and the cone of b - A x
 
 @dataclass(frozen=True, eq=False)
 class PossibleSet:
-    """``M_i + sum_k B_ik z_k > 0`` of every body, ``c_j + b_j z > 0`` of every positive parameter.
+    """``M_i + sum_k B_ik z_k > 0`` of every body, ``c_j + b_j z > 0`` of every positive parameter."""
 
-    Parameters
-    ----------
-    M : ndarray, shape (bodies, 4, 4)
-    B : ndarray, shape (bodies, 4, 4, d)
-    c : ndarray, shape (k,)
-    b : ndarray, shape (k, d)
-    """
-
-    M: Array
-    B: Array
-    c: Array
-    b: Array
+    M: Array  # (bodies, 4, 4)
+    B: Array  # (bodies, 4, 4, d)
+    c: Array  # (k,)
+    b: Array  # (k, d)
 
     @property
     def size(self) -> int:
@@ -99,18 +91,8 @@ class PossibleSet:
 def possible_set(
     standard: StandardProblem, origin: Array, slope: Array, lowest: Sequence[Array], scaling: Sequence[Array]
 ) -> PossibleSet:
-    """Possible robots among ``theta = origin + slope @ z``.
-
-    Parameters
-    ----------
-    standard : StandardProblem
-    origin : ndarray, shape (t,)
-    slope : ndarray, shape (t, d)
-    lowest : sequence of ndarray, shape (4, 4) each
-        ``J_i - lowest_i`` is to be positive definite.
-    scaling : sequence of ndarray, shape (4, 4) each
-        T of every body: ``T J_i T'`` is near one in size.
-    """
+    """Possible robots among ``theta = origin + slope @ z``."""
+    # origin (t,); slope (t, d); lowest (4, 4); scaling (4, 4)
     d = slope.shape[1]
     M, B = np.zeros((len(standard.bodies), 4, 4)), np.zeros((len(standard.bodies), 4, 4, d))
     for k, (body, least, T) in enumerate(zip(standard.bodies, lowest, scaling, strict=True)):
@@ -135,25 +117,8 @@ def own_scale(reference: Array) -> Array:
 
 
 def nearest(possible: PossibleSet, inside: Array | None = None) -> tuple[Array, tuple[str, ...]]:
-    """The possible point nearest the origin of the coordinates, to the solver's tolerance, and what to say of it.
-
-    Parameters
-    ----------
-    possible : PossibleSet
-    inside : ndarray, shape (d,), optional
-        A point that is possible: what the origin is moved towards where the solver finds nothing.
-
-    Returns
-    -------
-    z : ndarray, shape (d,)
-    notes : tuple of str
-        Empty where the solver reached its tolerance.
-
-    Raises
-    ------
-    ConicSolverError
-        Nothing is possible, or the solver found no possible point and none was given.
-    """
+    """The possible point nearest the origin of the coordinates, to the solver's tolerance, and what to say of it."""
+    # inside (d,); result (d,)
     d = possible.size
     if possible.margins(np.zeros((1, d))).min(initial=0.0) >= 0:
         return np.zeros(d), ()
@@ -172,29 +137,8 @@ def nearest(possible: PossibleSet, inside: Array | None = None) -> tuple[Array, 
 def conic_solution(
     possible: PossibleSet, P: scipy.sparse.csc_matrix, q: Array, blocks: Sequence[Block]
 ) -> tuple[Array, tuple[str, ...]]:
-    """Minimise ``x' P x / 2 + q' x`` subject to the blocks; x begins with the coordinates of a possible set.
-
-    Parameters
-    ----------
-    possible : PossibleSet
-        In which the solution is checked.
-    P : sparse matrix, shape (n, n)
-        Its upper triangle is read.
-    q : ndarray, shape (n,)
-    blocks : sequence of tuple
-        A, b and cone of each.
-
-    Returns
-    -------
-    x : ndarray, shape (n,)
-    notes : tuple of str
-        Empty where the solver reached its tolerance.
-
-    Raises
-    ------
-    ConicSolverError
-        Nothing is possible, or no try of the solver ended with a possible point.
-    """
+    """Minimise ``x' P x / 2 + q' x`` subject to the blocks; x begins with the coordinates of a possible set."""
+    # P (n, n); q (n,); result (n,)
     A, b, cones = zip(*blocks, strict=True)
     rows, right = scipy.sparse.csc_matrix(np.concatenate(A)), np.concatenate(b)
     upper = scipy.sparse.triu(P, format="csc")

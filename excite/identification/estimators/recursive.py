@@ -34,28 +34,7 @@ def recursive(observations: Observations, prior: float = PRIOR, forgetting: floa
     ``X_{L+1} = X_L + P_{L+1} d_L (y_L - d_L' X_L)``, ``P_{L+1} = P_L - P_L d_L d_L' P_L / (1 + d_L' P_L d_L)``,
     from ``P_0 = c E``, ``X_0 = 0`` [KD96] eq. (17), (18), read with P_L as the last factor of (18). After the last
     row it is the minimiser of ``||W X - y||^2 + ||X||^2 / c``.
-
-    Parameters
-    ----------
-    observations : Observations
-        m rows, p parameters.
-    prior : float
-        c; one number for all parameters, each in its own unit.
-    forgetting : float
-        Weight of an instant relative to the next one's, in (0, 1]; 1 forgets nothing.
-    every : int
-        Interval of the history in instants; the last one is always included.
-
-    Returns
-    -------
-    Estimate
-        With `history`: instants, shape (k,) [s], and estimates after them, shape (k, p).
-
-    Raises
-    ------
-    InputError
-        Settings outside their range, no rows, numbers that are not finite.
-    """
+    """  # result (k,)
     if not (np.isfinite(prior) and prior > 0):
         raise InputError(f"recursive: the prior c must be a positive number, given {prior}")
     if not 0 < forgetting <= 1:

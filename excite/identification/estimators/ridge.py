@@ -32,25 +32,7 @@ def ridge(observations: Observations, weight: float | None = None, reference: Ar
     the noise alone, is ``S^-1 V diag(f^2 / s^2) V' S^-1``: the bias ``S^-1 V diag(1 - f) V' S (beta_0 - beta)`` is not
     in it. If no weight is given, it minimises ``||e||^2 / (m - sum f)^2`` with the residuals e of the m rows [Golub,
     Heath, Wahba 1979].
-
-    Parameters
-    ----------
-    observations : Observations
-        m rows, p parameters.
-    weight : float, optional
-        Zero or more; by cross-validation if not given.
-    reference : ndarray, shape (p,), optional
-        beta_0, which the estimate is pulled towards; zero if not given.
-
-    Returns
-    -------
-    Estimate
-
-    Raises
-    ------
-    InputError
-        A negative or infinite weight, a reference of another shape or not finite, no rows, numbers that are not finite.
-    """
+    """  # reference (p,)
     if weight is not None and not (np.isfinite(weight) and weight >= 0):
         raise InputError(f"ridge: the weight must be zero or a positive number, given {weight}")
     p = observations.W.shape[1]

@@ -33,15 +33,9 @@ _EXACT_NOTE = "the data has hardly any noise: possible bodies fit it to about 1e
 
 @dataclass(frozen=True)
 class Quadratic:
-    """Prior knowledge of single parameters: adds ``sum ((theta_k - value_k) / deviation_k)^2 / 2``.
+    """Prior knowledge of single parameters: adds ``sum ((theta_k - value_k) / deviation_k)^2 / 2``."""
 
-    Parameters
-    ----------
-    values, deviations : mapping of str to float
-        Standard parameters and their prior standard deviations, for the same names.
-    """
-
-    values: Mapping[str, float]
+    values: Mapping[str, float]  # standard parameters and their prior standard deviations, for the same names
     deviations: Mapping[str, float]
 
     def __post_init__(self) -> None:
@@ -57,17 +51,10 @@ class Entropic:
     """Prior knowledge of whole bodies: adds ``weight * sum_i d(J_i || J0_i)`` [Lee, Wensing, Park 2020].
 
     ``d(J || J0) = tr(J0^-1 J) - log det(J0^-1 J) - 4`` depends neither on units nor on the frame.
-
-    Parameters
-    ----------
-    values : mapping of str to float
-        Standard parameters; a body is pulled if all ten of its parameters are given.
-    weight : float
-        In units of half a squared standard deviation of the noise.
     """
 
-    values: Mapping[str, float]
-    weight: float
+    values: Mapping[str, float]  # standard parameters; a body is pulled if all ten of its parameters are given
+    weight: float  # in units of half a squared standard deviation of the noise
 
     def __post_init__(self) -> None:
         if not self.weight > 0:
@@ -79,53 +66,27 @@ Pull = Quadratic | Entropic
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Ten of the standard parameters that belong to one rigid body.
-
-    Parameters
-    ----------
-    name : str
-    index : ndarray of int, shape (10,)
-    reference : ndarray, shape (4, 4)
-        A possible pseudo-inertia of its size.
-    """
+    """Ten of the standard parameters that belong to one rigid body."""
 
     name: str
-    index: Index
-    reference: Array
+    index: Index  # (10,)
+    reference: Array  # (4, 4) A possible pseudo-inertia of its size
 
 
 @dataclass(frozen=True, eq=False)
 class StandardProblem:
-    """``min ||G theta - r||^2 / 2 + ||(theta - prior) / deviation||^2 / 2`` over possible standard parameters.
-
-    Parameters
-    ----------
-    names : tuple of str, length t
-    A : ndarray, shape (b, t)
-        ``beta = A theta``.
-    G : ndarray, shape (k, t)
-        ``R A`` with the triangular factor R of the rows divided by their noise.
-    r : ndarray, shape (k,)
-    S : ndarray, shape (t, f)
-        ``theta = S phi``: the robot's structure, zeros and equal parameters.
-    bodies : tuple of Body
-    positive : ndarray of int
-        Rotor inertias and friction coefficients.
-    scale : ndarray, shape (t,)
-        Typical size of each parameter.
-    prior, deviation : ndarray, shape (t,)
-    """
+    """``min ||G theta - r||^2 / 2 + ||(theta - prior) / deviation||^2 / 2`` over possible standard parameters."""
 
     names: tuple[str, ...]
-    A: Array
-    G: Array
-    r: Array
-    S: Array
+    A: Array  # (b, t) ``beta = A theta``
+    G: Array  # (k, t) ``R A`` with the triangular factor R of the rows divided by their noise
+    r: Array  # (k,)
+    S: Array  # (t, f) ``theta = S phi``: the robot's structure, zeros and equal parameters
     bodies: tuple[Body, ...]
-    positive: Index
-    scale: Array
-    prior: Array
-    deviation: Array = field(repr=False)
+    positive: Index  # rotor inertias and friction coefficients
+    scale: Array  # (t,) typical size of each parameter
+    prior: Array  # (t,)
+    deviation: Array = field(repr=False)  # (t,)
 
     def objective(self, theta: Array) -> float:
         """Value of the objective for given standard parameters."""
@@ -145,27 +106,7 @@ def standard_problem(
     pull: Quadratic | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> StandardProblem:
-    """Set up the problem for observations in a model's base columns.
-
-    Parameters
-    ----------
-    observations : Observations
-    problem : GroupWeights
-        Of the observations.
-    model : RegressorModel
-    base : Base
-        Of the model; the observations have its columns.
-    pull : Quadratic, optional
-    reference : mapping of str to float, optional
-        Values near which undetermined parameters stay; those of the robot's description if not given.
-
-    Raises
-    ------
-    InputError
-        Observations in other columns than the base's.
-    UnknownName
-        A pull on a parameter that the model does not have.
-    """
+    """Set up the problem for observations in a model's base columns."""
     if observations.names != base.names:
         raise InputError(
             f"observations have the parameters {', '.join(observations.names)}, "
@@ -198,21 +139,8 @@ def problem_of_factor(
     pull: Quadratic | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> StandardProblem:
-    """Set up the problem for a triangular factor of a model's base columns, ``min ||R A theta - r||``.
-
-    Parameters
-    ----------
-    R : ndarray, shape (k, b)
-        In units of the noise, as all deviations.
-    r : ndarray, shape (k,)
-    model, base, pull, reference
-        See `standard_problem`.
-
-    Raises
-    ------
-    UnknownName
-        A pull on a parameter that the model does not have.
-    """
+    """Set up the problem for a triangular factor of a model's base columns, ``min ||R A theta - r||``."""
+    # R (k, b); r (k,)
     definition, names = model.definition()
     A = np.asarray(base.D @ definition)
     known = standard_values(model.robot) if reference is None else reference
@@ -268,17 +196,7 @@ def _bodies(
 
 
 def near_described(model: RegressorModel, described: Mapping[str, float], within: float) -> Quadratic:
-    """Pull of every body that is described towards its description.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    described : mapping of str to float
-        Standard parameters; a body is pulled if all ten of its parameters are known and possible.
-    within : float
-        Standard deviation of a parameter, in units of the body's size: its mass m for the mass, ``m l`` and ``m l^2``
-        for the moments, l its radius of gyration.
-    """
+    """Pull of every body that is described towards its description."""
     values: dict[str, float] = {}
     deviations: dict[str, float] = {}
     columns = model.standard_columns

@@ -24,27 +24,7 @@ def total(observations: Observations, ratio: float = 1.0, column_noise: Array | 
     singular vector of the smallest singular value of ``[W N^-1, y]``; the covariance is the large-sample one,
     ``s^2 (1 + |x|^2) (D^-1 + sigma^2 D^-1 (E + x x')^-1 D^-1)`` with ``x = N beta``, ``D = N^-1 W'W N^-1 - sigma^2 E``,
     sigma the smallest singular value, ``s^2 = sigma^2 / (m - p)`` [Gleser 1981].
-
-    Parameters
-    ----------
-    observations : Observations
-        m rows, p parameters.
-    ratio : float
-        Relative error of every column over that of y, for ``nu_j = ratio ||W_j|| / ||y||``; used where `column_noise`
-        is not given.
-    column_noise : ndarray, shape (p,), optional
-        ``nu_j`` [1 / unit of parameter j].
-
-    Returns
-    -------
-    Estimate
-
-    Raises
-    ------
-    InputError
-        A negative or infinite ratio or column noise, no rows, numbers that are not finite, errors in the columns that
-        are as large as the columns.
-    """
+    """  # column_noise (p,)
     problem = weighting(observations)
     nu, note = _column_noise(observations, problem, ratio, column_noise)
     R, p = problem.R, observations.W.shape[1]

@@ -14,22 +14,7 @@ from excite.identification.weights import GroupWeights, weighting
 
 
 def weighted(observations: Observations) -> Estimate:
-    """Minimiser of ``sum_g ||y_g - W_g beta||^2 / sigma_g^2`` with covariance ``(W' Sigma^-1 W)^-1``.
-
-    Parameters
-    ----------
-    observations : Observations
-        Known noise is used; else that of each group's residuals, see `excite.identification.weights`.
-
-    Returns
-    -------
-    Estimate
-
-    Raises
-    ------
-    InputError
-        No rows, numbers that are not finite, or known noise that is not positive.
-    """
+    """Minimiser of ``sum_g ||y_g - W_g beta||^2 / sigma_g^2`` with covariance ``(W' Sigma^-1 W)^-1``."""
     return weighted_estimate("weighted", observations, weighting(observations))
 
 
@@ -43,14 +28,7 @@ def weighted_estimate(method: str, observations: Observations, problem: GroupWei
 
 
 def shown_by(observations: Observations, problem: GroupWeights | None = None) -> Estimability:
-    """Which parameters are identifiable from observations, each row weighted by its noise.
-
-    Parameters
-    ----------
-    observations : Observations
-    problem : GroupWeights, optional
-        Of the observations, if already computed.
-    """
+    """Which parameters are identifiable from observations, each row weighted by its noise."""
     problem = problem if problem is not None else weighting(observations)
     return estimability(problem.solution, observations.names, problem.variance, problem.freedom)
 

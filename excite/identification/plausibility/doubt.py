@@ -7,21 +7,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Doubt:
-    """A reason to doubt a result.
+    """A reason to doubt a result."""
 
-    Parameters
-    ----------
-    what : str
-        What cannot be right, with its numbers.
-    cause : str
-        Why, as far as the data show it.
-    cure : str
-        What to do, with options in backticks.
-    """
-
-    what: str
-    cause: str
-    cure: str
+    what: str  # what cannot be right, with its numbers
+    cause: str  # why, as far as the data show it
+    cure: str  # what to do, with options in backticks
 
     @property
     def text(self) -> str:

@@ -38,12 +38,7 @@ if TYPE_CHECKING:
 
 
 def doubts_of(result: Identification) -> tuple[Doubt, ...]:
-    """Reasons why a result cannot be right; empty if there are none.
-
-    Parameters
-    ----------
-    result : Identification
-    """
+    """Reasons why a result cannot be right; empty if there are none."""
     target = instantaneous_target(result.robot, result.task, result.recipe)
     noise = _derivatives(result)
     checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
@@ -57,12 +52,7 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
 
 
 def warnings_of(result: Identification) -> tuple[Doubt, ...]:
-    """What the logs do not determine, although the result may be right; empty if there is nothing.
-
-    Parameters
-    ----------
-    result : Identification
-    """
+    """What the logs do not determine, although the result may be right; empty if there is nothing."""
     target = instantaneous_target(result.robot, result.task, result.recipe)
     if target.base.names != result.names or _residual_size(result) > LARGEST:  # such a residual is no noise
         return ()

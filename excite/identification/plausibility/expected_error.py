@@ -22,17 +22,10 @@ _LEAST = 1e-12  # of the largest eigenvalue
 
 @dataclass(frozen=True)
 class ExpectedError:
-    """Expected error of predictions on other motions, as part of the torque.
+    """Expected error of predictions on other motions, as part of the torque."""
 
-    Parameters
-    ----------
-    logs : float
-        With what these logs determine.
-    designed : float, optional
-        With one motion of their length that was chosen among some for it; None where it cannot be told.
-    """
-
-    logs: float
+    logs: float  # with what these logs determine
+    # with one motion of their length that was chosen among some for it; None where it cannot be told
     designed: float | None
 
 
@@ -49,17 +42,6 @@ def expected_error(
     square of the residuals of equation j times rows over effective rows, since they are correlated. It has no part
     from errors of the model, nor from what the estimator knows beyond the data: it says what the data determine. The
     designed motion is the one with the least error among the random ones, as long as the logs and as noisy.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With a model at single instants, of the parameters of the observations.
-    observations : Observations
-    estimate : Estimate
-        From which the residuals follow, by any estimator.
-    travelled : Samples
-        The motion of the logs.
-    seed : int
     """
     rng = np.random.default_rng(seed)
     r = len(target.model.row_labels)

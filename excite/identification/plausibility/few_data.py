@@ -10,18 +10,7 @@ _USEFUL = 0.8  # of the error: a designed motion that does not gain more is not 
 
 
 def few_data(logs: int, expected: ExpectedError, method: str, excess: float = 0.0) -> Doubt | None:
-    """Warning where predictions on other motions are expected to fail by the noise of the logs alone, or did fail.
-
-    Parameters
-    ----------
-    logs : int
-        Number of logs.
-    expected : ExpectedError
-    method : str
-        Registered name of the estimator.
-    excess : float
-        Relative error of least squares in blocks that were left out, beyond that of the rows identified from.
-    """
+    """Warning where predictions on other motions are expected to fail by the noise of the logs alone, or did fail."""
     if not max(expected.logs, excess) > LARGEST:
         return None
     what, noise = ("this log is", "its noise") if logs == 1 else (f"these {logs} logs are", "their noise")

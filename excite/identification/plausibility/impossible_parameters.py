@@ -26,11 +26,6 @@ def signs_of_bodies(base: Base) -> Array:
     A base parameter is ``sum_b tr(A_b J_b)`` over the pseudo-inertias J_b of the bodies, which are positive
     semi-definite [Wensing et al. 2018], plus rotor inertias and friction, which are not negative. It has one sign if
     all A_b are semi-definite of that sign; 0 where it may have either.
-
-    Parameters
-    ----------
-    base : Base
-        Whose columns are parameters of bodies and drives; any other kind of parameter may have either sign.
     """
     owners: dict[object, list[int]] = {}
     for j, column in enumerate(base.columns):
@@ -75,16 +70,7 @@ def impossible_parameters(estimate: Estimate, base: Base, shares: Array, noise: 
 
     The intervals hold for all tested parameters at once with 99 % (Bonferroni). Parameters that make less than 1 % of
     the torques are not tested.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    base : Base
-        Of its parameters.
-    shares : ndarray, shape (b,)
-        ``||W_j beta_j|| / ||y||``.
-    noise : NoisyDerivatives
-    """
+    """  # shares (b,)
     sign = np.where(shares > _NEGLIGIBLE, signs_of_bodies(base), 0.0)
     tested = max(int(np.count_nonzero(sign)), 1)
     half = scipy.stats.t.ppf(1 - (1 - CONFIDENCE) / (2 * tested), max(estimate.degrees_of_freedom, 1))
@@ -118,15 +104,8 @@ def _cause(kinds: set[str]) -> str:
 
 
 def heavier_than_described(identified: Array, described: Array, most: float = 100.0) -> Doubt | None:
-    """Doubt where the torques of gravity are those of masses over 100 times the described ones.
-
-    Parameters
-    ----------
-    identified, described : ndarray, shape (N, r)
-        Torques at rest in the same poses, of the estimate and of the robot's description [units of the equations].
-    most : float
-        Largest ratio.
-    """
+    """Doubt where the torques of gravity are those of masses over 100 times the described ones."""
+    # identified, described (N, r)
     size = float(np.linalg.norm(described))
     ratio = float(np.linalg.norm(identified)) / size if size > 0 else 0.0
     if not ratio > most:
@@ -139,14 +118,7 @@ def heavier_than_described(identified: Array, described: Array, most: float = 10
 
 
 def described_coefficients(base: Base, known: Mapping[str, float]) -> Array | None:
-    """Base parameters of the described bodies, unknown friction and rotors as zero; None where a body is unknown.
-
-    Parameters
-    ----------
-    base : Base
-    known : mapping of str to float
-        See `regressors.models.nominal.standard_values`.
-    """
+    """Base parameters of the described bodies, unknown friction and rotors as zero; None where a body is unknown."""
     bodies = [column for column in base.columns if column.kind in BODY_KINDS]
     if not bodies or any(column.name not in known for column in bodies):
         return None

@@ -16,41 +16,19 @@ _ODD = 1.3  # factor from which on a measurement counts as scaled
 
 @dataclass(frozen=True)
 class ResidualCauses:
-    """What is known of a large residual.
+    """What is known of a large residual."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Of the equations.
-    factors : WrongFactors
-    noisy : NoisyDerivatives
-    terms : dict of str to float
-        Share that ``friction``, ``rotor`` and ``offset`` explain, which the model may have or not.
-    per_joint : tuple of float
-        Share that all of these terms explain in each equation.
-    without_curve : tuple of str
-        Drives that move and have no friction curve, where friction is known.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the equations
     factors: WrongFactors
     noisy: NoisyDerivatives
+    # share that ``friction``, ``rotor`` and ``offset`` explain, which the model may have or not
     terms: dict[str, float]
-    per_joint: tuple[float, ...]
-    without_curve: tuple[str, ...]
+    per_joint: tuple[float, ...]  # share that all of these terms explain in each equation
+    without_curve: tuple[str, ...]  # drives that move and have no friction curve, where friction is known
 
 
 def large_residual(relative: float, noise: float, causes: ResidualCauses) -> Doubt | None:
-    """Doubt where the residual, less the noise of the measurement, is above 30 % of what was measured.
-
-    Parameters
-    ----------
-    relative : float
-        Norm of the residual over that of the measurements.
-    noise : float
-        Norm of their noise over that of the measurements, as far as it is known to be noise.
-    causes : ResidualCauses
-    """
+    """Doubt where the residual, less the noise of the measurement, is above 30 % of what was measured."""
     unexplained = float(np.sqrt(max(relative**2 - noise**2, 0.0)))
     if not unexplained > LARGEST:
         return None

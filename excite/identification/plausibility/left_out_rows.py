@@ -8,15 +8,7 @@ MOST = 0.05  # of the exciting rows
 
 
 def left_out_rows(source: str, share: float) -> Doubt | None:
-    """Doubt where more than 5 % of the exciting rows are left out.
-
-    Parameters
-    ----------
-    source : str
-        Name of the log.
-    share : float
-        Left out, of its exciting rows.
-    """
+    """Doubt where more than 5 % of the exciting rows are left out."""
     if not share > MOST:
         return None
     return Doubt(

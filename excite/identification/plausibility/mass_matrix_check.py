@@ -23,28 +23,15 @@ _ROUNDING = 1e-9  # of the largest eigenvalue
 
 @dataclass(frozen=True, eq=False)
 class LeastInertia:
-    """The direction and pose in which an estimated robot has the least inertia.
+    """The direction and pose in which an estimated robot has the least inertia."""
 
-    Parameters
-    ----------
-    value : float
-        ``v' M(q) v`` [kg m^2, or with kg m and kg].
-    half_width : float
-        Half of its 99 % interval [the same unit]; infinite where it is not known. Since direction and pose are the
-        worst of all, it is that of all linear functions of the parameters at once, ``sqrt(chi2(b)) s`` [Scheffe 1953].
-    joint : str
-        The coordinate that takes the largest part in v.
-    pose : ndarray, shape (n,)
-        [rad or m]
-    positive : bool
-        M is positive definite in every pose that was tried.
-    """
-
-    value: float
+    value: float  # ``v' M(q) v`` [kg m^2, or with kg m and kg]
+    # half of its 99 % interval [the same unit]; infinite where it is not known. Since direction and pose are the
+    # worst of all, it is that of all linear functions of the parameters at once, ``sqrt(chi2(b)) s`` [Scheffe 1953]
     half_width: float
-    joint: str
-    pose: Array
-    positive: bool
+    joint: str  # the coordinate that takes the largest part in v
+    pose: Array  # (n,) [rad or m]
+    positive: bool  # M is positive definite in every pose that was tried
 
 
 def allowed_poses(robot: Robot, travelled: Array, seed: int = 0) -> Array:
@@ -52,19 +39,7 @@ def allowed_poses(robot: Robot, travelled: Array, seed: int = 0) -> Array:
 
     A revolute joint is tried over at most one turn about the middle of its range. One without a limit is tried over a
     whole turn about the poses of the log, a prismatic one as far as it travelled.
-
-    Parameters
-    ----------
-    robot : Robot
-    travelled : ndarray, shape (N, n)
-        Poses of the log [rad or m].
-    seed : int
-        Of Sobol's sequence.
-
-    Returns
-    -------
-    ndarray, shape (poses, n)
-    """
+    """  # travelled (N, n)
     low, high = robot.limits.lower.copy(), robot.limits.upper.copy()
     bounded = np.isfinite(low) & np.isfinite(high)
     low, high = np.where(bounded, low, travelled.min(axis=0)), np.where(bounded, high, travelled.max(axis=0))
@@ -83,21 +58,7 @@ def least_inertia(
     """The least inertia of an estimated robot over some poses.
 
     Coordinates are scaled by their own mean inertia, so that radians and metres, shoulder and wrist, compare.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-        With a model at single instants.
-    coefficients : ndarray, shape (b,)
-        Base parameters.
-    covariance : ndarray, shape (b, b)
-    poses : ndarray, shape (N, n)
-
-    Returns
-    -------
-    LeastInertia or None
-        None where the model's equations are not the torques of every moving coordinate.
-    """
+    """  # coefficients (b,); covariance (b, b); poses (N, n)
     K = mass_matrix_regressor(target, poses)
     if K is None:
         return None
@@ -122,16 +83,7 @@ def least_inertia(
 
 
 def mass_matrix_check(least: LeastInertia | None, method: str, noise: NoisyDerivatives) -> Doubt | None:
-    """Doubt where the mass matrix is not positive definite, which no real robot has.
-
-    Parameters
-    ----------
-    least : LeastInertia, optional
-        None where the model has no mass matrix.
-    method : str
-        Registered name of the estimator.
-    noise : NoisyDerivatives
-    """
+    """Doubt where the mass matrix is not positive definite, which no real robot has."""
     if least is None or least.positive:
         return None
     what = (

@@ -16,12 +16,6 @@ def other_motion(travelled: Samples, rng: np.random.Generator) -> Samples:
     Every joint is a Fourier series of five harmonics with random amplitudes, about the middle of its range. It is as
     large as range, root mean square of the velocity and that of the acceleration allow; the period follows from their
     ratio.
-
-    Parameters
-    ----------
-    travelled : Samples
-        The other motion.
-    rng : numpy.random.Generator
     """
     n = travelled.q.shape[1]
     low, high = travelled.q.min(axis=0), travelled.q.max(axis=0)

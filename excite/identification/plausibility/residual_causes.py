@@ -20,18 +20,10 @@ _STRETCH = 2**16  # rows of a long one
 
 @dataclass(frozen=True)
 class WrongFactors:
-    """Factors of the measurements with which the equations hold best.
+    """Factors of the measurements with which the equations hold best."""
 
-    Parameters
-    ----------
-    explained : float
-        Share of the squared residual, relative to what was measured, that they explain.
-    factors : tuple of float
-        Of each equation, their median being one.
-    """
-
-    explained: float
-    factors: tuple[float, ...]
+    explained: float  # share of the squared residual, relative to what was measured, that they explain
+    factors: tuple[float, ...]  # of each equation, their median being one
 
 
 def wrong_factors(observations: Observations) -> WrongFactors:
@@ -40,10 +32,6 @@ def wrong_factors(observations: Observations) -> WrongFactors:
     With ``Y = diag(s) y`` and Q an orthonormal basis of W's columns, ``||(1 - QQ') Y||^2 / ||Y||^2`` is a ratio of
     quadratic forms of s, r x r. One equation after the other gets the factor that lowers it most, as long as that
     halves it. A factor far from one, or negative, is a unit, a ratio or a sign that does not fit the others.
-
-    Parameters
-    ----------
-    observations : Observations
     """
     r = len(observations.equations)
     if observations.y.size > _MOST_ROWS:
@@ -90,18 +78,10 @@ def _projected(W: Array, Y: Array) -> Array:
 
 @dataclass(frozen=True)
 class NoisyDerivatives:
-    """Noise in the predictions, which comes from differentiated positions.
+    """Noise in the predictions, which comes from differentiated positions."""
 
-    Parameters
-    ----------
-    share : float
-        Its power over the squared residual.
-    above : float
-        Frequency above which the motion has no content [Hz].
-    """
-
-    share: float
-    above: float
+    share: float  # its power over the squared residual
+    above: float  # frequency above which the motion has no content [Hz]
 
     @property
     def cause(self) -> tuple[str, str] | None:
@@ -119,15 +99,7 @@ def noisy_derivatives(observations: Observations, predicted: Array, above: float
     """Power above the motion's frequencies that the residual has and the measurements have not, over all of its power.
 
     What the measurements have too is noise of theirs, or jumps of friction, which the predictions share.
-
-    Parameters
-    ----------
-    observations : Observations
-    predicted : ndarray, shape (m,)
-        Of every row.
-    above : float
-        Frequency above which the motion has no content [Hz].
-    """
+    """  # predicted (m,)
     residual = observations.y - predicted
     fast, total = 0.0, float(np.sum(residual**2))
     for _, rows in rows_of_groups(observations.group):
@@ -147,20 +119,8 @@ def _fast(x: Array, rate: float, above: float) -> float:
 
 
 def missing_terms(residual: Array, speed: Array, acceleration: Array) -> tuple[dict[str, float], Array]:
-    """What friction and rotors of its own joint explain of each joint's residual.
-
-    Parameters
-    ----------
-    residual, speed, acceleration : ndarray, shape (N, r)
-        Of each equation, and of its coordinate [Nm, rad/s, rad/s^2, or with N and m].
-
-    Returns
-    -------
-    of_terms : dict of str to float
-        Share of the squared residual that ``friction``, ``rotor`` and ``offset`` alone explain.
-    per_joint : ndarray, shape (r,)
-        Share that all of them explain in each equation, of the squared residual of all.
-    """
+    """What friction and rotors of its own joint explain of each joint's residual."""
+    # residual, speed, acceleration (N, r); result (r,)
     total = float(np.sum(residual**2))
     one = np.ones(len(residual))
     explained: dict[str, float] = dict.fromkeys(("friction", "rotor", "offset"), 0.0)

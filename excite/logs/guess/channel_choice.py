@@ -13,31 +13,16 @@ _SHOWN = 4
 
 @dataclass(frozen=True)
 class ChosenChannels:
-    """Channels of a log.
+    """Channels of a log."""
 
-    Parameters
-    ----------
-    groups : mapping of str to ChannelGroup
-        By quantity.
-    names : tuple of str or None
-        Of the joints; None for those of the robot, in order.
-    questions : tuple of (str, str)
-        What the names leave open, with the quantity that it is about; empty for the whole.
-    """
-
-    groups: Mapping[str, ChannelGroup]
-    names: tuple[str, ...] | None
+    groups: Mapping[str, ChannelGroup]  # by quantity
+    names: tuple[str, ...] | None  # of the joints; None for those of the robot, in order
+    # what the names leave open, with the quantity that it is about; empty for the whole
     questions: tuple[tuple[str, str], ...]
 
 
 def chosen_channels(groups: Sequence[ChannelGroup], robot: Robot | None) -> ChosenChannels:
-    """The likeliest channels.
-
-    Parameters
-    ----------
-    groups : sequence of ChannelGroup
-    robot : Robot, optional
-    """
+    """The likeliest channels."""
     questions: list[tuple[str, str]] = []
     candidates = [_of_robot(group, robot) for group in groups if group.quantity == "position" and group.measured]
     if not candidates:

@@ -15,40 +15,19 @@ _PREFERRED = frozenset({"actual", "measured", "meas", "state", "states", "joint"
 
 @dataclass(frozen=True)
 class ChannelGroup:
-    """Columns of one quantity.
+    """Columns of one quantity."""
 
-    Parameters
-    ----------
-    quantity : str
-        ``position``, ``velocity``, ``effort``, ``current``, ``temperature``, ``wrench``; empty where nothing says it.
-    stream : str
-    joints : tuple of str
-        Numbers or names, as the file has them.
-    columns : tuple of str
-        One for each of them.
-    unit : str
-        Empty where nothing states it.
-    why : str
-        Definition that says so; empty where it is by name.
-    common : tuple of str
-        Words that all names share beside quantity and joint.
-    measured : bool
-    how : str
-        It was found, the end of a sentence.
-    guessed : bool
-        Whether the columns themselves are to be asked for.
-    """
-
+    # ``position``, ``velocity``, ``effort``, ``current``, ``temperature``, ``wrench``; empty where nothing says it
     quantity: str
     stream: str
-    joints: tuple[str, ...]
-    columns: tuple[str, ...]
-    unit: str = ""
-    why: str = ""
-    common: tuple[str, ...] = ()
+    joints: tuple[str, ...]  # numbers or names, as the file has them
+    columns: tuple[str, ...]  # one for each of them
+    unit: str = ""  # empty where nothing states it
+    why: str = ""  # definition that says so; empty where it is by name
+    common: tuple[str, ...] = ()  # words that all names share beside quantity and joint
     measured: bool = True
-    how: str = "by their names"
-    guessed: bool = False
+    how: str = "by their names"  # it was found, the end of a sentence
+    guessed: bool = False  # whether the columns themselves are to be asked for
 
     @property
     def span(self) -> str:
@@ -70,12 +49,7 @@ class ChannelGroup:
 
 
 def channel_groups(contents: Contents) -> list[ChannelGroup]:
-    """All groups of columns of a recording.
-
-    Parameters
-    ----------
-    contents : Contents
-    """
+    """All groups of columns of a recording."""
     groups = []
     for stream in contents.streams:
         groups += [*_defined(stream), *_wrenches(stream), *_named(stream)]

@@ -18,32 +18,16 @@ _FIRST = ("__time", "time", "timestamp", "t")
 
 @dataclass(frozen=True)
 class Clock:
-    """A clock.
-
-    Parameters
-    ----------
-    column : str
-    unit : str
-        That the file states; empty if it does not.
-    why : str
-        A sentence, empty where there was nothing to choose.
-    certain : bool
-        Whether it is by definition or by name, and not by its numbers alone.
-    """
+    """A clock."""
 
     column: str
-    unit: str
-    why: str
-    certain: bool
+    unit: str  # that the file states; empty if it does not
+    why: str  # A sentence, empty where there was nothing to choose
+    certain: bool  # whether it is by definition or by name, and not by its numbers alone
 
 
 def clock_candidates(stream: StreamContents) -> tuple[str, ...]:
-    """Columns that may be the clock of a stream, the likeliest first; all where no name says so.
-
-    Parameters
-    ----------
-    stream : StreamContents
-    """
+    """Columns that may be the clock of a stream, the likeliest first; all where no name says so."""
     if stream.clocks:
         return stream.clocks
     named = [name for name in stream.columns if is_clock(stream.title(name), stream.units.get(name, ""))]
@@ -57,12 +41,6 @@ def chosen_clock(contents: StreamContents, stream: Stream) -> Clock | None:
 
     The first of its clocks that increases and agrees in duration with the others, such as the stamps in the headers of
     messages with the times at which these were received.
-
-    Parameters
-    ----------
-    contents : StreamContents
-    stream : Stream
-        With the candidates among its columns.
     """
     candidates = [name for name in clock_candidates(contents) if name in stream.columns]
     certain = bool(contents.clocks) or any(is_clock(contents.title(name)) for name in candidates)
@@ -82,12 +60,7 @@ def chosen_clock(contents: StreamContents, stream: Stream) -> Clock | None:
 
 
 def increases(values: Numbers) -> bool:
-    """Whether a clock runs forwards, but for a few steps that are zero.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-    """
+    """Whether a clock runs forwards, but for a few steps that are zero."""  # values (N,)
     there = values[~np.isnan(values)] if values.dtype.kind == "f" else values
     if there.size < 3 or not np.all(np.isfinite(there)):
         return False

@@ -311,20 +311,7 @@ def _capital(text: str) -> str:
 
 
 def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | None = None) -> tuple[LogGuess, Preloaded]:
-    """The guess of a recording that leaves no question, and what was read for it.
-
-    Parameters
-    ----------
-    path : Path
-    robot : Robot, optional
-    otherwise : InputError, optional
-        What else is wrong with the file; raised where no positions are recognised in it.
-
-    Raises
-    ------
-    InputError
-        There is a question, with the first one.
-    """
+    """The guess of a recording that leaves no question, and what was read for it."""
     try:
         form = recording_format(path)
         guess, loaded = _guess(form, path, form.glance, robot)

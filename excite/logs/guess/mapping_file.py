@@ -12,12 +12,7 @@ from regressors.errors import InputError
 
 
 def check_mapping_free(path: Path, *, replace: bool) -> None:
-    """Refuse to write a mapping where a file is, unless it is to be replaced.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse to write a mapping where a file is, unless it is to be replaced."""
     if path.is_dir():
         raise InputError(f"{path} is a folder; give the name of a file for the mapping")
     if path.exists() and not replace:
@@ -25,20 +20,7 @@ def check_mapping_free(path: Path, *, replace: bool) -> None:
 
 
 def write_mapping_file(guess: LogGuess, path: str | Path, *, replace: bool = False) -> None:
-    """Write the mapping of a guess, with what is known and what is asked as comments.
-
-    Parameters
-    ----------
-    guess : LogGuess
-    path : path
-    replace : bool
-        Whether a file that is there may be replaced.
-
-    Raises
-    ------
-    InputError
-        There is no mapping, the file exists, or it cannot be written.
-    """
+    """Write the mapping of a guess, with what is known and what is asked as comments."""
     text = mapping_text(guess)
     path = Path(path)
     if not path.name:

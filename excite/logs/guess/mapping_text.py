@@ -16,17 +16,7 @@ _SECTIONS = ("position", "velocity", "effort", "current", "temperature", "wrench
 
 
 def mapping_text(guess: LogGuess) -> str:
-    """Text of the mapping file of a guess.
-
-    Parameters
-    ----------
-    guess : LogGuess
-
-    Raises
-    ------
-    InputError
-        It has no mapping.
-    """
+    """Text of the mapping file of a guess."""
     if guess.mapping is None:
         raise InputError(f"{guess.contents.source}: no mapping can be written; {guess.questions[0]}")
     content = guess.mapping.model_dump(exclude_unset=True)

@@ -15,31 +15,16 @@ _WIDTH = 10  # rows over which a rate of change is taken
 
 @dataclass(frozen=True)
 class MotionColumns:
-    """Columns of positions, and those of their velocities, 0 for the first.
-
-    Parameters
-    ----------
-    positions, velocities : tuple of int
-    seen : int
-        Of how many joints the motion shows it.
-    """
+    """Columns of positions, and those of their velocities, 0 for the first."""
 
     positions: tuple[int, ...]
     velocities: tuple[int, ...]
-    seen: int
+    seen: int  # of how many joints the motion shows it
 
 
 def motion_columns(time: Array, values: Array, clock: int) -> MotionColumns | None:
-    """Positions and velocities that stand beside each other; None if no column is the rate of change of another.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-    values : ndarray, shape (N, c)
-        All columns.
-    clock : int
-        Which of them is the time.
-    """
+    """Positions and velocities that stand beside each other; None if no column is the rate of change of another."""
+    # time (N,); values (N, c)
     some = slice(None, None, max(1, time.size // _MOST_ROWS))
     pairs = _pairs(time[some], values[some], clock)
     if not pairs:

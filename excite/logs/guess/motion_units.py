@@ -26,46 +26,24 @@ _STILL = 1e-9
 
 @dataclass(frozen=True)
 class FoundUnit:
-    """A unit, and how it is known.
-
-    Parameters
-    ----------
-    unit : str
-    level : str
-        ``stated``, ``certain``, ``likely`` or ``unknown``.
-    why : str
-        The end of a sentence that begins with what the unit is of.
-    """
+    """A unit, and how it is known."""
 
     unit: str
-    level: str
-    why: str
+    level: str  # ``stated``, ``certain``, ``likely`` or ``unknown``
+    why: str  # the end of a sentence that begins with what the unit is of
 
 
 @dataclass(frozen=True)
 class Consistency:
-    """How velocities agree with the rate of change of positions.
+    """How velocities agree with the rate of change of positions."""
 
-    Parameters
-    ----------
-    ratio : float
-        Of their numbers, in the median over the joints that move; NaN if none does.
-    ratios : ndarray, shape (n,)
-        Of each joint; NaN where it does not move.
-    """
-
-    ratio: float
-    ratios: Array
+    ratio: float  # of their numbers, in the median over the joints that move; NaN if none does
+    ratios: Array  # (n,) of each joint; NaN where it does not move
 
 
 def consistency(time: Array, q: Array, dq: Array) -> Consistency:
-    """Ratio of velocities to the rate of change of positions, by their integrals over short windows.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-    q, dq : ndarray, shape (N, n)
-    """
+    """Ratio of velocities to the rate of change of positions, by their integrals over short windows."""
+    # time (N,); q, dq (N, n)
     step = np.diff(time)
     area = np.vstack([np.zeros(q.shape[1]), np.cumsum(0.5 * (dq[1:] + dq[:-1]) * step[:, None], axis=0)])
     width = max(1, min(20, time.size // 10))
@@ -81,14 +59,8 @@ def consistency(time: Array, q: Array, dq: Array) -> Consistency:
 
 
 def time_unit(time: Array, stated: str) -> list[str]:
-    """Units that times may have: the stated one, else those that make a rate of 1 Hz to 20 kHz and a date of today.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-    stated : str
-        Empty if nothing states it.
-    """
+    """Units that times may have: the stated one, else those that make a rate of 1 Hz to 20 kHz and a date of today."""
+    # time (N,)
     if stated:
         return [stated]
     step = float(np.median(np.diff(time)))
@@ -100,23 +72,7 @@ def time_unit(time: Array, stated: str) -> list[str]:
 def motion_units(
     time: list[str], position: str, velocity: str | None, ratio: float, q: Array, turning: Array
 ) -> tuple[FoundUnit, FoundUnit, FoundUnit | None]:
-    """Units of time, positions and velocities.
-
-    Parameters
-    ----------
-    time : list of str
-        Those that the times may have.
-    position : str
-        That is stated; empty for none.
-    velocity : str or None
-        The same; None if there are no velocities.
-    ratio : float
-        See `consistency`; NaN if it is not known.
-    q : ndarray, shape (N, n)
-        Positions, in their unit.
-    turning : ndarray of float, shape (n,)
-        Largest range that each joint has by the robot's description [rad]; infinite where it is not known.
-    """
+    """Units of time, positions and velocities."""  # q (N, n); turning (n,)
     angles = [position] if position else ["rad", "deg"]
     speeds = [None] if velocity is None else [velocity] if velocity else ["rad/s", "deg/s", "rpm"]
     fits = [

@@ -17,18 +17,7 @@ from regressors.samples import Array
 def numbered_groups(
     contents: Contents, recording: Recording, clocks: Mapping[str, Clock], joints: int | None
 ) -> list[ChannelGroup]:
-    """Positions and velocities of each stream by their agreement, and blocks of as many columns beside them.
-
-    Parameters
-    ----------
-    contents : Contents
-    recording : Recording
-        With all columns.
-    clocks : mapping of str to Clock
-        By stream.
-    joints : int, optional
-        Their number, if it is known; of fewer columns the first ones are taken.
-    """
+    """Positions and velocities of each stream by their agreement, and blocks of as many columns beside them."""
     groups = []
     for stream in contents.streams:
         clock = clocks.get(stream.name)

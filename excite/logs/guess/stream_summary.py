@@ -47,17 +47,7 @@ class StreamSummary:
 def summaries(
     contents: Contents, recording: Recording, clocks: Mapping[str, Clock], unit: str
 ) -> tuple[StreamSummary, ...]:
-    """Summaries of all streams, of those that were read with their rates.
-
-    Parameters
-    ----------
-    contents : Contents
-    recording : Recording
-    clocks : mapping of str to Clock
-        By stream.
-    unit : str
-        Of clocks that state none; empty for seconds.
-    """
+    """Summaries of all streams, of those that were read with their rates."""
     result: list[StreamSummary] = []
     for stream in contents.streams:
         clock, loaded = clocks.get(stream.name), recording.streams.get(stream.name)

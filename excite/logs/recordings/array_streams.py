@@ -25,26 +25,13 @@ _REASON = 120  # characters of what a library says
 
 @dataclass(frozen=True, eq=False)
 class NamedArray:
-    """An array of a file, which is not loaded yet.
+    """An array of a file, which is not loaded yet."""
 
-    Parameters
-    ----------
-    name : str
-        Flattened, such as ``robot.q``.
-    group : tuple of str
-        Groups or structs that it is in, the outermost first.
-    shape : tuple of int
-    load : callable
-        Loads it, in this shape.
-    unit : str
-        Unit that the file states; empty if none.
-    """
-
-    name: str
-    group: tuple[str, ...]
+    name: str  # flattened, such as ``robot.q``
+    group: tuple[str, ...]  # groups or structs that it is in, the outermost first
     shape: tuple[int, ...]
-    load: Callable[[], NDArray[Any]]
-    unit: str = ""
+    load: Callable[[], NDArray[Any]]  # loads it, in this shape
+    unit: str = ""  # unit that the file states; empty if none
 
     @property
     def sides(self) -> tuple[int, ...]:
@@ -59,22 +46,12 @@ class NamedArray:
 
 @dataclass(eq=False)
 class ArrayFile:
-    """Arrays of a file, and what was found beside them.
-
-    Parameters
-    ----------
-    path : Path
-    form : str
-        Name of the format.
-    arrays : list of NamedArray
-    left_out : dict of str to str
-        Why others are not read, by their names.
-    """
+    """Arrays of a file, and what was found beside them."""
 
     path: Path
-    form: str
+    form: str  # name of the format
     arrays: list[NamedArray] = field(default_factory=list)
-    left_out: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)  # why others are not read, by their names
 
     def add(self, array: NamedArray, kind: np.dtype[Any]) -> None:
         """Add an array if it holds real numbers, at many instants; else note why it is left out."""
@@ -110,13 +87,7 @@ class ArrayFile:
         return streams
 
     def contents(self) -> Contents:
-        """Contents of the file.
-
-        Raises
-        ------
-        InputError
-            It has no array of numbers at many instants.
-        """
+        """Contents of the file."""
         streams = self.streams()
         if not streams:
             why = "; ".join(f"{cut(name)} {why}" for name, why in list(self.left_out.items())[:5])
@@ -203,12 +174,7 @@ def _place(
 
 
 def numbers_of(values: NDArray[Any]) -> Numbers:
-    """Whole numbers as they are, since they may be clocks, and all others as floats.
-
-    Parameters
-    ----------
-    values : ndarray
-    """
+    """Whole numbers as they are, since they may be clocks, and all others as floats."""
     if values.dtype.kind == "i" or (values.dtype.kind == "u" and values.dtype.itemsize < 8):
         return np.ascontiguousarray(values, dtype=np.int64)
     if values.dtype.kind == "u" and not np.any(values > np.iinfo(np.int64).max):
@@ -218,18 +184,7 @@ def numbers_of(values: NDArray[Any]) -> Numbers:
 
 @contextmanager
 def foreign_reader(path: Path, form: str) -> Iterator[None]:
-    """Turn whatever a library raises on a damaged file into one line.
-
-    Parameters
-    ----------
-    path : Path
-    form : str
-        Name of the format.
-
-    Raises
-    ------
-    InputError
-    """
+    """Turn whatever a library raises on a damaged file into one line."""
     try:
         yield
     except (ExciteError, MemoryError):

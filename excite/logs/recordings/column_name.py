@@ -29,35 +29,18 @@ _PART = re.compile(r"[A-Z]{2,}(?=[A-Z][a-z]|\d|\b|_)|[A-Z]?[a-z]+|[A-Z]+|\d+")
 
 @dataclass(frozen=True)
 class ColumnName:
-    """What a name says.
+    """What a name says."""
 
-    Parameters
-    ----------
-    quantity : str
-        ``time``, ``position``, ``velocity``, ``effort``, ``current`` or ``temperature``; empty where it says nothing.
-    unit : str
-        In the words of the mapping; empty where it says nothing.
-    label : tuple of str
-        What is left of the name's words without these: a number or the name of a joint, and what stands before it.
-    measured : bool
-        Whether it is not of something desired, commanded or limited.
-    """
-
+    # ``time``, ``position``, ``velocity``, ``effort``, ``current`` or ``temperature``; empty where it says nothing
     quantity: str
-    unit: str
+    unit: str  # in the words of the mapping; empty where it says nothing
+    # what is left of the name's words without these: a number or the name of a joint, and what stands before it
     label: tuple[str, ...]
-    measured: bool
+    measured: bool  # whether it is not of something desired, commanded or limited
 
 
 def parsed_name(name: str, unit: str = "") -> ColumnName:
-    """What the name of a column says.
-
-    Parameters
-    ----------
-    name : str
-    unit : str
-        That the file states beside it, literally.
-    """
+    """What the name of a column says."""
     of, given = stated_unit(unit)
     if not given and (bracket := _BRACKET.search(name)):
         of, given = stated_unit(bracket[1])
@@ -84,13 +67,6 @@ def _without_unit(words: list[str]) -> tuple[list[str], tuple[str, str]]:
 
 
 def is_clock(name: str, unit: str = "") -> bool:
-    """Whether a name says that a column is a time.
-
-    Parameters
-    ----------
-    name : str
-    unit : str
-        That the file states beside it, literally.
-    """
+    """Whether a name says that a column is a time."""
     parsed = parsed_name(name, unit)
     return parsed.quantity == "time" and not any(word.isdigit() for word in parsed.label)

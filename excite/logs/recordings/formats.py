@@ -34,34 +34,14 @@ FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file rea
 
 
 def format_of(path: str | Path) -> RecordingFormat | None:
-    """Format of a file or folder; None where none recognises it.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    InputError
-        Cannot be read.
-    """
+    """Format of a file or folder; None where none recognises it."""
     path = Path(path)
     head = head_of(path)
     return next((form for form in FORMATS if form.recognises(head, path)), None)
 
 
 def binary_format(path: Path) -> RecordingFormat | None:
-    """Format of a file or folder that is not one text; None for a text, for a pipe, and for what nothing recognises.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        See `format_of`.
-    """
+    """Format of a file or folder that is not one text; None for a text, for a pipe, and for what nothing recognises."""
     if not (path.is_file() or path.is_dir()):  # what comes through a pipe can be read once
         return None
     form = recording_format(path) if path.is_dir() else format_of(path)
@@ -69,17 +49,7 @@ def binary_format(path: Path) -> RecordingFormat | None:
 
 
 def recording_format(path: Path) -> RecordingFormat:
-    """Format of a file or folder, which may be a text.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        Cannot be read, or nothing recognises it.
-    """
+    """Format of a file or folder, which may be a text."""
     if (form := format_of(path)) is None:
         known = ", ".join(each.name for each in FORMATS)
         kind = "folder" if path.is_dir() else "file" if head_of(path) else "empty file"
@@ -88,17 +58,7 @@ def recording_format(path: Path) -> RecordingFormat:
 
 
 def head_of(path: Path) -> bytes:
-    """First bytes of a file; empty for a folder.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        Cannot be read.
-    """
+    """First bytes of a file; empty for a folder."""
     if path.is_dir():
         return b""
     try:

@@ -50,19 +50,7 @@ class Hdf5File(RecordingFormat):
 
 
 def hdf5_opened(path: Path, extra: str) -> Any:
-    """An HDF5 file, opened by h5py.
-
-    Parameters
-    ----------
-    path : Path
-    extra : str
-        Of this distribution, which installs h5py.
-
-    Raises
-    ------
-    InputError
-        h5py is missing, or the file cannot be opened.
-    """
+    """An HDF5 file, opened by h5py."""
     h5py = optional_package("h5py", extra, path)
     try:
         with opened(path, LOG) as stream:  # not a device or a pipe
@@ -73,22 +61,7 @@ def hdf5_opened(path: Path, extra: str) -> Any:
 
 
 def walk(file: ArrayFile, group: Any, above: tuple[str, ...], met: set[Any] | None = None) -> None:
-    """Add all datasets of a group and of those in it.
-
-    Parameters
-    ----------
-    file : ArrayFile
-    group : h5py.Group
-    above : tuple of str
-        Its name and those of the groups around it.
-    met : set, optional
-        Addresses of what was added.
-
-    Raises
-    ------
-    InputError
-        More objects than are read.
-    """
+    """Add all datasets of a group and of those in it."""
     import h5py
 
     met = {h5py.h5o.get_info(group.id).addr} if met is None else met
@@ -125,12 +98,7 @@ def _add(file: ArrayFile, data: Any, name: str, above: tuple[str, ...]) -> None:
 
 
 def unread_dataset(data: Any) -> str:
-    """Why a dataset is not read, since it is not in this file or in pieces that are too large; empty if it is read.
-
-    Parameters
-    ----------
-    data : h5py.Dataset
-    """
+    """Why a dataset is not read, since it is not in this file or in pieces that are too large; empty if it is read."""
     if data.external:
         return "is stored in another file"
     if data.is_virtual:
@@ -140,12 +108,7 @@ def unread_dataset(data: Any) -> str:
 
 
 def unit_of(data: Any) -> str:
-    """Unit that an attribute of a dataset states; empty if none does.
-
-    Parameters
-    ----------
-    data : h5py.Dataset
-    """
+    """Unit that an attribute of a dataset states; empty if none does."""
     for key in _UNITS:
         if key in data.attrs:
             value = data.attrs[key]

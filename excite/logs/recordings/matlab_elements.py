@@ -35,28 +35,14 @@ class BrokenElement(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """A variable, a field or an element of a cell, whose content is looked at when it is asked for.
+    """A variable, a field or an element of a cell, whose content is looked at when it is asked for."""
 
-    Parameters
-    ----------
-    kind : int
-        Its class.
-    shape : tuple of int
-    name : str
-        Empty for fields and elements.
-    is_complex : bool
-    content : memoryview
-        Elements behind those of class, dimensions and name.
-    order : str
-        ``<`` or ``>``, of the bytes.
-    """
-
-    kind: int
+    kind: int  # its class
     shape: tuple[int, ...]
-    name: str
+    name: str  # empty for fields and elements
     is_complex: bool
-    content: memoryview
-    order: str
+    content: memoryview  # elements behind those of class, dimensions and name
+    order: str  # ``<`` or ``>``, of the bytes
 
     @property
     def number_kind(self) -> np.dtype[np.generic]:
@@ -104,19 +90,7 @@ class Matrix:
 
 
 def matrices_of(path: Path, stream: BinaryIO) -> Iterator[Matrix]:
-    """Variables of a file.
-
-    Parameters
-    ----------
-    path : Path
-        For messages.
-    stream : binary file
-
-    Raises
-    ------
-    InputError
-        The file ends early, or holds more than may be unpacked.
-    """
+    """Variables of a file."""
     head = stream.read(HEADER)
     if len(head) < HEADER:
         raise InputError(f"{path} ends within its header")

@@ -220,13 +220,7 @@ def _decompressor(kind: str, path: Path) -> Any:
 
 
 def zstandard(path: Path) -> Any:
-    """Module for zstd: of the standard library since Python 3.14, before that of rosbags' dependency.
-
-    Parameters
-    ----------
-    path : Path
-        File that needs it, for the message.
-    """
+    """Module for zstd: of the standard library since Python 3.14, before that of rosbags' dependency."""
     try:
         return optional_package("compression.zstd", "ros", path)
     except InputError:

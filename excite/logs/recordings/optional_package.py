@@ -12,22 +12,7 @@ _PACKAGES = {"ros": "rosbags", "hdf5": "h5py", "matlab": "h5py", "parquet": "pya
 
 
 def optional_package(module: str, extra: str, source: Path) -> Any:
-    """A module of an optional package.
-
-    Parameters
-    ----------
-    module : str
-        Such as ``pyarrow.parquet``.
-    extra : str
-        Of this distribution, which installs it.
-    source : Path
-        File that needs it, for the message.
-
-    Raises
-    ------
-    InputError
-        It is not installed, or does not load.
-    """
+    """A module of an optional package."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -67,27 +67,13 @@ class ParquetTable(RecordingFormat):
 
 @dataclass(frozen=True)
 class _Column:
-    """A column of the table: numbers, or lists of numbers.
+    """A column of the table: numbers, or lists of numbers."""
 
-    Parameters
-    ----------
-    field : str
-        Its name in the file.
-    names : tuple of str
-        Of the columns that it becomes.
-    unit : str
-        That the file states.
-    is_clock : bool
-        Whether it is a time by its type.
-    lists : bool
-        Whether it has lists.
-    """
-
-    field: str
-    names: tuple[str, ...]
-    unit: str = ""
-    is_clock: bool = False
-    lists: bool = False
+    field: str  # its name in the file
+    names: tuple[str, ...]  # of the columns that it becomes
+    unit: str = ""  # that the file states
+    is_clock: bool = False  # whether it is a time by its type
+    lists: bool = False  # whether it has lists
 
 
 class _Table:

@@ -10,15 +10,7 @@ from excite.logs.recordings.recording_format import RecordingFormat
 
 
 class Preloaded(RecordingFormat):
-    """What was read of one file.
-
-    Parameters
-    ----------
-    form : RecordingFormat
-        Of the file.
-    known : Contents
-    recording : Recording
-    """
+    """What was read of one file."""
 
     name = "preloaded"
 

@@ -15,56 +15,29 @@ Numbers = NDArray[np.floating[Any] | np.integer[Any]]
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a column is by the definition of its format, so that nobody needs to guess.
+    """What a column is by the definition of its format, so that nobody needs to guess."""
 
-    Parameters
-    ----------
-    quantity : str
-        ``position``, ``velocity``, ``effort``, ``current``, ``temperature`` or ``wrench``.
-    of : str
-        Joint, or component of the wrench of `excite.logs.log.WRENCH`.
-    unit : str
-        One that the sections of `excite.logs.mapping.LogMapping` know, such as ``rad``.
-    why : str
-        Source of the definition, such as ``sensor_msgs/JointState``.
-    """
-
-    quantity: str
-    of: str
-    unit: str
-    why: str
+    quantity: str  # ``position``, ``velocity``, ``effort``, ``current``, ``temperature`` or ``wrench``
+    of: str  # joint, or component of the wrench of `excite.logs.log.WRENCH`
+    unit: str  # one that the sections of `excite.logs.mapping.LogMapping` know, such as ``rad``
+    why: str  # source of the definition, such as ``sensor_msgs/JointState``
 
 
 @dataclass(frozen=True, eq=False)
 class StreamContents:
-    """What is known of a stream without loading its rows.
+    """What is known of a stream without loading its rows."""
 
-    Parameters
-    ----------
-    name : str
-        Of the topic, table or group.
-    columns : tuple of str
-        Flattened names, each once in a recording, but for clocks that several streams share.
-    rows : int or None
-        Where it is known.
-    clocks : tuple of str
-        Those of the columns that say when a row was taken, the preferred one first; empty where the format does not
-        tell.
-    meanings : mapping of str to Meaning
-        Of the columns that the format defines.
-    units : mapping of str to str
-        Units that the file itself states, literally, by column; of clocks those of
-        `excite.logs.mapping_sections.TimeSection`.
-    titles : mapping of str to str
-        What the file calls columns that the mapping knows by another name, such as a number.
-    """
-
-    name: str
-    columns: tuple[str, ...]
-    rows: int | None = None
+    name: str  # of the topic, table or group
+    columns: tuple[str, ...]  # flattened names, each once in a recording, but for clocks that several streams share
+    rows: int | None = None  # where it is known
+    # those of the columns that say when a row was taken, the preferred one first; empty where the format does not
+    # tell
     clocks: tuple[str, ...] = ()
-    meanings: Mapping[str, Meaning] = field(default_factory=dict)
+    meanings: Mapping[str, Meaning] = field(default_factory=dict)  # of the columns that the format defines
+    # units that the file itself states, literally, by column; of clocks those of
+    # `excite.logs.mapping_sections.TimeSection`
     units: Mapping[str, str] = field(default_factory=dict)
+    # what the file calls columns that the mapping knows by another name, such as a number
     titles: Mapping[str, str] = field(default_factory=dict)
 
     def title(self, column: str) -> str:
@@ -104,17 +77,11 @@ class Contents:
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Rows of a stream.
-
-    Parameters
-    ----------
-    name : str
-    columns : mapping of str to ndarray, shape (N,)
-        Numbers in the units of the file; NaN where a row has none. Clocks of whole nanoseconds stay integers, since
-        their differences are needed to more digits than a float of them has.
-    """
+    """Rows of a stream."""
 
     name: str
+    # (N,) numbers in the units of the file; NaN where a row has none. Clocks of whole nanoseconds stay integers,
+    # since their differences are needed to more digits than a float of them has
     columns: Mapping[str, Numbers]
 
     @property

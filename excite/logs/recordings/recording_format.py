@@ -22,61 +22,20 @@ class RecordingFormat(ABC):
 
     @abstractmethod
     def recognises(self, head: bytes, path: Path) -> bool:
-        """Whether a file or folder is of this format, by its content and not by its name.
-
-        Parameters
-        ----------
-        head : bytes
-            First `HEAD` bytes of the file; empty for a folder.
-        path : Path
-        """
+        """Whether a file or folder is of this format, by its content and not by its name."""
 
     @abstractmethod
     def contents(self, path: Path) -> Contents:
-        """What is inside, without loading all of it.
-
-        Parameters
-        ----------
-        path : Path
-
-        Raises
-        ------
-        InputError
-            Damaged, encrypted, or a package that reads it is missing.
-        """
+        """What is inside, without loading all of it."""
 
     @abstractmethod
     def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Some columns.
-
-        Parameters
-        ----------
-        path : Path
-        wanted : mapping of str to sequence of str
-            Columns by the name of their stream, all of them named by `contents`; nothing else is held in memory.
-
-        Raises
-        ------
-        InputError
-            See `contents`.
-        """
+        """Some columns."""
 
     def glance(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Some columns, of as many rows as show what they are; all rows for most formats.
-
-        Parameters
-        ----------
-        path : Path
-        wanted : mapping of str to sequence of str
-            See `read`.
-        """
+        """Some columns, of as many rows as show what they are; all rows for most formats."""
         return self.read(path, wanted)
 
     def mapping_fields(self, path: Path) -> Mapping[str, object]:
-        """Fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats.
-
-        Parameters
-        ----------
-        path : Path
-        """
+        """Fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats."""
         return {}

@@ -9,12 +9,7 @@ from excite.storage.content_hash import sha256_of
 
 
 def recording_sha256(path: Path) -> str:
-    """Hash of a file, or of the names and hashes of all files of a folder.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """Hash of a file, or of the names and hashes of all files of a folder."""
     if (own := sha256_of(path)) is not None:
         return own
     digest = hashlib.sha256()

@@ -11,35 +11,12 @@ LARGEST_ARRAY = 100  # elements of one row; what has more, such as an image, is 
 
 
 def check_table(source: Path, rows: float, columns: float, copies: float = _COPIES) -> None:
-    """Refuse a table that takes more memory than it may.
-
-    Parameters
-    ----------
-    source : Path
-    rows, columns : float
-    copies : float
-        Numbers that are held at the same time for each of the table.
-
-    Raises
-    ------
-    TooLargeError
-    """
+    """Refuse a table that takes more memory than it may."""
     held = FLOAT * copies * rows * columns
     part = MemoryPart("rows", rows, columns, held, remedy="cut the recording, or map fewer columns")
     WorkPrediction(f"reading {source}", (part,)).check()
 
 
 def check_bytes(source: Path, size: float) -> None:
-    """Refuse to unpack more bytes than may be held in memory.
-
-    Parameters
-    ----------
-    source : Path
-    size : float
-        [bytes]
-
-    Raises
-    ------
-    TooLargeError
-    """
+    """Refuse to unpack more bytes than may be held in memory."""
     check_table(source, size / FLOAT, 1.0, copies=1.0)

@@ -21,32 +21,16 @@ _WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench/", "geometry_msgs/msg/Wr
 
 @dataclass(frozen=True)
 class RosColumn:
-    """A column of a topic.
-
-    Parameters
-    ----------
-    name : str
-    place : NumberPlace
-    index : int
-        In the place.
-    meaning : Meaning or None
-    """
+    """A column of a topic."""
 
     name: str
     place: NumberPlace
-    index: int
+    index: int  # in the place
     meaning: Meaning | None = None
 
 
 def layout_columns(topic: str, kind: str, layout: MessageLayout) -> list[RosColumn]:
-    """Columns of the messages of one layout, without the time at which they were recorded.
-
-    Parameters
-    ----------
-    topic, kind : str
-        Name, and type of its messages.
-    layout : MessageLayout
-    """
+    """Columns of the messages of one layout, without the time at which they were recorded."""
     columns: list[RosColumn] = []
     names = layout.names if len(set(layout.names)) == len(layout.names) else ()
     for path, place in layout.places.items():

@@ -44,26 +44,6 @@ def definitions_of(source: Path, name: str, form: str, text: str, ros1: bool = F
     """Definitions that a type of message may have, the most probable first.
 
     No code is made from them, as the deserialisers of rosbags would do.
-
-    Parameters
-    ----------
-    source : Path
-        Bag, for messages.
-    name : str
-        Of the type, such as ``sensor_msgs/msg/JointState``.
-    form : str
-        ``msg`` or ``idl``; empty where the bag has no definition.
-    text : str
-        Definition of the bag.
-    ros1 : bool
-        Whether it is a type of ROS 1.
-
-    Raises
-    ------
-    InputError
-        rosbags is missing.
-    UnreadableMessage
-        The definition cannot be parsed.
     """
     typesys = optional_package("rosbags.typesys", "ros", source)
     known = _known(ros1)
@@ -77,12 +57,7 @@ def definitions_of(source: Path, name: str, form: str, text: str, ros1: bool = F
 
 
 def full_name(name: str) -> str:
-    """Name of a type with its folder: ``sensor_msgs/JointState`` of ROS 1 is ``sensor_msgs/msg/JointState``.
-
-    Parameters
-    ----------
-    name : str
-    """
+    """Name of a type with its folder: ``sensor_msgs/JointState`` of ROS 1 is ``sensor_msgs/msg/JointState``."""
     package, _, rest = name.partition("/")
     return name if not rest or "/" in rest else f"{package}/msg/{rest}"
 

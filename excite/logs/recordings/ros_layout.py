@@ -29,47 +29,24 @@ _SIZES = {
 
 @dataclass(frozen=True)
 class NumberPlace:
-    """Where some equal numbers are.
+    """Where some equal numbers are."""
 
-    Parameters
-    ----------
-    at : int
-        First byte.
-    kind : str
-        NumPy's, with its byte order; ``stamp`` for seconds and nanoseconds.
-    count : int
-    array : bool
-        Whether it is an array, not one number.
-    """
-
-    at: int
-    kind: str
+    at: int  # first byte
+    kind: str  # NumPy's, with its byte order; ``stamp`` for seconds and nanoseconds
     count: int = 1
-    array: bool = False
+    array: bool = False  # whether it is an array, not one number
 
 
 @dataclass(eq=False)
 class MessageLayout:
-    """Layout of all messages whose structural bytes are those of one.
+    """Layout of all messages whose structural bytes are those of one."""
 
-    Parameters
-    ----------
-    length : int
-        Of the message [bytes].
-    places : dict of str to NumberPlace
-        Of its numbers, by their path, such as ``wrench/force/x``.
-    names : tuple of str
-        That the message gives to the elements of its arrays.
-    structure : list of (int, int)
-        First byte and end of what must be equal: lengths of arrays and texts, and the names.
-    order : str
-        ``<`` or ``>``, of the bytes.
-    """
-
-    length: int
-    order: str
+    length: int  # of the message [bytes]
+    order: str  # ``<`` or ``>``, of the bytes
+    # of its numbers, by their path, such as ``wrench/force/x``
     places: dict[str, NumberPlace] = field(default_factory=dict)
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # that the message gives to the elements of its arrays
+    # first byte and end of what must be equal: lengths of arrays and texts, and the names
     structure: list[tuple[int, int]] = field(default_factory=list)
 
     @property
@@ -177,23 +154,7 @@ def _order(raw: bytes) -> str:
 
 
 def message_layout(raw: bytes, name: str, definitions: Definitions, ros1: bool = False) -> MessageLayout:
-    """Layout of a message.
-
-    Parameters
-    ----------
-    raw : bytes
-    name : str
-        Of its type.
-    definitions : mapping of str to list
-        See `excite.logs.recordings.ros_definitions`.
-    ros1 : bool
-        Whether it is serialised as in ROS 1.
-
-    Raises
-    ------
-    UnreadableMessage
-        It does not follow the definition.
-    """
+    """Layout of a message."""
     walk = _Walk(raw, definitions, ros1)
     walk.message(name, "", 0)
     if walk.at + (0 if ros1 else 3) < len(raw):  # the end may be padded

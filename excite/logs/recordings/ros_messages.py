@@ -19,56 +19,27 @@ LARGEST_MESSAGE = 64 * 1024  # bytes; what is larger, such as an image, is no me
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic, as far as the bag describes it.
-
-    Parameters
-    ----------
-    name : str
-    kind : str
-        Type of its messages, with the folder: ``sensor_msgs/msg/JointState``.
-    form : str
-        ``msg`` or ``idl``, of the definition; empty where there is none.
-    text : str
-        Definition.
-    ros1 : bool
-        Whether the messages are serialised as in ROS 1, else in CDR.
-    unread : str
-        Why its messages cannot be read; empty if they can.
-    """
+    """A topic, as far as the bag describes it."""
 
     name: str
-    kind: str
-    form: str = ""
-    text: str = ""
-    ros1: bool = False
-    unread: str = ""
+    kind: str  # type of its messages, with the folder: ``sensor_msgs/msg/JointState``
+    form: str = ""  # ``msg`` or ``idl``, of the definition; empty where there is none
+    text: str = ""  # definition
+    ros1: bool = False  # whether the messages are serialised as in ROS 1, else in CDR
+    unread: str = ""  # why its messages cannot be read; empty if they can
 
 
 @dataclass(frozen=True, eq=False)
 class Messages:
-    """Messages of one topic that follow each other.
-
-    Parameters
-    ----------
-    topic : Topic
-    times : sequence of int, or ndarray of int64, shape (n,)
-        When they were recorded [ns].
-    raws : list of bytes, or ndarray of uint8, shape (n, length)
-        Their bytes; an array where they are equally long.
-    """
+    """Messages of one topic that follow each other."""
 
     topic: Topic
-    times: list[int] | NDArray[np.int64]
-    raws: list[bytes] | Bytes
+    times: list[int] | NDArray[np.int64]  # (n,) when they were recorded [ns]
+    raws: list[bytes] | Bytes  # (n, length) their bytes; an array where they are equally long
 
 
 class BagFile(ABC):
-    """A bag that is read once from its beginning to its end.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """A bag that is read once from its beginning to its end."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -76,13 +47,7 @@ class BagFile(ABC):
 
     @property
     def state(self) -> Hashable:
-        """What changes when the files of the bag do.
-
-        Raises
-        ------
-        InputError
-            They cannot be read.
-        """
+        """What changes when the files of the bag do."""
         try:
             statuses = [path.stat() for path in self.files]
         except OSError as error:
@@ -96,15 +61,4 @@ class BagFile(ABC):
 
     @abstractmethod
     def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Messages]:
-        """Messages, those of each topic in recorded order.
-
-        Parameters
-        ----------
-        wanted : callable
-            Whether the messages of a topic are; it is asked for every topic that has some.
-
-        Raises
-        ------
-        InputError
-            Damaged, encrypted, or compressed in a way that is not read.
-        """
+        """Messages, those of each topic in recorded order."""

@@ -205,19 +205,7 @@ class _Scan:
 
 
 def bag_contents(bag: BagFile, form: str) -> Contents:
-    """Contents of a bag; all of it is read once, but no number is decoded.
-
-    Parameters
-    ----------
-    bag : BagFile
-    form : str
-        Name of the format.
-
-    Raises
-    ------
-    InputError
-        No topic has numbers.
-    """
+    """Contents of a bag; all of it is read once, but no number is decoded."""
     scan = _scanned(bag)
     streams = tuple(
         _stream_contents(name, rows.topic, layouts)
@@ -231,21 +219,7 @@ def bag_contents(bag: BagFile, form: str) -> Contents:
 
 
 def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) -> Recording:
-    """Columns of a bag.
-
-    Parameters
-    ----------
-    bag : BagFile
-    form : str
-        Name of the format.
-    wanted : mapping of str to sequence of str
-        Names of columns by stream.
-
-    Raises
-    ------
-    InputError
-        A stream or column that the bag does not have.
-    """
+    """Columns of a bag."""
     scan = _scanned(bag)
     tables: dict[str, _Table] = {}
     by_topic: dict[Topic, dict[int, _Table]] = {}

@@ -39,10 +39,5 @@ NONE = ("", "")
 
 
 def stated_unit(text: str) -> tuple[str, str]:
-    """Quantity and unit that a text such as ``[deg/s]`` states; two empty strings for none.
-
-    Parameters
-    ----------
-    text : str
-    """
+    """Quantity and unit that a text such as ``[deg/s]`` states; two empty strings for none."""
     return _KNOWN.get(text.strip().strip("[]()").strip().lower().replace("n m", "nm"), NONE)

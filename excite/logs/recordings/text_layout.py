@@ -15,30 +15,15 @@ SEPARATORS: tuple[str | None, ...] = (",", ";", "\t", None)
 
 @dataclass(frozen=True)
 class TextLayout:
-    """Where a table is in a text.
+    """Where a table is in a text."""
 
-    Parameters
-    ----------
-    separator : str or None
-        Between two cells; None for any white space.
-    first : int
-        Lines before the first row of numbers.
-    names : tuple of str
-        Of the columns; numbers, 1 for the first, where there is no header that names each once.
-    titles : tuple of str
-        What stands above the columns, for whoever guesses what they are; empty strings where nothing does.
-    units : tuple of str
-        What a row of units above the columns says; empty strings where there is none.
-    header : int or None
-        Line of the header, 0 for the first; None where columns have numbers.
-    """
-
-    separator: str | None
-    first: int
-    names: tuple[str, ...]
+    separator: str | None  # between two cells; None for any white space
+    first: int  # lines before the first row of numbers
+    names: tuple[str, ...]  # of the columns; numbers, 1 for the first, where there is no header that names each once
+    # what stands above the columns, for whoever guesses what they are; empty strings where nothing does
     titles: tuple[str, ...]
-    units: tuple[str, ...]
-    header: int | None
+    units: tuple[str, ...]  # what a row of units above the columns says; empty strings where there is none
+    header: int | None  # line of the header, 0 for the first; None where columns have numbers
 
     @property
     def titles_or_names(self) -> tuple[str, ...]:
@@ -47,12 +32,7 @@ class TextLayout:
 
 
 def text_layout(lines: Sequence[str]) -> TextLayout | None:
-    """Layout of the table in a text; None where there is none.
-
-    Parameters
-    ----------
-    lines : sequence of str
-    """
+    """Layout of the table in a text; None where there is none."""
     head = list(islice(lines, _SEARCHED))
     tables = [table for mark in SEPARATORS if (table := _table(head, mark)) is not None]
     if not tables:

@@ -21,35 +21,18 @@ from excite.logs.recordings.recording import JOINT_STATE, Meaning
 
 @dataclass(frozen=True)
 class TextMaker:
-    """A program that writes tables.
-
-    Parameters
-    ----------
-    name : str
-    marks : frozenset of str
-        Columns by which its tables are recognised.
-    clock, unit : str
-        Column of the time, and its unit.
-    columns : mapping of str to (str, str)
-        Quantity and unit by the pattern of a column's name, whose group is the joint.
-    why : str
-        Source of the definitions.
-    """
+    """A program that writes tables."""
 
     name: str
-    marks: frozenset[str]
-    clock: str
+    marks: frozenset[str]  # columns by which its tables are recognised
+    clock: str  # column of the time, and its unit
     unit: str
+    # quantity and unit by the pattern of a column's name, whose group is the joint
     columns: Mapping[str, tuple[str, str]]
-    why: str
+    why: str  # source of the definitions
 
     def meanings(self, names: Sequence[str]) -> dict[str, Meaning]:
-        """What the columns of a table are, of those that are defined.
-
-        Parameters
-        ----------
-        names : sequence of str
-        """
+        """What the columns of a table are, of those that are defined."""
         defined = ((name, self._meaning(name)) for name in names)
         return {name: meaning for name, meaning in defined if meaning is not None}
 
@@ -118,12 +101,7 @@ HOUSE = TextMaker(
 
 
 def maker_of(titles: Sequence[str]) -> TextMaker | None:
-    """Program that writes a table with these columns, None if it is unknown.
-
-    Parameters
-    ----------
-    titles : sequence of str
-    """
+    """Program that writes a table with these columns, None if it is unknown."""
     there = set(titles)
     if there >= HOUSE.marks and any(title.endswith(".position") for title in titles):
         return HOUSE

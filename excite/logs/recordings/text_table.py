@@ -102,17 +102,7 @@ class _Columns(Layout):
 
 
 def table_layout(text: Text) -> TextLayout:
-    """Layout of the table in a text.
-
-    Parameters
-    ----------
-    text : Text
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
+    """Layout of the table in a text."""
     layout = text_layout(text.lines)
     if layout is None:
         shown = listed(list(text.lines[:2]))
@@ -121,12 +111,7 @@ def table_layout(text: Text) -> TextLayout:
 
 
 def kind_of(layout: TextLayout) -> str:
-    """Name of the format, by the names of the columns.
-
-    Parameters
-    ----------
-    layout : TextLayout
-    """
+    """Name of the format, by the names of the columns."""
     kind = _KINDS[layout.separator]
     maker = maker_of(layout.titles)
     return f"text, {kind}" if maker is None else f"{maker.name}, {kind}"

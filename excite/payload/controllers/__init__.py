@@ -25,21 +25,7 @@ FILES = {
 
 
 def controller_text(name: str, body: HeldBody, frame: str) -> str:
-    """The payload in a controller's own words.
-
-    Parameters
-    ----------
-    name : str
-        One of `CONTROLLERS`.
-    body : HeldBody
-    frame : str
-        Name of the frame in which it is stated.
-
-    Raises
-    ------
-    UnknownName
-        No such controller.
-    """
+    """The payload in a controller's own words."""
     if name not in _PLACES:
         raise UnknownName("controller", name, CONTROLLERS)
     module = import_module(f"excite.payload.controllers.{_PLACES[name]}")

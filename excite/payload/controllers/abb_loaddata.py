@@ -19,12 +19,7 @@ _MM, _LEAST_MASS, _LEAST_PLACE = 1e3, 0.001, 0.001
 
 
 def quaternion_of(rotation: Array) -> Array:
-    """Unit quaternion of a rotation, scalar first and not negative, shape (4,).
-
-    Parameters
-    ----------
-    rotation : ndarray, shape (3, 3)
-    """
+    """Unit quaternion of a rotation, scalar first and not negative, shape (4,)."""  # rotation (3, 3)
     R = rotation
     K = np.array(
         [
@@ -39,14 +34,7 @@ def quaternion_of(rotation: Array) -> Array:
 
 
 def payload_text(body: HeldBody, frame: str) -> str:
-    """A line of RAPID.
-
-    Parameters
-    ----------
-    body : HeldBody
-    frame : str
-        Name of the frame that it is stated in.
-    """
+    """A line of RAPID."""
     moments, axes = body.principal
     centre = _MM * body.centre
     if np.all(np.abs(centre) < _LEAST_PLACE):

@@ -14,14 +14,7 @@ EXPECTED = "the flange F"
 
 
 def payload_text(body: HeldBody, frame: str) -> str:
-    """A line of C++.
-
-    Parameters
-    ----------
-    body : HeldBody
-    frame : str
-        Name of the frame that it is stated in.
-    """
+    """A line of C++."""
     centre, inertia = list_text(body.centre, 6), list_text(body.inertia.ravel(order="F"))
     return (
         f"// centre [m] and inertia [kg m^2, column-major] in: {frame}; expected: {EXPECTED}\n"

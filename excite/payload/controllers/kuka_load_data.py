@@ -19,12 +19,7 @@ _MM = 1e3
 
 
 def angles_of(rotation: Array) -> tuple[float, float, float]:
-    """A, B, C with ``R = Rz(A) Ry(B) Rx(C)`` [deg]; C is zero where B is 90 degrees.
-
-    Parameters
-    ----------
-    rotation : ndarray, shape (3, 3)
-    """
+    """A, B, C with ``R = Rz(A) Ry(B) Rx(C)`` [deg]; C is zero where B is 90 degrees."""  # rotation (3, 3)
     R = rotation
     flat = float(np.hypot(R[0, 0], R[1, 0]))
     B = np.arctan2(-R[2, 0], flat)
@@ -36,14 +31,7 @@ def angles_of(rotation: Array) -> tuple[float, float, float]:
 
 
 def payload_text(body: HeldBody, frame: str) -> str:
-    """A line of KRL.
-
-    Parameters
-    ----------
-    body : HeldBody
-    frame : str
-        Name of the frame that it is stated in.
-    """
+    """A line of KRL."""
     moments, axes = body.principal
     place = _fields("XYZ", _MM * body.centre, 4) + "," + _fields("ABC", angles_of(axes), 6)
     return (

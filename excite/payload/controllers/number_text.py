@@ -8,14 +8,7 @@ _DIGITS = 9
 
 
 def number_text(value: float, digits: int = _DIGITS) -> str:
-    """A number with a point, some digits behind it, and no exponent.
-
-    Parameters
-    ----------
-    value : float
-    digits : int
-        Behind the point; trailing zeros are left out.
-    """
+    """A number with a point, some digits behind it, and no exponent."""
     text = f"{value:.{digits}f}".rstrip("0")
     text = f"{text}0" if text.endswith(".") else text
     return "0.0" if text == "-0.0" else text

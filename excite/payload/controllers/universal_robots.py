@@ -14,14 +14,7 @@ EXPECTED = "the tool flange, z out of it"
 
 
 def payload_text(body: HeldBody, frame: str) -> str:
-    """URScript lines.
-
-    Parameters
-    ----------
-    body : HeldBody
-    frame : str
-        Name of the frame that it is stated in.
-    """
+    """URScript lines."""
     I = body.inertia
     mass, centre = number_text(body.mass, 6), list_text(body.centre, 6)
     inertia = list_text((I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]))

@@ -12,14 +12,7 @@ EXPECTED = "the link that the joint names as its parent"
 
 
 def payload_text(body: HeldBody, frame: str) -> str:
-    """XML of a link and a fixed joint.
-
-    Parameters
-    ----------
-    body : HeldBody
-    frame : str
-        Name of the frame that it is stated in.
-    """
+    """XML of a link and a fixed joint."""
     x, y, z = (f"{v:.9g}" for v in body.centre)
     entries = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), body.inertia[UPPER], strict=True)
     inertia = " ".join(f'{name}="{value:.12g}"' for name, value in entries)

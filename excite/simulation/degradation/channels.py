@@ -15,16 +15,7 @@ _RECORDED = ("q", "dq", "effort", "temperature", "wrench")
 
 
 def with_rows(log: Log, time: Array, rows: NDArray[np.integer[Any]]) -> Log:
-    """The log with the numbers of other rows under given stamps.
-
-    Parameters
-    ----------
-    log : Log
-    time : ndarray, shape (N,)
-        Stamps [s].
-    rows : ndarray of int, shape (N,)
-        Row of the given log whose numbers are recorded.
-    """
+    """The log with the numbers of other rows under given stamps."""  # time (N,); rows (N,)
     recorded: dict[str, Any] = {
         name: channel[rows] for name in _RECORDED if (channel := getattr(log, name)) is not None
     }

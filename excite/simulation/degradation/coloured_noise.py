@@ -11,17 +11,7 @@ def first_order_noise(time: Array, deviation: tuple[float, ...], corner: float, 
     """Gaussian noise through a first-order low-pass, ``n_k = a n_{k-1} + sqrt(1 - a^2) e_k``, shape (N, n).
 
     ``a = exp(-2 pi corner step)``, and n has the given standard deviation from the first row on.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Regular [s].
-    deviation : tuple of float, shape (n,)
-        Standard deviation of each column, in its unit.
-    corner : float
-        Corner frequency [Hz].
-    rng : numpy.random.Generator
-    """
+    """  # time (N,); deviation (n,)
     from scipy.signal import lfilter
 
     step = float(time[-1] - time[0]) / max(time.size - 1, 1)

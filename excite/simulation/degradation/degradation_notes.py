@@ -8,12 +8,7 @@ from excite.simulation.degradation.degradation import Degradation
 
 
 def degradation_notes(degradation: Degradation) -> tuple[str, ...]:
-    """One sentence for each degradation.
-
-    Parameters
-    ----------
-    degradation : Degradation
-    """
+    """One sentence for each degradation."""
     return (*_of_torques(degradation), *_of_rows(degradation))
 
 

@@ -9,15 +9,7 @@ from excite.simulation.degradation.channels import with_rows
 
 
 def dropped_rows(log: Log, share: float, rng: np.random.Generator) -> Log:
-    """The same log without some of its rows.
-
-    Parameters
-    ----------
-    log : Log
-    share : float
-        Of the rows, chosen at random, never the first or the last; below 1.
-    rng : numpy.random.Generator
-    """
+    """The same log without some of its rows."""
     lost = 1 + rng.choice(log.count - 2, round(share * (log.count - 2)), replace=False)
     kept = np.setdiff1d(np.arange(log.count), lost)
     return with_rows(log, log.time[kept], kept)

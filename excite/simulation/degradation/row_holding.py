@@ -9,15 +9,7 @@ from excite.simulation.degradation.channels import with_rows
 
 
 def held_rows(log: Log, share: float, rng: np.random.Generator) -> Log:
-    """The same log, some of whose rows repeat the numbers of the row before under their own stamps.
-
-    Parameters
-    ----------
-    log : Log
-    share : float
-        Of the rows, chosen at random, never the first; below 1.
-    rng : numpy.random.Generator
-    """
+    """The same log, some of whose rows repeat the numbers of the row before under their own stamps."""
     last = np.arange(log.count)
     last[1 + rng.choice(log.count - 1, round(share * (log.count - 1)), replace=False)] = 0
     last = np.maximum.accumulate(last)

@@ -18,19 +18,6 @@ def late_stamps(log: Log, between: tuple[float, float], rng: np.random.Generator
     A host reads rows that were sampled regularly from a buffer. Most rows wait a little, ``e_k`` uniform up to
     ``step - shortest``; a few wait until ``longest`` after the one before, and the rows behind them are read at the
     host's fastest, ``shortest`` apart, until it has caught up.
-
-    Parameters
-    ----------
-    log : Log
-        Sampled regularly.
-    between : (float, float)
-        Shortest and longest time between two stamps [s].
-    rng : numpy.random.Generator
-
-    Raises
-    ------
-    InputError
-        The log's own step is not between the two.
     """
     shortest, longest = between
     step = log.duration / max(log.count - 1, 1)

@@ -8,15 +8,6 @@ from regressors.samples import Array
 
 
 def lagging(time: Array, effort: Array, delay: tuple[float, ...]) -> Array:
-    """Torques of ``t - delay`` in the row of t, by linear interpolation; before the first row they are those of it.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        [s]
-    effort : ndarray, shape (N, n)
-        [Nm or N]
-    delay : tuple of float, shape (n,)
-        Of each joint; negative where the positions are the later ones [s].
-    """
+    """Torques of ``t - delay`` in the row of t, by linear interpolation; before the first row they are those of it."""
+    # time (N,); effort (N, n); delay (n,)
     return np.column_stack([np.interp(time - late, time, column) for late, column in zip(delay, effort.T, strict=True)])
