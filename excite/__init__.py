@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from excite.logs.log import Log
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
-    from excite.logs.recordings.recording_reading import read_recording
+    from excite.logs.recordings.formats import read_recording
     from excite.optimality.design_bound import DesignBound, bound
     from excite.payload.calibrate_gains import CalibratedGains, calibrate_gains
     from excite.payload.identify_payload import identify_payload
@@ -235,7 +235,7 @@ _PLACES = {
     "read_friction": "excite.files.friction_file",
     "read_log": "excite.logs.log_reading",
     "read_mapping": "excite.logs.mapping",
-    "read_recording": "excite.logs.recordings.recording_reading",
+    "read_recording": "excite.logs.recordings.formats",
     "read_world": "excite.files.world_file",
     "run_campaign": "excite.campaigns.run_campaign",
     "sample_posterior": "excite.posterior.sample_posterior",

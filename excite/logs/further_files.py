@@ -14,8 +14,7 @@ from excite.logs.event import DROPPED
 from excite.logs.gaps import STEPS
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
-from excite.logs.recordings.formats import binary_format
-from excite.logs.recordings.recording_hash import recording_sha256
+from excite.logs.recordings.formats import binary_format, recording_sha256
 from excite.logs.sampled_channels import SampledChannels, sampled_channels, samples_of_table
 from excite.logs.table import table_of
 from excite.logs.text import text_of

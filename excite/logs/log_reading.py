@@ -14,7 +14,7 @@ from excite.logs.mapping import LogMapping
 from excite.logs.motor_channels import at_the_joints
 from excite.logs.recorded_log import recorded_log
 from excite.logs.recordings.formats import binary_format
-from excite.logs.recordings.recording_format import RecordingFormat
+from excite.logs.recordings.recording import RecordingFormat
 from excite.logs.sampled_channels import sampled_channels, samples_of_table, whole_seconds, zero_note
 from excite.logs.table import Table, sparse_table, table_of
 from excite.logs.text import Text, text_of

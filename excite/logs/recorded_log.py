@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from excite.logs.event import DROPPED
 from excite.logs.further_files import in_gaps
 from excite.logs.log import Log, Removed
-from excite.logs.recordings.recording_hash import recording_sha256
+from excite.logs.recordings.formats import recording_sha256
 from excite.logs.sampled_channels import Sampled, SampledChannels
 from regressors.errors import InputError
 from regressors.samples import Array, Index

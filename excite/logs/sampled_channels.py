@@ -11,8 +11,7 @@ import numpy as np
 from excite.logs.layout import Layout, listed
 from excite.logs.mapping import SECONDS, LogMapping
 from excite.logs.mapping_sections import ChannelSection, Column
-from excite.logs.recordings.recording import Contents, Numbers, Recording, StreamContents
-from excite.logs.recordings.recording_format import RecordingFormat
+from excite.logs.recordings.recording import Contents, Numbers, Recording, RecordingFormat, StreamContents
 from excite.logs.table import Table
 from regressors.errors import InputError, UnknownName
 from regressors.quoting import cut

@@ -16,10 +16,8 @@ from excite.logs.guess.motion_units import CERTAIN, STATED, FoundUnit, consisten
 from excite.logs.guess.numbered_columns import numbered_groups
 from excite.logs.guess.stream_summary import StreamSummary, summaries
 from excite.logs.mapping import LogMapping
-from excite.logs.recordings.formats import recording_format
-from excite.logs.recordings.preloaded import Preloaded
-from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording
-from excite.logs.recordings.recording_format import RecordingFormat
+from excite.logs.recordings.formats import Preloaded, recording_format
+from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording, RecordingFormat
 from excite.logs.sampled_channels import seconds_of
 from regressors.arguments import checked
 from regressors.errors import InputError

@@ -1,37 +1,58 @@
-"""Streams from named arrays, in files that hold nothing but arrays: NPZ, HDF5, MATLAB."""
+"""Streams from named arrays, in files that hold nothing but arrays (NPZ, HDF5, MATLAB), and the formats of NumPy.
+
+Arrays of Python objects are not read: they would need pickle.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+import zipfile
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, ClassVar, TypeAlias
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from excite.logs.recordings.column_name import is_clock
-from excite.logs.recordings.recording import Contents, Numbers, Recording, Stream, StreamContents
-from excite.logs.recordings.recording_size import LARGEST_ARRAY, check_table
-from regressors.errors import ExciteError, InputError
-from regressors.quoting import cut, listed_names, one_line
+from excite.logs.recordings.recording import (
+    LARGEST_ARRAY,
+    Contents,
+    Numbers,
+    Recording,
+    RecordingFormat,
+    Stream,
+    StreamContents,
+    check_table,
+    foreign_reader,
+    numbers_of,
+)
+from regressors.errors import InputError
+from regressors.input_files import LOG, opened
+from regressors.quoting import cut, listed_names
 
 _SHORTEST = 2  # rows of a stream
-_REASON = 120  # characters of what a library says
+_MOST_MEMBERS = 1000
+_ENCRYPTED = 1  # bit of the flags of a member of a ZIP archive
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+_Opener: TypeAlias = Callable[[], AbstractContextManager[IO[bytes]]]
 
 
 @dataclass(frozen=True, eq=False)
 class NamedArray:
     """An array of a file, which is not loaded yet."""
 
-    name: str  # flattened, such as ``robot.q``
+    name: str  # flattened, such as robot.q
     group: tuple[str, ...]  # groups or structs that it is in, the outermost first
     shape: tuple[int, ...]
-    load: Callable[[], NDArray[Any]]  # loads it, in this shape
-    unit: str = ""  # unit that the file states; empty if none
+    load: Callable[[], NDArray[Any]]  # in this shape
+    unit: str = ""  # that the file states; empty if none
 
     @property
     def sides(self) -> tuple[int, ...]:
@@ -87,7 +108,7 @@ class ArrayFile:
         return streams
 
     def contents(self) -> Contents:
-        """Contents of the file."""
+        """Contents of the file, which must have an array of numbers at many instants."""
         streams = self.streams()
         if not streams:
             why = "; ".join(f"{cut(name)} {why}" for name, why in list(self.left_out.items())[:5])
@@ -152,8 +173,7 @@ class _Placed:
 
     def load(self, wanted: set[str], file: ArrayFile) -> Iterator[tuple[str, Numbers]]:
         """Columns that are wanted."""
-        with foreign_reader(file.path, file.form):
-            table = np.asarray(self.array.load()).reshape(self.array.sides)
+        table = np.asarray(self.array.load()).reshape(self.array.sides)
         if self.transposed:
             table = table.T
         for k, column in enumerate(self.columns):
@@ -173,25 +193,104 @@ def _place(
     return (), next((rows for rows in sides if rows in lengths), max(sides))
 
 
-def numbers_of(values: NDArray[Any]) -> Numbers:
-    """Whole numbers as they are, since they may be clocks, and all others as floats."""
-    if values.dtype.kind == "i" or (values.dtype.kind == "u" and values.dtype.itemsize < 8):
-        return np.ascontiguousarray(values, dtype=np.int64)
-    if values.dtype.kind == "u" and not np.any(values > np.iinfo(np.int64).max):
-        return np.ascontiguousarray(values, dtype=np.int64)
-    return np.ascontiguousarray(values, dtype=float)
+class ArrayFormat(RecordingFormat):
+    """A format that holds nothing but arrays."""
+
+    @abstractmethod
+    def arrays(self, path: Path) -> AbstractContextManager[ArrayFile]:
+        """Arrays of a file, which can be loaded within the context."""
+
+    def contents(self, path: Path) -> Contents:
+        """See `RecordingFormat.contents`."""
+        with foreign_reader(path, self.name), self.arrays(path) as file:
+            return file.contents()
+
+    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
+        """See `RecordingFormat.read`."""
+        with foreign_reader(path, self.name), self.arrays(path) as file:
+            return file.read(wanted)
+
+
+class NpyFile(ArrayFormat):
+    """One array in a file."""
+
+    name: ClassVar[str] = "NPY"
+
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """See `RecordingFormat.recognises`."""
+        return head.startswith(npy.MAGIC_PREFIX)
+
+    @contextmanager
+    def arrays(self, path: Path) -> Iterator[ArrayFile]:
+        """See `ArrayFormat.arrays`."""
+        file = ArrayFile(path, self.name)
+        _add(file, path.stem, partial(opened, path, LOG))
+        yield file
+
+
+class NpzFile(ArrayFormat):
+    """Several arrays in an archive."""
+
+    name: ClassVar[str] = "NPZ"
+
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """See `RecordingFormat.recognises`."""
+        if not head.startswith(b"PK\x03\x04"):
+            return False
+        end = 30 + int.from_bytes(head[26:28], "little")  # of the first member's name
+        return head[30:end].endswith(b".npy")
+
+    @contextmanager
+    def arrays(self, path: Path) -> Iterator[ArrayFile]:
+        """See `ArrayFormat.arrays`."""
+        file = ArrayFile(path, self.name)
+        with opened(path, LOG) as content, zipfile.ZipFile(content) as archive:
+            members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
+            if len(members) > _MOST_MEMBERS:
+                raise InputError(f"{path} has {len(members)} arrays, more than the {_MOST_MEMBERS} that are read")
+            for member in members:
+                if member.flag_bits & _ENCRYPTED:
+                    raise InputError(f"{path} is encrypted: {cut(member.filename)}; save it without a password")
+                _add(file, member.filename.removesuffix(".npy"), partial(_member, path, member.filename))
+        yield file
 
 
 @contextmanager
-def foreign_reader(path: Path, form: str) -> Iterator[None]:
-    """Turn whatever a library raises on a damaged file into one line."""
-    try:
-        yield
-    except (ExciteError, MemoryError):
-        raise
-    except Exception as error:  # each library has its own, and damaged files meet those of Python too
-        said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        reason = cut(one_line(said), _REASON) or type(error).__name__
-        raise InputError(
-            f"{path} cannot be read as {form}; it is damaged or was not written to its end: {reason}"
-        ) from error
+def _member(path: Path, name: str) -> Iterator[IO[bytes]]:
+    with opened(path, LOG) as content, zipfile.ZipFile(content) as archive, archive.open(name) as member:
+        yield member
+
+
+def _add(file: ArrayFile, name: str, stream: _Opener) -> None:
+    """Add an array, or the fields of an array of records."""
+    with stream() as content:
+        shape, kind = _header(content)
+    group = tuple(name.split("/")[:-1])
+    if kind.names is None or kind.hasobject:
+        file.add(
+            NamedArray(name, group, shape, partial(_loaded, file.path, stream)),
+            np.dtype("O") if kind.hasobject else kind,
+        )
+        return
+    for key in kind.names:
+        part = kind[key]
+        load = partial(_loaded, file.path, stream, key)
+        file.add(NamedArray(f"{name}.{key}", (*group, name), (*shape, *part.shape), load), part.base)
+
+
+def _header(content: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = npy.read_magic(content)
+    if version not in _HEADERS:
+        raise ValueError(f"version {version} of NPY is not read")
+    shape, _, kind = _HEADERS[version](content)
+    return shape, kind
+
+
+def _loaded(path: Path, stream: _Opener, key: str = "") -> NDArray[Any]:
+    """An array, or a field of its records."""
+    with stream() as content:
+        shape, kind = _header(content)
+    check_table(path, float(np.prod(shape, dtype=float)) * kind.itemsize / 8, 1.0)
+    with stream() as content:
+        array = npy.read_array(content, allow_pickle=False)
+    return np.asarray(array[key] if key else array)

@@ -1,12 +1,10 @@
-"""What the name of a column says: quantity, unit, whether it was measured, and which joint's it is."""
+"""What the name of a column says: quantity, unit as people write it, whether it was measured, and whose it is."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-
-from excite.logs.recordings.stated_unit import NONE, stated_unit
 
 _WORDS: Mapping[str, str] = {
     "position": "position positions pos q qs angle angles theta phi qpos jointpos jointposition jointpositions",
@@ -25,22 +23,52 @@ _REFERRED = (
 _NOT_MEASURED = frozenset(_REFERRED.split())
 _BRACKET = re.compile(r"[\[(]([^\])]*)[\])]\s*$")
 _PART = re.compile(r"[A-Z]{2,}(?=[A-Z][a-z]|\d|\b|_)|[A-Z]?[a-z]+|[A-Z]+|\d+")
+_DEGREE, _MICRO, _DOT = "\N{DEGREE SIGN}", "\N{MICRO SIGN}", "\N{MIDDLE DOT}"
+_WRITTEN: Mapping[tuple[str, str], str] = {  # quantity and unit of the mapping: how it is written, in lower case
+    ("position", "rad"): "rad radian radians",
+    ("position", "deg"): f"deg degree degrees {_DEGREE}",
+    ("position", "turns"): "turns",
+    ("position", "rev"): "rev",
+    ("position", "ticks"): "ticks counts inc",
+    ("position", "m"): "m",
+    ("position", "mm"): "mm",
+    ("velocity", "rad/s"): "rad/s rad/sec rad_s radps rads",
+    ("velocity", "deg/s"): f"deg/s deg/sec deg_s degps dps {_DEGREE}/s",
+    ("velocity", "rpm"): "rpm 1/min",
+    ("velocity", "rev/s"): "rev/s",
+    ("velocity", "m/s"): "m/s",
+    ("velocity", "mm/s"): "mm/s",
+    ("effort", "Nm"): f"nm n.m n*m n{_DOT}m",
+    ("effort", "mNm"): "mnm",
+    ("effort", "kNm"): "knm",
+    ("effort", "N"): "n",
+    ("effort", "kN"): "kn",
+    ("current", "A"): "a amp ampere",
+    ("current", "mA"): "ma",
+    ("temperature", "degC"): f"degc celsius c {_DEGREE}c",
+    ("temperature", "K"): "k",
+    ("temperature", "degF"): "degf",
+    ("time", "s"): "s sec secs seconds",
+    ("time", "ms"): "ms msec",
+    ("time", "us"): f"us usec {_MICRO}s",
+    ("time", "ns"): "ns nsec nanosec",
+}
+_KNOWN = {text: meaning for meaning, texts in _WRITTEN.items() for text in texts.split()}
+_NONE = ("", "")
 
 
 @dataclass(frozen=True)
 class ColumnName:
     """What a name says."""
 
-    # ``time``, ``position``, ``velocity``, ``effort``, ``current`` or ``temperature``; empty where it says nothing
-    quantity: str
+    quantity: str  # time, position, velocity, effort, current or temperature; empty where it says nothing
     unit: str  # in the words of the mapping; empty where it says nothing
-    # what is left of the name's words without these: a number or the name of a joint, and what stands before it
-    label: tuple[str, ...]
-    measured: bool  # whether it is not of something desired, commanded or limited
+    label: tuple[str, ...]  # what is left of its words: a number or the name of a joint, and what stands before it
+    measured: bool  # not of something desired, commanded or limited
 
 
 def parsed_name(name: str, unit: str = "") -> ColumnName:
-    """What the name of a column says."""
+    """What the name of a column says, and the unit that the file states beside it, literally."""
     of, given = stated_unit(unit)
     if not given and (bracket := _BRACKET.search(name)):
         of, given = stated_unit(bracket[1])
@@ -61,12 +89,17 @@ def _without_unit(words: list[str]) -> tuple[list[str], tuple[str, str]]:
     """Words without those of a unit at the end, as in ``pos_deg`` and ``vel_deg_s``, and that unit."""
     for count in (2, 1):
         unit = stated_unit("_".join(words[-count:]))
-        if unit != NONE and len(words) > count and len("".join(words[-count:])) > 1:
+        if unit != _NONE and len(words) > count and len("".join(words[-count:])) > 1:
             return words[:-count], unit
-    return words, NONE
+    return words, _NONE
 
 
 def is_clock(name: str, unit: str = "") -> bool:
     """Whether a name says that a column is a time."""
     parsed = parsed_name(name, unit)
     return parsed.quantity == "time" and not any(word.isdigit() for word in parsed.label)
+
+
+def stated_unit(text: str) -> tuple[str, str]:
+    """Quantity and unit that a text such as ``[deg/s]`` states; two empty strings for none."""
+    return _KNOWN.get(text.strip().strip("[]()").strip().lower().replace("n m", "nm"), _NONE)

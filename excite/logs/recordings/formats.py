@@ -1,21 +1,22 @@
-"""All formats of recordings, and which of them a file is."""
+"""All formats of recordings, which of them a file is, and recordings of any known format, read as they are."""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from excite.logs.recordings.hdf5_file import Hdf5File
-from excite.logs.recordings.matlab_file import MatlabFile
-from excite.logs.recordings.matlab_hdf5 import MatlabHdf5
-from excite.logs.recordings.mcap_bag import McapBag
-from excite.logs.recordings.npz_arrays import NpyFile, NpzFile
-from excite.logs.recordings.parquet_table import ParquetTable
-from excite.logs.recordings.recording_format import HEAD, RecordingFormat
-from excite.logs.recordings.rosbag1 import Rosbag1
-from excite.logs.recordings.rosbag2 import Rosbag2
+from excite.logs.recordings.array_streams import NpyFile, NpzFile
+from excite.logs.recordings.bags import McapBag, Rosbag1, Rosbag2
+from excite.logs.recordings.hdf5 import Hdf5File
+from excite.logs.recordings.matlab import MatlabFile, MatlabHdf5
+from excite.logs.recordings.parquet import ParquetTable
+from excite.logs.recordings.recording import HEAD, Contents, Recording, RecordingFormat, Stream
 from excite.logs.recordings.signal_folder import SignalFolder
 from excite.logs.recordings.text_table import TextTable
-from regressors.errors import InputError
+from excite.storage.content_hash import sha256_of
+from regressors.arguments import checked
+from regressors.errors import InputError, UnknownName
 from regressors.input_files import LOG, opened
 
 FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file reads it
@@ -33,11 +34,30 @@ FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file rea
 )
 
 
-def format_of(path: str | Path) -> RecordingFormat | None:
-    """Format of a file or folder; None where none recognises it."""
+@checked
+def read_recording(path: str | Path, columns: Sequence[str] | None = None) -> Recording:
+    """Read columns of a recording, in the units of the file."""
     path = Path(path)
-    head = head_of(path)
-    return next((form for form in FORMATS if form.recognises(head, path)), None)
+    form = recording_format(path)
+    contents = form.contents(path)
+    for name in columns or ():
+        if name not in contents.columns:
+            raise UnknownName(f"column in {path}", name, contents.columns)
+    wanted = {}
+    for stream in contents.streams:
+        some = stream.columns if columns is None else [name for name in stream.columns if name in columns]
+        if some:
+            wanted[stream.name] = list(dict.fromkeys([*stream.clocks, *some]))
+    return form.read(path, wanted)
+
+
+def recording_format(path: Path) -> RecordingFormat:
+    """Format of a file or folder, which may be a text; one that nothing recognises is refused."""
+    if (form := format_of(path)) is None:
+        known = ", ".join(each.name for each in FORMATS)
+        kind = "folder" if path.is_dir() else "file" if head_of(path) else "empty file"
+        raise InputError(f"{path} is {'an' if kind[0] == 'e' else 'a'} {kind} of no known format; known are {known}")
+    return form
 
 
 def binary_format(path: Path) -> RecordingFormat | None:
@@ -48,13 +68,11 @@ def binary_format(path: Path) -> RecordingFormat | None:
     return None if isinstance(form, TextTable) else form
 
 
-def recording_format(path: Path) -> RecordingFormat:
-    """Format of a file or folder, which may be a text."""
-    if (form := format_of(path)) is None:
-        known = ", ".join(each.name for each in FORMATS)
-        kind = "folder" if path.is_dir() else "file" if head_of(path) else "empty file"
-        raise InputError(f"{path} is {'an' if kind[0] == 'e' else 'a'} {kind} of no known format; known are {known}")
-    return form
+def format_of(path: str | Path) -> RecordingFormat | None:
+    """Format of a file or folder; None where none recognises it."""
+    path = Path(path)
+    head = head_of(path)
+    return next((form for form in FORMATS if form.recognises(head, path)), None)
 
 
 def head_of(path: Path) -> bytes:
@@ -66,3 +84,38 @@ def head_of(path: Path) -> bytes:
             return stream.read(HEAD)
     except OSError as error:
         raise InputError(f"cannot read log {path}: {error.strerror}") from error
+
+
+class Preloaded(RecordingFormat):
+    """Columns that were read of one file before, so that they are not read again."""
+
+    name = "preloaded"
+
+    def __init__(self, form: RecordingFormat, known: Contents, recording: Recording) -> None:
+        self._form, self._known, self._recording = form, known, recording
+
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """Whether it is the file that was read."""
+        return self._known.source == str(path)
+
+    def contents(self, path: Path) -> Contents:
+        """What is known of it."""
+        return self._known
+
+    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
+        """Columns that were read; from the file where one of them was not."""
+        there = self._recording.streams
+        if any(name not in there or not set(columns) <= set(there[name].columns) for name, columns in wanted.items()):
+            return self._form.read(path, wanted)
+        streams = {n: Stream(n, {c: there[n].columns[c] for c in columns}) for n, columns in wanted.items()}
+        return Recording(self._recording.source, self._recording.format, streams, self._recording.notes)
+
+
+def recording_sha256(path: Path) -> str:
+    """Hash of a file, or of the names and hashes of all files of a folder."""
+    if (own := sha256_of(path)) is not None:
+        return own
+    digest = hashlib.sha256()
+    for file in sorted(each for each in path.rglob("*") if each.is_file()):
+        digest.update(f"{file.relative_to(path).as_posix()} {sha256_of(file)}\n".encode())
+    return digest.hexdigest()

@@ -1,44 +1,56 @@
-"""What a recording holds: streams of columns, each stream with rows of its own."""
+"""Recordings: streams of columns, each stream with rows of its own; the interface of their formats, and its guards.
+
+Every format predicts the memory of what a file declares before it is read, and turns what its library raises into one
+line.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from importlib import import_module
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
+from regressors.errors import ExciteError, InputError
+from regressors.quoting import cut, one_line
+
+HEAD = 4096  # bytes by which a file is recognised
+LARGEST_ARRAY = 100  # elements of one row; what has more, such as an image, is no measurement of joints
 JOINT_STATE = "sensor_msgs/JointState"
 Numbers = NDArray[np.floating[Any] | np.integer[Any]]
+_COPIES = 2.0  # what was read, and what it becomes
+_REASON = 120  # characters of what a library says
+_PACKAGES = {"ros": "rosbags", "hdf5": "h5py", "matlab": "h5py", "parquet": "pyarrow"}  # of each extra
 
 
 @dataclass(frozen=True)
 class Meaning:
     """What a column is by the definition of its format, so that nobody needs to guess."""
 
-    quantity: str  # ``position``, ``velocity``, ``effort``, ``current``, ``temperature`` or ``wrench``
-    of: str  # joint, or component of the wrench of `excite.logs.log.WRENCH`
-    unit: str  # one that the sections of `excite.logs.mapping.LogMapping` know, such as ``rad``
-    why: str  # source of the definition, such as ``sensor_msgs/JointState``
+    quantity: str  # position, velocity, effort, current, temperature or wrench
+    of: str  # joint, or component of the wrench of excite.logs.log.WRENCH
+    unit: str  # one that the sections of excite.logs.mapping.LogMapping know, such as rad
+    why: str  # source of the definition, such as sensor_msgs/JointState
 
 
 @dataclass(frozen=True, eq=False)
 class StreamContents:
-    """What is known of a stream without loading its rows."""
+    """What is known of a stream, such as a topic, a table or a group, without loading its rows."""
 
-    name: str  # of the topic, table or group
+    name: str
     columns: tuple[str, ...]  # flattened names, each once in a recording, but for clocks that several streams share
     rows: int | None = None  # where it is known
-    # those of the columns that say when a row was taken, the preferred one first; empty where the format does not
-    # tell
-    clocks: tuple[str, ...] = ()
+    clocks: tuple[str, ...] = ()  # columns that say when a row was taken, the preferred one first
     meanings: Mapping[str, Meaning] = field(default_factory=dict)  # of the columns that the format defines
-    # units that the file itself states, literally, by column; of clocks those of
-    # `excite.logs.mapping_sections.TimeSection`
-    units: Mapping[str, str] = field(default_factory=dict)
-    # what the file calls columns that the mapping knows by another name, such as a number
-    titles: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)  # that the file states, literally; of clocks TimeSection's
+    titles: Mapping[str, str] = field(default_factory=dict)  # what the file calls columns that a mapping names else
 
     def title(self, column: str) -> str:
         """What the file calls a column."""
@@ -47,23 +59,12 @@ class StreamContents:
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """What is inside a recording.
+    """What is inside a recording: a file or folder."""
 
-    Parameters
-    ----------
-    source : str
-        File or folder, for messages.
-    format : str
-        Name of the format, with its version where it is known.
-    streams : tuple of StreamContents
-    notes : tuple of str
-        What a user should know, such as topics that cannot be read.
-    """
-
-    source: str
-    format: str
+    source: str  # for messages
+    format: str  # with its version where it is known
     streams: tuple[StreamContents, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what a user should know, such as topics that cannot be read
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -109,3 +110,76 @@ class Recording:
     format: str
     streams: Mapping[str, Stream]
     notes: tuple[str, ...] = ()
+
+
+class RecordingFormat(ABC):
+    """A format of recordings; a new one is one subclass, and its line in `excite.logs.recordings.formats`.
+
+    A format needs no state: its object is made without arguments.
+    """
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """Whether a file or folder is of this format, by its content and not by its name."""
+
+    @abstractmethod
+    def contents(self, path: Path) -> Contents:
+        """What is inside, without loading all of it."""
+
+    @abstractmethod
+    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
+        """Some columns."""
+
+    def glance(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
+        """Some columns, of as many rows as show what they are; all rows for most formats."""
+        return self.read(path, wanted)
+
+    def mapping_fields(self, path: Path) -> Mapping[str, object]:
+        """Fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats."""
+        return {}
+
+
+def check_table(source: Path, rows: float, columns: float, copies: float = _COPIES) -> None:
+    """Refuse a table that takes more memory than it may; ``copies`` of each number are held at the same time."""
+    held = FLOAT * copies * rows * columns
+    part = MemoryPart("rows", rows, columns, held, remedy="cut the recording, or map fewer columns")
+    WorkPrediction(f"reading {source}", (part,)).check()
+
+
+def check_bytes(source: Path, size: float) -> None:
+    """Refuse to unpack more bytes than may be held in memory."""
+    check_table(source, size / FLOAT, 1.0, copies=1.0)
+
+
+def numbers_of(values: NDArray[Any]) -> Numbers:
+    """Whole numbers as they are, since they may be clocks, and all others as floats."""
+    if values.dtype.kind == "i" or (values.dtype.kind == "u" and values.dtype.itemsize < 8):
+        return np.ascontiguousarray(values, dtype=np.int64)
+    if values.dtype.kind == "u" and not np.any(values > np.iinfo(np.int64).max):
+        return np.ascontiguousarray(values, dtype=np.int64)
+    return np.ascontiguousarray(values, dtype=float)
+
+
+def optional_package(module: str, extra: str, source: Path) -> Any:
+    """A module, such as ``pyarrow.parquet``, of a package that an extra of this distribution installs."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise InputError(f"{source} needs {_PACKAGES[extra]}: pip install 'excite-trajectories[{extra}]'") from error
+
+
+@contextmanager
+def foreign_reader(path: Path, form: str) -> Iterator[None]:
+    """Turn whatever a library raises on a damaged file of a format into one line."""
+    try:
+        yield
+    except (ExciteError, MemoryError):
+        raise
+    except Exception as error:  # each library has its own, and damaged files meet those of Python too
+        said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        reason = cut(one_line(said), _REASON) or type(error).__name__
+        raise InputError(
+            f"{path} cannot be read as {form}; it is damaged or was not written to its end: {reason}"
+        ) from error

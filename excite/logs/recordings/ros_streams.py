@@ -1,7 +1,11 @@
-"""Streams of columns from the messages of a bag: decoded together where they share a layout, not one by one."""
+"""Streams of columns from the messages of a bag: decoded together where they share a layout, not one by one.
+
+A bag is read twice: once to find topics and layouts, whose result is kept, and once for the columns that are wanted.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -11,20 +15,254 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.logs.recordings.recording import Contents, Meaning, Numbers, Recording, Stream, StreamContents
-from excite.logs.recordings.recording_size import check_table
-from excite.logs.recordings.ros_columns import MESSAGE_TIME, STAMP, TEMPERATURE, RosColumn, layout_columns
-from excite.logs.recordings.ros_definitions import Definitions, UnreadableMessage, definitions_of
-from excite.logs.recordings.ros_layout import MessageLayout, NumberPlace, message_layout
-from excite.logs.recordings.ros_messages import LARGEST_MESSAGE, BagFile, Bytes, Messages, Topic
+from excite.logs.recordings.recording import (
+    Contents,
+    Meaning,
+    Numbers,
+    Recording,
+    Stream,
+    StreamContents,
+    check_table,
+)
+from excite.logs.recordings.ros_decoding import (
+    MESSAGE_TIME,
+    STAMP,
+    TEMPERATURE,
+    Definitions,
+    MessageLayout,
+    NumberPlace,
+    RosColumn,
+    UnreadableMessage,
+    definitions_of,
+    layout_columns,
+    message_layout,
+)
 from regressors.errors import InputError
 from regressors.quoting import cut, listed_names
 from regressors.samples import Index
 
+Bytes: TypeAlias = NDArray[np.uint8]
+LARGEST_MESSAGE = 64 * 1024  # bytes; what is larger, such as an image, is no measurement of joints
 _AT_ONCE = 4096  # messages
 _BYTES_AT_ONCE = 8 * 2**20
 _MOST_LAYOUTS, _MOST_SHAPES, _MOST_FAULTS = 6000, 200, 100  # 7 joints have 5040 orders
 _LEFT_OUT_SHOWN = 8
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic, as far as the bag describes it."""
+
+    name: str
+    kind: str  # type of its messages, with the folder: sensor_msgs/msg/JointState
+    form: str = ""  # msg or idl, of the definition; empty where there is none
+    text: str = ""  # definition
+    ros1: bool = False  # whether its messages are serialised as in ROS 1, else in CDR
+    unread: str = ""  # why its messages cannot be read; empty if they can
+
+
+Message: TypeAlias = tuple[Topic, int, bytes]  # with the time at which it was recorded [ns], as it was serialised
+
+
+class BagFile(ABC):
+    """A bag that is read once from its beginning to its end."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notes: list[str] = []  # known when all messages were read
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files of the bag."""
+        return (self.path,)
+
+    @property
+    def state(self) -> Hashable:
+        """What changes when the files of the bag do."""
+        try:
+            statuses = [path.stat() for path in self.files]
+        except OSError as error:
+            raise InputError(f"cannot read {self.path}: {error.strerror}") from error
+        return tuple((status.st_size, status.st_mtime_ns, status.st_ino) for status in statuses)
+
+    @abstractmethod
+    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
+        """Messages of the topics that are wanted, those of each in recorded order; asked of every topic that has some.
+
+        A bag that is damaged, encrypted, or compressed in a way that is not read is an `InputError`.
+        """
+
+
+def bag_contents(bag: BagFile, form: str) -> Contents:
+    """Contents of a bag; all of it is read once, but no number is decoded."""
+    scan = _scanned(bag)
+    streams = tuple(
+        _stream_contents(name, rows.topic, layouts)
+        for rows in scan.topics.values()
+        for name, layouts in rows.streams().items()
+    )
+    if not streams:
+        why = "; ".join(f"{cut(name)}: {why}" for name, why in list(scan.left_out.items())[:_LEFT_OUT_SHOWN])
+        raise InputError(f"{bag.path}: no topic has messages with numbers" + (f"; {why}" if why else ""))
+    left_out = list(scan.left_out.items())[:_LEFT_OUT_SHOWN]
+    notes = (*scan.notes, *(f"topic {cut(name)} is left out: {why}" for name, why in left_out))
+    return Contents(str(bag.path), form, streams, notes)
+
+
+def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamContents:
+    columns = {column.name: column for one in layouts for column in one.columns}
+    stamp, time = f"{topic.name}/{STAMP}", f"{topic.name}/{MESSAGE_TIME}"
+    units = {name: "ns" for name, column in columns.items() if column.place.kind == "stamp"}
+    units |= {name: "degC" for name in columns if topic.kind == TEMPERATURE and name.endswith("/temperature")}
+    meanings: dict[str, Meaning] = {name: c.meaning for name, c in columns.items() if c.meaning is not None}
+    clocks = (stamp, time) if stamp in columns else (time,)
+    rows = sum(one.rows for one in layouts)
+    return StreamContents(name, (*columns, time), rows, clocks, meanings, units | {time: "ns"})
+
+
+def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) -> Recording:
+    """Columns of a bag, by the names of their streams."""
+    scan = _scanned(bag)
+    tables: dict[str, _Table] = {}
+    by_topic: dict[Topic, dict[int, _Table]] = {}
+    for topic, rows in scan.topics.items():
+        for name, layouts in rows.streams().items():
+            if name in wanted:
+                check_table(bag.path, sum(one.rows for one in layouts), len(wanted[name]))
+                tables[name] = table = _Table(topic, wanted[name], layouts)
+                rows.faulty = 0
+                by_topic.setdefault(topic, {}).update({id(one): table for one in layouts})
+    if missing := [name for name in wanted if name not in tables]:
+        names = [name for rows in scan.topics.values() for name in rows.streams()]
+        raise InputError(f"{bag.path} has no topic {cut(missing[0])}; it has {listed_names(names)}")
+    for topic, times, raws in _batches(bag, by_topic.__contains__):
+        _fill(by_topic[topic], scan.topics[topic], times, raws)
+    streams = {name: Stream(name, table.columns) for name, table in tables.items()}
+    return Recording(str(bag.path), form, streams, scan.notes)
+
+
+def _fill(tables: Mapping[int, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
+    """Decode some messages of a topic into the tables of its streams."""
+    groups: dict[int, list[_Group]] = {}
+    for one, numbers, content in rows.groups(raws):
+        if (table := tables.get(id(one))) is not None:
+            groups.setdefault(id(table), []).append((one, numbers, content))
+    stamps = np.array(times, dtype=np.int64)
+    for table in {id(table): table for table in tables.values()}.values():
+        if id(table) in groups:
+            table.add(groups[id(table)], stamps)
+
+
+class _Table:
+    """Columns of a stream, filled in the order of the messages; NaN where a message has no number."""
+
+    def __init__(self, topic: Topic, names: Sequence[str], layouts: list[_Known]) -> None:
+        self.rows, self.filled = sum(one.rows for one in layouts), 0
+        self.time = f"{topic.name}/{MESSAGE_TIME}"
+        stamps = [{column.name for column in one.columns if column.place.kind == "stamp"} for one in layouts]
+        whole = set.intersection(*stamps) | {self.time}
+        self.columns: dict[str, Numbers] = {
+            name: np.zeros(self.rows, np.int64) if name in whole else np.full(self.rows, np.nan) for name in names
+        }
+
+    def add(self, groups: list[_Group], times: NDArray[np.int64]) -> None:
+        """Append messages, each group of them of one layout."""
+        order = np.sort(np.concatenate([numbers for _, numbers, _ in groups]))
+        if self.time in self.columns:
+            self.columns[self.time][self.filled : self.filled + order.size] = times[order]
+        for one, numbers, content in groups:
+            rows = self.filled + np.searchsorted(order, numbers)
+            for name, column in _decoded(one, content, self.columns):
+                self.columns[name][rows] = column
+        self.filled += order.size
+
+
+def _decoded(one: _Known, content: Bytes, wanted: Container[str]) -> Iterator[tuple[str, Numbers]]:
+    """Columns that are wanted of messages of one layout."""
+    blocks: dict[int, Numbers] = {}
+    for column in one.columns:
+        if column.name in wanted:
+            place = column.place
+            if place.at not in blocks:
+                blocks[place.at] = _numbers(content, place, one.layout.order)
+            yield column.name, blocks[place.at][:, column.index]
+
+
+def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
+    """Numbers at one place of many messages, shape (messages, count)."""
+    if place.kind == "stamp":
+        fields = content[:, place.at : place.at + 8].copy()
+        seconds = fields[:, :4].copy().view(f"{order}i4").astype(np.int64)
+        stamps: Numbers = 1_000_000_000 * seconds + fields[:, 4:].copy().view(f"{order}u4")
+        return stamps
+    size = int(place.kind[-1]) * place.count
+    numbers: Numbers = content[:, place.at : place.at + size].copy().view(place.kind).astype(float)
+    return numbers
+
+
+def _scanned(bag: BagFile) -> _Scan:
+    """Scan of a bag; that of the last bags is kept, since contents and columns are usually asked for in turn."""
+    return _scan_of(type(bag), bag.path, bag.state)
+
+
+@lru_cache(maxsize=4)
+def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> _Scan:
+    bag = kind(path)
+    topics: dict[Topic, _TopicRows] = {}
+
+    def wanted(topic: Topic) -> bool:
+        topics.setdefault(topic, _TopicRows(path, topic, topic.unread))
+        return not topic.unread
+
+    for topic, _, raws in _batches(bag, wanted):
+        if not topics[topic].unread:
+            _count(topics[topic], raws)
+    for rows in topics.values():
+        if not rows.unread and not rows.streams():
+            rows.unread = f"its messages ({cut(rows.topic.kind)}) have no numbers"
+    faulty = [
+        f"{rows.faulty} messages of {cut(topic.name)} do not follow its definition and were left out"
+        for topic, rows in topics.items()
+        if rows.faulty and not rows.unread
+    ]
+    return _Scan(topics, (*bag.notes, *faulty))
+
+
+def _count(rows: _TopicRows, raws: list[bytes]) -> None:
+    try:
+        for one, numbers, _ in rows.groups(raws):
+            one.rows += numbers.size
+        rows.met += len(raws)
+    except (_TopicUnread, UnreadableMessage) as error:
+        rows.unread = str(error)
+
+
+def _batches(bag: BagFile, wanted: Callable[[Topic], bool]) -> Iterator[_Batch]:
+    """Messages of each topic, some thousand at once."""
+    held: dict[int, _Batch] = {}  # by the identity of the topic, which is quicker than its hash
+    waiting = 0
+    for topic, time, raw in bag.messages(wanted):
+        _, times, raws = held.get(id(topic)) or held.setdefault(id(topic), (topic, [], []))
+        times.append(time)
+        raws.append(raw)
+        waiting += len(raw)
+        if len(raws) >= _AT_ONCE or waiting > _BYTES_AT_ONCE:
+            yield from held.values()
+            held, waiting = {}, 0
+    yield from held.values()
+
+
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """Topics of a bag with all their layouts."""
+
+    topics: Mapping[Topic, _TopicRows]
+    notes: tuple[str, ...]
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Why topics are not read."""
+        return {topic.name: rows.unread for topic, rows in self.topics.items() if rows.unread}
 
 
 @dataclass(eq=False)
@@ -55,6 +293,7 @@ class _Alike:
 
 
 _Group: TypeAlias = tuple[_Known, Index, Bytes]  # messages of one layout: their numbers, and their bytes
+_Batch: TypeAlias = tuple[Topic, list[int], list[bytes]]
 
 
 @dataclass(eq=False)
@@ -71,22 +310,15 @@ class _TopicRows:
     known: dict[int, list[_Alike]] = field(default_factory=dict)
     definitions: Definitions | None = None
 
-    def groups(self, raws: list[bytes] | Bytes) -> Iterator[_Group]:
+    def groups(self, raws: list[bytes]) -> Iterator[_Group]:
         """Messages of equal layout: the layout, their numbers among those given, and their bytes."""
-        if isinstance(raws, np.ndarray):
-            self._check_length(raws.shape[1])
-            yield from self._of_equal_length(raws, np.arange(raws.shape[0]))
-            return
         lengths = np.fromiter(map(len, raws), dtype=np.intp, count=len(raws))
         for length in np.unique(lengths).tolist():
             rows = np.flatnonzero(lengths == length)
-            self._check_length(length)
+            if length > LARGEST_MESSAGE:
+                raise _TopicUnread(f"it has messages of {length} bytes, more than measurements of joints need")
             content = b"".join(raws) if len(rows) == len(raws) else b"".join(raws[k] for k in rows.tolist())
             yield from self._of_equal_length(np.frombuffer(content, np.uint8).reshape(len(rows), length), rows)
-
-    def _check_length(self, length: int) -> None:
-        if length > LARGEST_MESSAGE:
-            raise _TopicUnread(f"it has messages of {length} bytes, more than measurements of joints need")
 
     def _of_equal_length(self, content: Bytes, rows: Index) -> Iterator[_Group]:
         known = self.known.setdefault(content.shape[1], [])
@@ -189,200 +421,3 @@ def _by_layout(alike: _Alike, content: Bytes, rows: Index) -> Iterator[tuple[_Kn
 
 class _TopicUnread(Exception):
     """No message of the topic is read; the text says why."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Scan:
-    """Topics of a bag with all their layouts."""
-
-    topics: Mapping[Topic, _TopicRows]
-    notes: tuple[str, ...]
-
-    @property
-    def left_out(self) -> dict[str, str]:
-        """Why topics are not read."""
-        return {topic.name: rows.unread for topic, rows in self.topics.items() if rows.unread}
-
-
-def bag_contents(bag: BagFile, form: str) -> Contents:
-    """Contents of a bag; all of it is read once, but no number is decoded."""
-    scan = _scanned(bag)
-    streams = tuple(
-        _stream_contents(name, rows.topic, layouts)
-        for rows in scan.topics.values()
-        for name, layouts in rows.streams().items()
-    )
-    if not streams:
-        why = "; ".join(f"{cut(name)}: {why}" for name, why in list(scan.left_out.items())[:_LEFT_OUT_SHOWN])
-        raise InputError(f"{bag.path}: no topic has messages with numbers" + (f"; {why}" if why else ""))
-    return Contents(str(bag.path), form, streams, (*scan.notes, *_left_out_notes(scan)))
-
-
-def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) -> Recording:
-    """Columns of a bag."""
-    scan = _scanned(bag)
-    tables: dict[str, _Table] = {}
-    by_topic: dict[Topic, dict[int, _Table]] = {}
-    for topic, rows in scan.topics.items():
-        for name, layouts in rows.streams().items():
-            if name in wanted:
-                table = _Table(topic, tuple(dict.fromkeys(wanted[name])), sum(one.rows for one in layouts))
-                check_table(bag.path, table.rows, len(table.names))
-                tables[name] = table
-                rows.faulty = 0
-                by_topic.setdefault(topic, {}).update({id(one): table for one in layouts})
-    if missing := [name for name in wanted if name not in tables]:
-        names = [name for rows in scan.topics.values() for name in rows.streams()]
-        raise InputError(f"{bag.path} has no topic {cut(missing[0])}; it has {listed_names(names)}")
-    for some in _batches(bag, by_topic.__contains__):
-        _fill(by_topic[some.topic], scan.topics[some.topic], some)
-    streams = {name: Stream(name, table.columns()) for name, table in tables.items()}
-    return Recording(str(bag.path), form, streams, scan.notes)
-
-
-def _fill(tables: Mapping[int, _Table], rows: _TopicRows, some: Messages) -> None:
-    """Decode some messages of a topic into the tables of its streams."""
-    groups: dict[int, list[_Group]] = {}
-    for one, numbers, content in rows.groups(some.raws):
-        if (table := tables.get(id(one))) is not None:
-            groups.setdefault(id(table), []).append((one, numbers, content))
-    stamps = np.asarray(some.times, dtype=np.int64)
-    for table in {id(table): table for table in tables.values()}.values():
-        if id(table) in groups:
-            table.add(groups[id(table)], stamps)
-
-
-class _Table:
-    """Columns of a stream, filled in the order of the messages."""
-
-    def __init__(self, topic: Topic, names: tuple[str, ...], rows: int) -> None:
-        self.topic, self.names, self.rows = topic, names, rows
-        self._parts: dict[str, list[Numbers]] = {name: [] for name in names}
-
-    def add(self, groups: list[_Group], times: NDArray[np.int64]) -> None:
-        """Append messages, each group of them of one layout."""
-        order = np.sort(np.concatenate([numbers for _, numbers, _ in groups]))
-        pieces: dict[str, list[tuple[Index, Numbers]]] = {}
-        for one, numbers, content in groups:
-            rows = np.searchsorted(order, numbers)
-            for name, column in _decoded(one, content, self._parts):
-                pieces.setdefault(name, []).append((rows, column))
-        for name, parts in self._parts.items():
-            is_time = name == f"{self.topic.name}/{MESSAGE_TIME}"
-            parts.append(times[order] if is_time else _merged(pieces.get(name, []), order.size))
-
-    def columns(self) -> dict[str, Numbers]:
-        """Columns of all messages; they are handed over, not kept."""
-        columns: dict[str, Numbers] = {}
-        for name in self.names:
-            parts = self._parts.pop(name)
-            columns[name] = np.concatenate(parts) if parts else np.zeros(0)
-        return columns
-
-
-def _merged(pieces: list[tuple[Index, Numbers]], size: int) -> Numbers:
-    """One column from those of groups of messages; NaN in messages of no group."""
-    if len(pieces) == 1 and pieces[0][0].size == size:
-        return pieces[0][1]
-    whole = bool(pieces) and sum(rows.size for rows, _ in pieces) == size
-    stamps = whole and all(column.dtype == np.int64 for _, column in pieces)
-    merged: Numbers = np.zeros(size, np.int64) if stamps else np.full(size, np.nan)
-    for rows, column in pieces:
-        merged[rows] = column
-    return merged
-
-
-def _decoded(one: _Known, content: Bytes, wanted: Container[str]) -> Iterator[tuple[str, Numbers]]:
-    """Columns that are wanted of messages of one layout."""
-    blocks: dict[int, Numbers] = {}
-    for column in one.columns:
-        if column.name in wanted:
-            place = column.place
-            if place.at not in blocks:
-                blocks[place.at] = _numbers(content, place, one.layout.order)
-            yield column.name, blocks[place.at][:, column.index]
-
-
-def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
-    """Numbers at one place of many messages, shape (messages, count)."""
-    if place.kind == "stamp":
-        fields = content[:, place.at : place.at + 8].copy()
-        seconds = fields[:, :4].copy().view(f"{order}i4").astype(np.int64)
-        stamps: Numbers = 1_000_000_000 * seconds + fields[:, 4:].copy().view(f"{order}u4")
-        return stamps
-    size = int(place.kind[-1]) * place.count
-    numbers: Numbers = content[:, place.at : place.at + size].copy().view(place.kind).astype(float)
-    return numbers
-
-
-def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamContents:
-    columns = {column.name: column for one in layouts for column in one.columns}
-    stamp, time = f"{topic.name}/{STAMP}", f"{topic.name}/{MESSAGE_TIME}"
-    units = {name: "ns" for name, column in columns.items() if column.place.kind == "stamp"}
-    units |= {name: "degC" for name in columns if topic.kind == TEMPERATURE and name.endswith("/temperature")}
-    meanings: dict[str, Meaning] = {name: c.meaning for name, c in columns.items() if c.meaning is not None}
-    clocks = (stamp, time) if stamp in columns else (time,)
-    rows = sum(one.rows for one in layouts)
-    return StreamContents(name, (*columns, time), rows, clocks, meanings, units | {time: "ns"})
-
-
-def _scanned(bag: BagFile) -> _Scan:
-    """Scan of a bag; that of the last bags is kept, since contents and columns are usually asked for in turn."""
-    return _scan_of(type(bag), bag.path, bag.state)
-
-
-@lru_cache(maxsize=4)
-def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> _Scan:
-    bag = kind(path)
-    topics: dict[Topic, _TopicRows] = {}
-
-    def wanted(topic: Topic) -> bool:
-        topics.setdefault(topic, _TopicRows(path, topic, topic.unread))
-        return not topic.unread
-
-    for some in _batches(bag, wanted):
-        rows = topics[some.topic]
-        if not rows.unread:
-            _count(rows, some.raws)
-    for rows in topics.values():
-        if not rows.unread and not rows.streams():
-            rows.unread = f"its messages ({cut(rows.topic.kind)}) have no numbers"
-    faulty = [
-        f"{rows.faulty} messages of {cut(topic.name)} do not follow its definition and were left out"
-        for topic, rows in topics.items()
-        if rows.faulty and not rows.unread
-    ]
-    return _Scan(topics, (*bag.notes, *faulty))
-
-
-def _count(rows: _TopicRows, raws: list[bytes] | Bytes) -> None:
-    try:
-        for one, numbers, _ in rows.groups(raws):
-            one.rows += numbers.size
-        rows.met += len(raws)
-    except (_TopicUnread, UnreadableMessage) as error:
-        rows.unread = str(error)
-
-
-def _left_out_notes(scan: _Scan) -> tuple[str, ...]:
-    return tuple(f"topic {cut(name)} is left out: {why}" for name, why in list(scan.left_out.items())[:_LEFT_OUT_SHOWN])
-
-
-def _batches(bag: BagFile, wanted: Callable[[Topic], bool]) -> Iterator[Messages]:
-    """Messages, where they come one by one some thousand at once."""
-    held: dict[Topic, tuple[list[int], list[bytes]]] = {}
-    waiting = 0
-    for some in bag.messages(wanted):
-        if isinstance(some.raws, np.ndarray):
-            if some.topic in held:
-                yield Messages(some.topic, *held.pop(some.topic))
-            yield some
-            continue
-        times, raws = held.get(some.topic) or held.setdefault(some.topic, ([], []))
-        times += some.times
-        raws += some.raws
-        waiting += sum(map(len, some.raws))
-        if len(raws) >= _AT_ONCE or waiting > _BYTES_AT_ONCE:
-            full, held, waiting = held, {}, 0
-            yield from (Messages(topic, *rows) for topic, rows in full.items())
-    yield from (Messages(topic, *rows) for topic, rows in held.items())

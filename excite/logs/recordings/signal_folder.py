@@ -8,30 +8,46 @@ stream.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from excite.logs.recordings.array_streams import NpyFile
 from excite.logs.recordings.column_name import is_clock
-from excite.logs.recordings.recording import Contents, Numbers, Recording, Stream, StreamContents
-from excite.logs.recordings.recording_format import HEAD, RecordingFormat
-from excite.logs.recordings.text_table import TABLE, TextTable
+from excite.logs.recordings.recording import (
+    HEAD,
+    Contents,
+    Numbers,
+    Recording,
+    RecordingFormat,
+    Stream,
+    StreamContents,
+)
+from excite.logs.recordings.text_table import TextTable
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 
-_NPY = b"\x93NUMPY"
 _MOST_FILES = 1000
 
 
 @dataclass(frozen=True)
 class _Signals:
-    """Columns of one file, by their names in the recording."""
+    """Columns of one file of a format that has one stream, by their names in the recording."""
 
     path: Path
+    form: RecordingFormat
+    stream: str
     rows: int
-    columns: Mapping[str, str | int]  # own names, or numbers of the columns of an array
+    columns: Mapping[str, str]  # names in the file
     clocks: tuple[str, ...]
+
+    def load(self, names: Sequence[str]) -> tuple[dict[str, Numbers], tuple[str, ...]]:
+        """Columns, and notes on them."""
+        own = {name: self.columns[name] for name in names}
+        recording = self.form.read(self.path, {self.stream: list(own.values())})
+        columns = recording.streams[self.stream].columns
+        return {name: columns[column] for name, column in own.items()}, recording.notes
 
 
 class SignalFolder(RecordingFormat):
@@ -41,7 +57,7 @@ class SignalFolder(RecordingFormat):
 
     def recognises(self, head: bytes, path: Path) -> bool:
         """Whether a folder holds an array or a text of numbers."""
-        return path.is_dir() and any(_kind(each) is not None for each in _files(path))
+        return path.is_dir() and any(_form(each) is not None for each in _files(path))
 
     def contents(self, path: Path) -> Contents:
         """Columns of all files."""
@@ -57,7 +73,7 @@ class SignalFolder(RecordingFormat):
             values: dict[str, Numbers] = {}
             for one in signals:
                 if some := [column for column in columns if column in one.columns]:
-                    loaded, said = _loaded(one, some)
+                    loaded, said = one.load(some)
                     values |= loaded
                     more += [f"{one.path.name}: {note}" for note in said]
             streams[name] = Stream(name, values)
@@ -74,27 +90,26 @@ def _files(folder: Path) -> list[Path]:
     return files
 
 
-def _kind(path: Path) -> str | None:
+def _form(path: Path) -> RecordingFormat | None:
+    """Format of a file of numbers; None for any other."""
     try:
         with opened(path, LOG) as stream:
             head = stream.read(HEAD)
     except OSError as error:
         raise InputError(f"cannot read log {path}: {error.strerror}") from error
-    if head.startswith(_NPY):
-        return "array"
-    if TextTable().recognises(head, path):
-        first = head.split(b"\n", 1)[0].lstrip()
-        return None if first[:1] in (b"{", b"<", b"%") else "text"
-    return None
+    if NpyFile().recognises(head, path):
+        return NpyFile()
+    first = head.split(b"\n", 1)[0].lstrip()
+    return TextTable() if TextTable().recognises(head, path) and first[:1] not in (b"{", b"<", b"%") else None
 
 
 def _signals(folder: Path) -> tuple[list[_Signals], tuple[str, ...]]:
     signals, left = list[_Signals](), list[str]()
     for path in _files(folder):
-        kind = _kind(path)
-        if kind == "array":
-            signals.append(_of_array(path))
-        elif kind == "text" and (one := _of_text(path)) is not None:
+        form = _form(path)
+        if isinstance(form, NpyFile):
+            signals.append(_of_array(path, form))
+        elif isinstance(form, TextTable) and (one := _of_text(path, form)) is not None:
             signals.append(one)
         else:
             left.append(path.name)
@@ -104,18 +119,15 @@ def _signals(folder: Path) -> tuple[list[_Signals], tuple[str, ...]]:
     return signals, (note,) * bool(left)
 
 
-def _of_array(path: Path) -> _Signals:
-    shape = _array(path).shape
-    if len(shape) not in (1, 2):
-        raise InputError(f"{path} holds an array of shape {shape}; expected rows of numbers")
-    names = [path.stem] if len(shape) == 1 else [f"{path.stem}[{k}]" for k in range(shape[1])]
-    clocks = tuple(name for name in names if is_clock(name))
-    return _Signals(path, shape[0], {name: k for k, name in enumerate(names)}, clocks if len(shape) == 1 else ())
+def _of_array(path: Path, form: NpyFile) -> _Signals:
+    (table,) = form.contents(path).streams
+    clocks = table.columns if len(table.columns) == 1 and is_clock(path.stem) else ()
+    return _Signals(path, form, table.name, table.rows or 0, {name: name for name in table.columns}, clocks)
 
 
-def _of_text(path: Path) -> _Signals | None:
+def _of_text(path: Path, form: TextTable) -> _Signals | None:
     try:
-        (table,) = TextTable().contents(path).streams
+        (table,) = form.contents(path).streams
     except InputError:
         return None
     own = table.columns
@@ -125,14 +137,15 @@ def _of_text(path: Path) -> _Signals | None:
         names = [f"{path.stem}[{k}]" for k in range(len(own))]
     else:
         names = [f"{path.stem}/{name}" for name in own]
+    signals = _Signals(path, form, table.name, table.rows or 0, dict(zip(names, own, strict=True)), ())
     clocks = [name for name, title in zip(names, own, strict=True) if is_clock(title) or is_clock(name)]
-    if not clocks and len(own) > 1 and _increases(path, own[0]):
+    if not clocks and len(own) > 1 and _increases(signals, names[0]):
         clocks = names[:1]
-    return _Signals(path, table.rows or 0, dict(zip(names, own, strict=True)), tuple(clocks))
+    return replace(signals, clocks=tuple(clocks))
 
 
-def _increases(path: Path, column: str) -> bool:
-    values = TextTable().read(path, {TABLE: [column]}).streams[TABLE].columns[column]
+def _increases(signals: _Signals, name: str) -> bool:
+    values = signals.load([name])[0][name]
     return values.size > 2 and bool(np.all(np.diff(values) > 0))
 
 
@@ -150,25 +163,3 @@ def _streams(signals: Sequence[_Signals]) -> list[StreamContents]:
         clocks = tuple(name for one in several for name in one.clocks)
         streams.append(StreamContents(f"files of {rows} rows", columns, rows, clocks))
     return streams
-
-
-def _loaded(one: _Signals, names: Sequence[str]) -> tuple[dict[str, Numbers], tuple[str, ...]]:
-    own = {name: one.columns[name] for name in names}
-    if all(isinstance(place, int) for place in own.values()):
-        array = _array(one.path)
-        return {name: array if array.ndim == 1 else array[:, int(place)] for name, place in own.items()}, ()
-    recording = TextTable().read(one.path, {TABLE: [str(place) for place in own.values()]})
-    table = recording.streams[TABLE].columns
-    return {name: table[str(place)] for name, place in own.items()}, recording.notes
-
-
-def _array(path: Path) -> Numbers:
-    try:
-        with opened(path, LOG) as stream:
-            array = np.load(stream, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        why = getattr(error, "strerror", None) or "it is not an array of numbers, or not written to its end"
-        raise InputError(f"cannot read {path}: {why}") from error
-    if not isinstance(array, np.ndarray) or array.dtype.kind not in "iufb":
-        raise InputError(f"{path} holds no numbers, but {getattr(array, 'dtype', type(array).__name__)}")
-    return np.asarray(array)

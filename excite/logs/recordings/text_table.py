@@ -1,27 +1,46 @@
 """Tables of numbers in text: CSV, with other separators, or columns of a fixed width; cells may be empty.
 
-Of PlotJuggler (``__time``, and a column per signal that is empty where its topic has no message), of the clients of
-Universal Robots' Real-Time Data Exchange (``timestamp actual_q_0 ...``), of libfranka's ``franka::logToCSV``
-(``time, success_rate, state.q[0], ...``), and any other whose rows are numbers.
+The layout is found from the lines. The columns of some programs are defined by them:
+
+- Universal Robots, Real-Time Data Exchange (RTDE) Guide, table of the outputs of the controller: ``timestamp`` [s],
+  ``actual_q`` [rad], ``actual_qd`` [rad/s], ``actual_current`` [A], ``joint_temperatures`` [deg C], and since PolyScope
+  5.23 ``actual_current_as_torque`` [Nm]; the clients of the RTDE number the elements of a vector, ``actual_q_0``.
+- libfranka, ``franka::logToCSV``: ``time`` [ms], ``state.q[0]`` [rad], ``state.dq[0]`` [rad/s], and ``state.tau_J[0]``
+  [Nm], measured torques on the side of the links.
+- The house format, see `excite.logs.log_reading.read_log`.
+- PlotJuggler, CSV exporter: ``__time`` [s]; topics keep their names, those of ``sensor_msgs/JointState`` as
+  ``/TOPIC/JOINT/position`` [rad], ``velocity`` [rad/s], ``effort`` [Nm].
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
-from excite.logs.layout import Layout, listed
-from excite.logs.recordings.recording import Contents, Recording, Stream, StreamContents
-from excite.logs.recordings.recording_format import RecordingFormat
-from excite.logs.recordings.text_layout import TextLayout, text_layout
-from excite.logs.recordings.text_makers import maker_of
+from excite.logs.layout import MOST_COLUMNS, Layout, cells, is_number, listed, twice
+from excite.logs.recordings.recording import (
+    JOINT_STATE,
+    Contents,
+    Meaning,
+    Recording,
+    RecordingFormat,
+    Stream,
+    StreamContents,
+)
 from excite.logs.table import sparse_table
 from excite.logs.text import Text, text_of
 from regressors.errors import InputError
 
 TABLE = "table"  # the one stream
-_KINDS = {None: "separated by white space", ",": "CSV", ";": "CSV with semicolons", "\t": "separated by tabs"}
+_KINDS = {",": "CSV", ";": "CSV with semicolons", "\t": "separated by tabs", None: "separated by white space"}
+_NAMES: Mapping[str | None, str] = {None: "whitespace", "\t": "tab"}  # of separators, in a mapping
+_GLANCED = 50_000  # rows
+_SEARCHED = 160  # lines
+_ROWS = 20  # of numbers, by which a separator is judged
 
 
 class TextTable(RecordingFormat):
@@ -39,7 +58,7 @@ class TextTable(RecordingFormat):
     def contents(self, path: Path) -> Contents:
         """Columns and number of rows."""
         with text_of(path) as text:
-            layout = table_layout(text)
+            layout = _table_layout(text)
             maker = maker_of(layout.titles)
             titles = dict(zip(layout.names, layout.titles, strict=True))
             units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
@@ -50,7 +69,7 @@ class TextTable(RecordingFormat):
                 meanings = maker.meanings(layout.names)
             rows = len(text.lines) - layout.first
             table = StreamContents(TABLE, layout.names, rows, clocks, meanings, units, titles)
-            return Contents(text.source, kind_of(layout), (table,), text.mended)
+            return Contents(text.source, _kind_of(layout), (table,), text.mended)
 
     def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
         """Columns as numbers."""
@@ -63,15 +82,15 @@ class TextTable(RecordingFormat):
     def mapping_fields(self, path: Path) -> Mapping[str, object]:
         """Separator, header and lines before the table."""
         with text_of(path) as text:
-            layout = table_layout(text)
+            layout = _table_layout(text)
         skip = layout.first if layout.header is None else layout.header
-        separator = _SEPARATORS.get(layout.separator, layout.separator)
+        separator = _NAMES.get(layout.separator, layout.separator)
         return {"separator": separator, "header": layout.header is not None, "skip": skip}
 
 
 def _read(path: Path, wanted: Mapping[str, Sequence[str]], most: int | None) -> Recording:
     with text_of(path) as text:
-        found = table_layout(text)
+        found = _table_layout(text)
         columns = dict.fromkeys(wanted.get(TABLE, ()))
         place = {name: found.names.index(name) for name in columns}
         used = tuple(sorted(place.values()))
@@ -81,11 +100,7 @@ def _read(path: Path, wanted: Mapping[str, Sequence[str]], most: int | None) -> 
         table = sparse_table(text, layout, frozenset({"truncated"}), only)
         values = {name: table.values[:, used.index(k)] for name, k in place.items()}
         notes = (*text.mended, *table.left_out)
-        return Recording(text.source, kind_of(found), {TABLE: Stream(TABLE, values)}, notes)
-
-
-_GLANCED = 50_000  # rows
-_SEPARATORS: Mapping[str | None, str] = {None: "whitespace", "\t": "tab"}
+        return Recording(text.source, _kind_of(found), {TABLE: Stream(TABLE, values)}, notes)
 
 
 class _Columns(Layout):
@@ -101,7 +116,7 @@ class _Columns(Layout):
         return self.__dict__["_used"] or (0,)
 
 
-def table_layout(text: Text) -> TextLayout:
+def _table_layout(text: Text) -> TextLayout:
     """Layout of the table in a text."""
     layout = text_layout(text.lines)
     if layout is None:
@@ -110,8 +125,169 @@ def table_layout(text: Text) -> TextLayout:
     return layout
 
 
-def kind_of(layout: TextLayout) -> str:
+def _kind_of(layout: TextLayout) -> str:
     """Name of the format, by the names of the columns."""
     kind = _KINDS[layout.separator]
     maker = maker_of(layout.titles)
     return f"text, {kind}" if maker is None else f"{maker.name}, {kind}"
+
+
+@dataclass(frozen=True)
+class TextLayout:
+    """Where a table is in a text."""
+
+    separator: str | None  # between two cells; None for any white space
+    first: int  # lines before the first row of numbers
+    names: tuple[str, ...]  # of the columns; numbers from 1 where there is no header that names each once
+    titles: tuple[str, ...]  # what stands above the columns, for whoever guesses what they are, or empty strings
+    units: tuple[str, ...]  # what a row of units above the columns says, or empty strings
+    header: int | None  # line of the header, 0 for the first; None where columns have numbers
+
+    @property
+    def titles_or_names(self) -> tuple[str, ...]:
+        """What columns are called in messages."""
+        return tuple(title or name for title, name in zip(self.titles, self.names, strict=True))
+
+
+def text_layout(lines: Sequence[str]) -> TextLayout | None:
+    """Layout of the table in a text; None where there is none."""
+    head = list(islice(lines, _SEARCHED))
+    tables = [table for mark in _KINDS if (table := _table(head, mark)) is not None]
+    if not tables:
+        return None
+    mark, first, count = max(tables, key=lambda table: table[2])
+    return _with_names(head, mark, first, count)
+
+
+def _table(head: Sequence[str], mark: str | None) -> tuple[str | None, int, int] | None:
+    """Separator, first row and number of columns of the rows of numbers that a separator makes."""
+    rows = [cells(line, mark) for line in head]
+    for first, row in enumerate(rows):
+        some = rows[first : first + _ROWS]
+        alike = sum(_is_row(other) and len(other) == len(row) for other in some)
+        if _is_row(row) and alike >= 0.8 * len(some) and len(some) >= 2:
+            return (mark, first, len(row)) if len(row) <= MOST_COLUMNS else None
+    return None
+
+
+def _is_row(row: Sequence[str]) -> bool:
+    filled = [cell for cell in row if cell]
+    return bool(filled) and all(map(is_number, filled))
+
+
+def _with_names(head: Sequence[str], mark: str | None, first: int, count: int) -> TextLayout:
+    blank = ("",) * count
+    titles, units, at = blank, blank, None
+    above = [_title_cells(line, mark, count) for line in head[max(0, first - 2) : first]]
+    if above and (last := above[-1]) is not None:
+        titles, at = last, first - 1
+        if len(above) == 2 and above[0] is not None and all(map(_is_unit, last)):
+            titles, units, at = above[0], last, None
+    numbers = tuple(f"{k}" for k in range(1, count + 1))
+    named = at is not None and len(cells(head[at], mark)) == count and all(titles) and twice(titles) is None
+    if not named or at is None:
+        return TextLayout(mark, first, numbers, titles, units, None)
+    return TextLayout(mark, first, tuple(cells(head[at], mark)), titles, units, at)
+
+
+def _title_cells(line: str, mark: str | None, count: int) -> tuple[str, ...] | None:
+    """Cells of a line that may name the columns, with or without a sign of a comment before them."""
+    for text in (line, line.lstrip("#% \t")):
+        row = cells(text, mark)
+        if len(row) == count and sum(map(is_number, filter(None, row))) < 0.5 * count and any(row):
+            return tuple(cell.removeprefix("#").strip() for cell in row)
+    return None
+
+
+def _is_unit(cell: str) -> bool:
+    """Whether a cell of a second line of header may be a unit: short, of letters and the signs of units."""
+    text = cell.strip("[]() ")
+    return len(text) <= 8 and not any(mark.isdigit() and mark not in "2" for mark in text) and "_" not in text
+
+
+@dataclass(frozen=True)
+class TextMaker:
+    """A program that writes tables."""
+
+    name: str
+    marks: frozenset[str]  # columns by which its tables are recognised
+    clock: str  # column of the time
+    unit: str  # of the time
+    columns: Mapping[str, tuple[str, str]]  # quantity and unit by the pattern of a name, whose group is the joint
+    why: str  # source of the definitions
+
+    def meanings(self, names: Sequence[str]) -> dict[str, Meaning]:
+        """What the columns of a table are, of those that are defined."""
+        defined = ((name, self._meaning(name)) for name in names)
+        return {name: meaning for name, meaning in defined if meaning is not None}
+
+    def _meaning(self, name: str) -> Meaning | None:
+        for pattern, (quantity, unit) in self.columns.items():
+            if match := re.fullmatch(pattern, name):
+                return Meaning(quantity, match[1], unit, self.why)
+        return None
+
+
+MAKERS = (
+    TextMaker(
+        "Universal Robots RTDE recording",
+        frozenset({"timestamp", "actual_q_0"}),
+        "timestamp",
+        "s",
+        {
+            r"actual_q_(\d)": ("position", "rad"),
+            r"actual_qd_(\d)": ("velocity", "rad/s"),
+            r"actual_current_(\d)": ("current", "A"),
+            r"actual_current_as_torque_(\d)": ("effort", "Nm"),
+            r"joint_temperatures_(\d)": ("temperature", "degC"),
+        },
+        "RTDE Guide of Universal Robots",
+    ),
+    TextMaker(
+        "libfranka log",
+        frozenset({"time", "success_rate", "state.q[0]"}),
+        "time",
+        "ms",
+        {
+            r"state\.q\[(\d)\]": ("position", "rad"),
+            r"state\.dq\[(\d)\]": ("velocity", "rad/s"),
+            r"state\.tau_J\[(\d)\]": ("effort", "Nm"),
+        },
+        "franka::logToCSV",
+    ),
+    TextMaker(
+        "PlotJuggler",
+        frozenset({"__time"}),
+        "__time",
+        "s",
+        {
+            r"/(?:.*/)?joint_states/([^/]+)/position": ("position", "rad"),
+            r"/(?:.*/)?joint_states/([^/]+)/velocity": ("velocity", "rad/s"),
+            r"/(?:.*/)?joint_states/([^/]+)/effort": ("effort", "Nm"),
+        },
+        JOINT_STATE,
+    ),
+)
+
+HOUSE = TextMaker(
+    "excite log",
+    frozenset({"time"}),
+    "time",
+    "s",
+    {
+        r"(.+)\.position": ("position", "rad"),
+        r"(.+)\.velocity": ("velocity", "rad/s"),
+        r"(.+)\.effort": ("effort", "Nm"),
+        r"(.+)\.temperature": ("temperature", "degC"),
+        r"wrench\.((?:force|torque)\.[xyz])": ("wrench", "N"),
+    },
+    "the house format",
+)
+
+
+def maker_of(titles: Sequence[str]) -> TextMaker | None:
+    """Program that writes a table with these columns, None if it is unknown."""
+    there = set(titles)
+    if there >= HOUSE.marks and any(title.endswith(".position") for title in titles):
+        return HOUSE
+    return next((maker for maker in MAKERS if there >= maker.marks), None)

@@ -43,7 +43,7 @@ READ_BY_PATTERNS = {
     "excite/logs/guess/channel_group.py",
     "excite/logs/recordings/array_streams.py",
     "excite/logs/recordings/column_name.py",
-    "excite/logs/recordings/text_makers.py",
+    "excite/logs/recordings/text_table.py",
     "excite/plots/column_text.py",
     "excite/plots/parameter_labels.py",
     "excite/plots/svg_text.py",

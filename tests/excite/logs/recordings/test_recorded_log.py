@@ -14,8 +14,7 @@ from foreign_logs import motion
 import excite
 from excite.logs.mapping import LogMapping
 from excite.logs.recordings import formats
-from excite.logs.recordings.recording import Contents, Meaning, Recording, Stream, StreamContents
-from excite.logs.recordings.recording_format import RecordingFormat
+from excite.logs.recordings.recording import Contents, Meaning, Recording, RecordingFormat, Stream, StreamContents
 from regressors.errors import InputError, UnknownName
 
 NS = 10**9

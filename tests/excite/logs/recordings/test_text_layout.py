@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 import excite
 from excite.logs.recordings.column_name import ColumnName, is_clock, parsed_name
-from excite.logs.recordings.text_layout import text_layout
-from excite.logs.recordings.text_makers import maker_of
+from excite.logs.recordings.text_table import maker_of, text_layout
 from regressors.errors import InputError
 
 ROWS = ["0,1,2", "1,2,3", "2,3,4"]

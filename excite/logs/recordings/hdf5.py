@@ -3,50 +3,43 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.logs.recordings.array_streams import ArrayFile, NamedArray, foreign_reader
-from excite.logs.recordings.optional_package import optional_package
-from excite.logs.recordings.recording import Contents, Recording
-from excite.logs.recordings.recording_format import RecordingFormat
+from excite.logs.recordings.array_streams import ArrayFile, ArrayFormat, NamedArray
+from excite.logs.recordings.recording import optional_package
 from regressors.errors import InputError
 from regressors.input_files import LOG, in_bytes, opened
 
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_OBJECTS, DEEPEST = 10_000, 32
 _LARGEST_CHUNK = 2**28  # bytes, which are held beside the numbers
 _STARTS = (0, 512, 1024, 2048)  # of the signature, behind a user block
 _UNITS = ("units", "unit", "Units", "Unit")
 
 
-class Hdf5File(RecordingFormat):
+class Hdf5File(ArrayFormat):
     """A file in HDF5."""
 
     name: ClassVar[str] = "HDF5"
 
     def recognises(self, head: bytes, path: Path) -> bool:
         """See `RecordingFormat.recognises`."""
-        return any(head[start : start + len(SIGNATURE)] == SIGNATURE for start in _STARTS)
+        return any(head[start : start + len(_SIGNATURE)] == _SIGNATURE for start in _STARTS)
 
-    def contents(self, path: Path) -> Contents:
-        """See `RecordingFormat.contents`."""
-        with foreign_reader(path, self.name), hdf5_opened(path, "hdf5") as base:
-            return self._arrays(path, base).contents()
-
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """See `RecordingFormat.read`."""
-        with foreign_reader(path, self.name), hdf5_opened(path, "hdf5") as base:
-            return self._arrays(path, base).read(wanted)
-
-    def _arrays(self, path: Path, base: Any) -> ArrayFile:
+    @contextmanager
+    def arrays(self, path: Path) -> Iterator[ArrayFile]:
+        """See `ArrayFormat.arrays`."""
         file = ArrayFile(path, self.name)
-        walk(file, base, ())
-        return file
+        with hdf5_opened(path, "hdf5") as base:
+            _walk(file, base, ())
+            yield file
 
 
 def hdf5_opened(path: Path, extra: str) -> Any:
@@ -60,7 +53,7 @@ def hdf5_opened(path: Path, extra: str) -> Any:
     return h5py.File(path, "r", locking=False)
 
 
-def walk(file: ArrayFile, group: Any, above: tuple[str, ...], met: set[Any] | None = None) -> None:
+def _walk(file: ArrayFile, group: Any, above: tuple[str, ...], met: set[Any] | None = None) -> None:
     """Add all datasets of a group and of those in it."""
     import h5py
 
@@ -80,7 +73,7 @@ def walk(file: ArrayFile, group: Any, above: tuple[str, ...], met: set[Any] | No
         if isinstance(one, h5py.Dataset):
             _add(file, one, name, above)
         elif isinstance(one, h5py.Group):
-            walk(file, one, (*above, key), met)
+            _walk(file, one, (*above, key), met)
 
 
 def _add(file: ArrayFile, data: Any, name: str, above: tuple[str, ...]) -> None:
@@ -89,11 +82,11 @@ def _add(file: ArrayFile, data: Any, name: str, above: tuple[str, ...]) -> None:
         return
     kind, shape = data.dtype, data.shape or ()
     if kind.names is None:
-        file.add(NamedArray(name, above, shape, _Load(data), unit_of(data)), kind)
+        file.add(NamedArray(name, above, shape, partial(_loaded, data), _unit_of(data)), kind)
         return
     for field in kind.names:
         inner = kind[field]
-        array = NamedArray(f"{name}.{field}", (*above, name), (*shape, *inner.shape), _Load(data, field))
+        array = NamedArray(f"{name}.{field}", (*above, name), (*shape, *inner.shape), partial(_loaded, data, field))
         file.add(array, inner.base)
 
 
@@ -107,7 +100,7 @@ def unread_dataset(data: Any) -> str:
     return f"is stored in pieces of {in_bytes(chunk)}" if chunk > _LARGEST_CHUNK else ""
 
 
-def unit_of(data: Any) -> str:
+def _unit_of(data: Any) -> str:
     """Unit that an attribute of a dataset states; empty if none does."""
     for key in _UNITS:
         if key in data.attrs:
@@ -117,11 +110,6 @@ def unit_of(data: Any) -> str:
     return ""
 
 
-class _Load:
-    """Loads a dataset, or a field of it, while its file is open."""
-
-    def __init__(self, data: Any, field: str = "") -> None:
-        self.data, self.field = data, field
-
-    def __call__(self) -> NDArray[Any]:
-        return np.asarray(self.data[self.field] if self.field else self.data[()])
+def _loaded(data: Any, field: str = "") -> NDArray[Any]:
+    """A dataset, or a field of it, while its file is open."""
+    return np.asarray(data[field] if field else data[()])

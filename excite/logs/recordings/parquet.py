@@ -11,11 +11,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.logs.recordings.array_streams import foreign_reader, numbers_of
-from excite.logs.recordings.optional_package import optional_package
-from excite.logs.recordings.recording import Contents, Numbers, Recording, Stream, StreamContents
-from excite.logs.recordings.recording_format import RecordingFormat
-from excite.logs.recordings.recording_size import LARGEST_ARRAY, check_table
+from excite.logs.recordings.recording import (
+    LARGEST_ARRAY,
+    Contents,
+    Numbers,
+    Recording,
+    RecordingFormat,
+    Stream,
+    StreamContents,
+    check_table,
+    foreign_reader,
+    numbers_of,
+    optional_package,
+)
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened, read_text
 from regressors.memory_cap import value_cap
@@ -67,13 +75,13 @@ class ParquetTable(RecordingFormat):
 
 @dataclass(frozen=True)
 class _Column:
-    """A column of the table: numbers, or lists of numbers."""
+    """A column of the file: numbers, or lists of numbers."""
 
     field: str  # its name in the file
     names: tuple[str, ...]  # of the columns that it becomes
     unit: str = ""  # that the file states
     is_clock: bool = False  # whether it is a time by its type
-    lists: bool = False  # whether it has lists
+    lists: bool = False
 
 
 class _Table:
@@ -83,8 +91,10 @@ class _Table:
         self.path = path
         self.pq = optional_package("pyarrow.parquet", "parquet", path)
         self.types = optional_package("pyarrow.types", "parquet", path)
-        self.info = _info(path)
-        self.files = _files(path)
+        self.info, self.files = _info(path), _files(path)
+        self.is_lerobot = "features" in self.info  # a data set of LeRobot, or a file of one
+        version = f" {cut(str(self.info['codebase_version']))}" if "codebase_version" in self.info else ""
+        self.form = f"Parquet of LeRobot{version}" if self.is_lerobot else "Parquet"
         self.left_out: dict[str, str] = {}
         self.rows = 0
         for file in self.files:
@@ -93,16 +103,49 @@ class _Table:
                 if file == self.files[0]:
                     self.columns = list(self._columns(table))
 
-    @property
-    def is_lerobot(self) -> bool:
-        """Whether it is a data set of LeRobot, or a file of one."""
-        return "features" in self.info
+    def _opened(self, file: Path) -> Any:
+        with opened(file, LOG) as stream:
+            if stream.read(4) == _ENCRYPTED or (stream.seek(-4, 2) and stream.read(4) == _ENCRYPTED):
+                raise InputError(f"{file} is encrypted; save it without encryption")
+        return self.pq.ParquetFile(file, memory_map=False)
 
-    @property
-    def form(self) -> str:
-        """Name of the format."""
-        version = self.info.get("codebase_version", "")
-        return f"Parquet of LeRobot {cut(str(version))}".strip() if self.is_lerobot else "Parquet"
+    def _columns(self, table: Any) -> Iterator[_Column]:
+        for entry in table.schema_arrow:
+            name, kind = entry.name, entry.type
+            if self.types.is_timestamp(kind):
+                yield _Column(name, (name,), kind.unit, is_clock=True)
+            elif self._is_number(kind):
+                yield _Column(name, (name,), _unit(entry.metadata))
+            elif not (self._is_list(kind) and self._is_number(kind.value_type)):
+                self.left_out[name] = cut(str(kind))
+            elif (count := _values_of(table, name)) > value_cap():  # few bytes may stand for many equal ones
+                self.left_out[name] = f"{count:.3g} values"
+            elif (length := self._length(table, name)) and length <= LARGEST_ARRAY:
+                yield _Column(name, self._names(name, length), _unit(entry.metadata), lists=True)
+            else:
+                self.left_out[name] = f"lists of {length}"
+
+    def _is_number(self, kind: Any) -> bool:
+        return bool(self.types.is_integer(kind) or self.types.is_floating(kind) or self.types.is_boolean(kind))
+
+    def _is_list(self, kind: Any) -> bool:
+        return bool(self.types.is_list(kind) or self.types.is_large_list(kind) or self.types.is_fixed_size_list(kind))
+
+    def _length(self, table: Any, name: str) -> int:
+        """Elements of the first list of a column."""
+        for batch in table.iter_batches(batch_size=1, columns=[name], use_threads=False):
+            value = batch.column(0)[0]
+            return 0 if value.as_py() is None else len(value)
+        return 0
+
+    def _names(self, name: str, length: int) -> tuple[str, ...]:
+        feature = self.info.get("features", {}).get(name) if isinstance(self.info.get("features"), dict) else None
+        names = feature.get("names") if isinstance(feature, dict) else None
+        while isinstance(names, dict) and len(names) == 1:  # {"motors": [...]} of earlier versions
+            names = next(iter(names.values()))
+        if isinstance(names, list) and len(names) == length == len({str(one) for one in names}):
+            return tuple(f"{name}.{one}" for one in names)
+        return tuple(f"{name}[{k}]" for k in range(length))
 
     def notes(self) -> tuple[str, ...]:
         """What is left out."""
@@ -121,7 +164,8 @@ class _Table:
         episodes: list[Numbers] = []
         for file in self.files:
             with foreign_reader(file, "Parquet"), self._opened(file) as table:
-                episodes += self._episodes(table)
+                if self.is_lerobot and _EPISODE in table.schema_arrow.names:
+                    episodes.append(self._numbers(_values(table, _EPISODE)))
                 for column in columns:
                     uneven += self._add(table, column, parts)
         values = {name: np.concatenate(pieces) for name, pieces in parts.items()}
@@ -132,68 +176,17 @@ class _Table:
 
     def _add(self, table: Any, column: _Column, parts: dict[str, list[Numbers]]) -> int:
         """Append one column of a file; returns how many of its lists have another length."""
-        values = table.read(columns=[column.field], use_threads=False).column(0).combine_chunks()
+        values = _values(table, column.field)
         if not column.lists:
             parts[column.names[0]].append(self._numbers(values))
             return 0
-        matrix, uneven = _matrix(values, len(column.names), self._numbers)
+        lengths = np.asarray(values.value_lengths().fill_null(0).to_numpy(zero_copy_only=False))
+        flat, even = self._numbers(values.flatten()), lengths == len(column.names)
+        matrix: NDArray[Any] = flat.reshape(-1, len(column.names)) if even.all() else _padded(flat, lengths, column)
         for k, name in enumerate(column.names):
             if name in parts:
                 parts[name].append(np.ascontiguousarray(matrix[:, k]))
-        return uneven
-
-    def _episodes(self, table: Any) -> list[Numbers]:
-        if not self.is_lerobot or _EPISODE not in table.schema_arrow.names:
-            return []
-        return [self._numbers(table.read(columns=[_EPISODE], use_threads=False).column(0).combine_chunks())]
-
-    def _opened(self, file: Path) -> Any:
-        with opened(file, LOG) as stream:
-            if stream.read(4) == _ENCRYPTED or (stream.seek(-4, 2) and stream.read(4) == _ENCRYPTED):
-                raise InputError(f"{file} is encrypted; save it without encryption")
-        return self.pq.ParquetFile(file, memory_map=False)
-
-    def _columns(self, table: Any) -> Iterator[_Column]:
-        for entry in table.schema_arrow:
-            name, kind = entry.name, entry.type
-            unit = _unit(entry.metadata)
-            if self.types.is_timestamp(kind):
-                yield _Column(name, (name,), kind.unit, is_clock=True)
-            elif self._is_number(kind):
-                yield _Column(name, (name,), unit)
-            elif self._is_list(kind) and self._is_number(kind.value_type):
-                if (count := _values_of(table, name)) > value_cap():  # few bytes may stand for many equal ones
-                    self.left_out[name] = f"{count:.3g} values"
-                elif (length := self._length(table, name)) and length <= LARGEST_ARRAY:
-                    yield _Column(name, self._names(name, length), unit, lists=True)
-                else:
-                    self.left_out[name] = f"lists of {length}"
-            else:
-                self.left_out[name] = cut(str(kind))
-
-    def _is_number(self, kind: Any) -> bool:
-        return bool(self.types.is_integer(kind) or self.types.is_floating(kind) or self.types.is_boolean(kind))
-
-    def _is_list(self, kind: Any) -> bool:
-        return any(
-            is_list(kind) for is_list in (self.types.is_list, self.types.is_large_list, self.types.is_fixed_size_list)
-        )
-
-    def _length(self, table: Any, name: str) -> int:
-        """Elements of the first list of a column."""
-        for batch in table.iter_batches(batch_size=1, columns=[name], use_threads=False):
-            value = batch.column(0)[0]
-            return 0 if value.as_py() is None else len(value)
-        return 0
-
-    def _names(self, name: str, length: int) -> tuple[str, ...]:
-        feature = self.info.get("features", {}).get(name) if isinstance(self.info.get("features"), dict) else None
-        names = feature.get("names") if isinstance(feature, dict) else None
-        while isinstance(names, dict) and len(names) == 1:  # {"motors": [...]} of earlier versions
-            names = next(iter(names.values()))
-        if isinstance(names, list) and len(names) == length == len({str(one) for one in names}):
-            return tuple(f"{name}.{one}" for one in names)
-        return tuple(f"{name}[{k}]" for k in range(length))
+        return int(np.sum(~even))
 
     def _numbers(self, values: Any) -> Numbers:
         """Numbers of an Arrow array; NaN where it has none."""
@@ -202,6 +195,17 @@ class _Table:
         if values.null_count:
             return np.asarray(values.cast("float64", safe=False).to_numpy(zero_copy_only=False), dtype=float)
         return numbers_of(np.asarray(values.to_numpy(zero_copy_only=False)))
+
+
+def _values(table: Any, field: str) -> Any:
+    return table.read(columns=[field], use_threads=False).column(0).combine_chunks()
+
+
+def _padded(flat: Numbers, lengths: NDArray[Any], column: _Column) -> NDArray[Any]:
+    """Lists as rows; those of another length are NaN."""
+    matrix, even = np.full((lengths.size, len(column.names)), np.nan), lengths == len(column.names)
+    matrix[even] = flat[np.repeat(even, lengths)].reshape(-1, len(column.names))
+    return matrix
 
 
 def _values_of(table: Any, name: str) -> int:
@@ -213,18 +217,6 @@ def _values_of(table: Any, name: str) -> int:
         chunks = (group.column(j) for j in range(group.num_columns))
         count += sum(chunk.num_values for chunk in chunks if f"{chunk.path_in_schema}.".startswith(f"{name}."))
     return count
-
-
-def _matrix(values: Any, columns: int, numbers: Any) -> tuple[NDArray[Any], int]:
-    """Lists as rows; those of another length are NaN and counted."""
-    lengths = np.asarray(values.value_lengths().fill_null(0).to_numpy(zero_copy_only=False))
-    flat = numbers(values.flatten())
-    even = lengths == columns
-    if even.all():
-        return flat.reshape(-1, columns), 0
-    matrix = np.full((lengths.size, columns), np.nan)
-    matrix[even] = flat[np.repeat(even, lengths)].reshape(-1, columns)
-    return matrix, int(np.sum(~even))
 
 
 def _episode_notes(episodes: list[Numbers]) -> tuple[str, ...]:

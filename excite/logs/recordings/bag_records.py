@@ -1,0 +1,278 @@
+"""Files of MCAP and of ROS 1: their records are read by rosbags, in the order of the file.
+
+rosbags' own loops over messages need an index, and a file that was closed. Its readers of records are therefore led
+along the file, as far as that goes. In front of them stand the checks that rosbags lacks: of the sizes that a file
+declares, and of what a chunk unpacks to.
+"""
+
+from __future__ import annotations
+
+import bz2
+import struct
+import zlib
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from excite.logs.recordings.recording import check_bytes, foreign_reader, optional_package
+from excite.logs.recordings.ros_streams import BagFile, Message, Topic
+from regressors.errors import InputError
+from regressors.input_files import LOG, opened
+from regressors.quoting import cut
+
+MCAP = b"\x89MCAP0\r\n"
+_LATEST = 2**63 - 1  # [ns]
+_MESSAGE, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7  # records of ROS 1
+_SCHEMA, _CHANNEL, _MCAP_CHUNK, _DATA_END, _FOOTER = 0x03, 0x04, 0x06, 0x0F, b"\x02"  # records of MCAP
+_MCAP_HEAD = struct.Struct("<BQ")
+_SCHEMAS = ("ros2msg", "ros2idl", "omgidl", "")
+_MCAP_KINDS, _ROS1_KINDS = ("zstd", "lz4"), ("bz2", "lz4")  # of compression
+
+
+class McapFile(BagFile):
+    """An MCAP file, up to its last whole message; index and summary are not needed."""
+
+    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
+        """See `BagFile.messages`."""
+        mcap = optional_package("rosbags.rosbag2.storage_mcap", "ros", self.path)
+        end, closed, summary, rest = _checked_mcap(self.path, self.state)
+        count, read, self.notes = 0, dict[int, Topic | None](), []
+        with bag_opened(self.path, "MCAP") as stream:
+            reader = mcap.McapReader(self.path)
+            reader.bio, reader.data_end = BytesIO(summary), 0
+            reader.read_index()
+            indexed = bool(reader.connections)
+            for source, first, last in ((stream, len(MCAP), end), (BytesIO(rest), 0, len(rest))):
+                reader.bio, reader.data_start, reader.data_end = source, first, last
+                if not indexed:
+                    reader.meta_scan()
+                topics = topics_of(reader.connections)
+                for connection, time, raw in reader.messages_scan(reader.connections, 0, 2**64):
+                    number = connection.id
+                    if number not in read:
+                        read[number] = topics[number] if wanted(topics[number]) else None
+                    if (topic := read[number]) is not None:
+                        count += 1
+                        yield topic, min(time, _LATEST), raw
+        if not closed:
+            self.notes.append(f"the file was not closed; the {count} messages that are whole were read")
+
+
+@lru_cache(maxsize=4)
+def _checked_mcap(path: Path, state: Hashable) -> tuple[int, bool, bytes, bytes]:
+    """End of the whole records of a file, whether it was closed, its summary, and what is left of a chunk cut off.
+
+    The sizes that records and chunks declare are checked. Of the summary schemas and channels are kept, without the
+    schemas that rosbags does not parse.
+    """
+    at, closed, summary, rest = len(MCAP), 0, b"", b""
+    with bag_opened(path, "MCAP") as stream:
+        end = stream.seek(0, 2)
+        stream.seek(at)
+        while len(head := stream.read(_MCAP_HEAD.size)) == _MCAP_HEAD.size:
+            code, size = _MCAP_HEAD.unpack(head)
+            if size > end - stream.tell():
+                rest = _cut_chunk(path, stream.read()) if code == _MCAP_CHUNK and not closed else b""
+                break
+            if code == _MCAP_CHUNK:
+                check_bytes(path, size)
+                _check_chunk(path, stream.read(size), at)
+            elif code == _DATA_END:
+                closed = at
+            elif closed and code in (_SCHEMA, _CHANNEL):
+                content = stream.read(size).replace(b"\7\0\0\0ros1msg", b"\7\0\0\0ros2msg", 1)  # parsed alike
+                if code == _CHANNEL or _text(content, _text(content, 2)[1])[0] in _SCHEMAS:
+                    summary += head + content
+            at = stream.seek(at + len(head) + size)
+    return closed or at, bool(closed), summary + _FOOTER, rest
+
+
+def _check_chunk(path: Path, content: bytes, at: int) -> None:
+    """Refuse a chunk that unpacks to more than it declares, or to other bytes."""
+    size, crc = struct.unpack_from("<QI", content, 16)
+    if len(raw := _chunk_records(path, content)) != size:
+        raise InputError(
+            f"{path}: the chunk at byte {at} is damaged; recover what is left, such as with `mcap recover`"
+        )
+    if crc and zlib.crc32(raw) != crc:
+        raise InputError(
+            f"{path}: the checksum of the chunk at byte {at} does not match; recover what is left, such as with "
+            "`mcap recover`"
+        )
+
+
+def _cut_chunk(path: Path, content: bytes) -> bytes:
+    """Whole records of a chunk that is cut off."""
+    try:
+        raw, at = _chunk_records(path, content), 0
+    except (struct.error, UnicodeDecodeError):  # it ends within its head
+        return b""
+    while at + _MCAP_HEAD.size <= len(raw):
+        following = at + _MCAP_HEAD.size + _MCAP_HEAD.unpack_from(raw, at)[1]
+        if following > len(raw):
+            break
+        at = following
+    return raw[:at]
+
+
+def _chunk_records(path: Path, content: bytes) -> bytes:
+    """What a chunk unpacks to."""
+    (size,) = struct.unpack_from("<Q", content, 16)
+    kind, start = _text(content, 28)
+    (length,) = struct.unpack_from("<Q", content, start)
+    return _unpacked(path, kind, content[start + 8 : start + 8 + length], size, _MCAP_KINDS)
+
+
+def _text(content: bytes, at: int) -> tuple[str, int]:
+    """A text with its length before it, and where it ends."""
+    (length,) = struct.unpack_from("<I", content, at)
+    return content[at + 4 : at + 4 + length].decode(), at + 4 + length
+
+
+class BagOfRos1(BagFile):
+    """A file of ROS 1; its index is not needed."""
+
+    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
+        """See `BagFile.messages`."""
+        self._kit = optional_package("rosbags.rosbag1.reader", "ros", self.path)
+        topics, same, read, count, self.notes = dict[int, Topic](), dict[Topic, Topic](), dict[int, bool](), 0, []
+        with bag_opened(self.path, "bag of ROS 1") as stream:
+            end = stream.seek(0, 2)
+            stream.seek(0)
+            if not stream.readline(20).endswith(b" V2.0\n"):
+                raise InputError(
+                    f"{self.path}: only bags of version 2.0 are read; `rosbag fix` or `rosbag migrate` helps"
+                )
+            for at, header, data in self._opened_chunks(stream, end):
+                code = header.get_uint8("op")
+                if code == _BAG_HEADER and header.get("encryptor"):
+                    raise InputError(f"{self.path} is encrypted by {cut(_decoded(header['encryptor']))}")
+                if code == _CONNECTION:
+                    topic = self._topic(header, data)
+                    topics[header.get_uint32("conn")] = same.setdefault(topic, topic)
+                if code != _MESSAGE:
+                    continue
+                if (number := header.get_uint32("conn")) not in topics:
+                    raise self._damaged(at)
+                if number not in read:
+                    read[number] = wanted(topics[number])
+                if read[number]:
+                    count += 1
+                    yield topics[number], header.get_time("time"), data
+            if (at := stream.tell()) < end:
+                self.notes.append(f"the bag ends early, in the record at byte {at}; {count} messages were read")
+
+    def _opened_chunks(self, stream: BinaryIO, end: int) -> Iterator[tuple[int, Any, bytes]]:
+        """Where each whole record is, its header and its data; those in chunks instead of the chunks.
+
+        The stream is then at what follows the last of them.
+        """
+        while (at := stream.tell()) < end:
+            header = self._kit.Header.read(stream) if self._fits(stream, end) else None
+            if header is None or not self._fits(stream, end):
+                stream.seek(at)
+                return
+            data = self._kit.read_bytes(stream, self._kit.read_uint32(stream))
+            if header.get_uint8("op") == _CHUNK:
+                yield from ((at, *record) for record in self._in_chunk(header, data, at))
+            else:
+                yield at, header, data
+
+    def _fits(self, stream: BinaryIO, end: int) -> bool:
+        """Whether what comes next, behind its size, is whole."""
+        head = stream.read(4)
+        size = int.from_bytes(head, "little")
+        fits = len(head) == 4 and size <= end - stream.tell()
+        check_bytes(self.path, size if fits else 0)
+        stream.seek(-len(head), 1)
+        return fits
+
+    def _in_chunk(self, header: Any, data: bytes, at: int) -> Iterator[tuple[Any, bytes]]:
+        size, kind = header.get_uint32("size"), _decoded(header.get("compression", b"none"))
+        if len(raw := _unpacked(self.path, kind, data, size, _ROS1_KINDS)) != size:
+            raise self._damaged(at)
+        chunk, kit = BytesIO(raw), self._kit
+        while chunk.tell() < size:
+            yield kit.Header.read(chunk), kit.read_bytes(chunk, kit.read_uint32(chunk))
+
+    def _topic(self, header: Any, data: bytes) -> Topic:
+        own = self._kit.Header.read(BytesIO(len(data).to_bytes(4, "little") + data))
+        kind, text = _decoded(own.get("type", b"")), _decoded(own.get("message_definition", b""))
+        return Topic(_decoded(header.get("topic", b"")), _full_name(kind), "msg" if text else "", text, True)
+
+    def _damaged(self, at: int) -> InputError:
+        return InputError(f"{self.path}: the record at byte {at} is damaged; `rosbag fix` recovers what is left")
+
+
+@contextmanager
+def bag_opened(path: Path, form: str) -> Iterator[BinaryIO]:
+    """A file; what cannot be read, or what rosbags says of a damaged one, is one line."""
+    with foreign_reader(path, form):
+        try:
+            with opened(path, LOG) as stream:
+                yield stream
+        except OSError as error:
+            raise InputError(f"cannot read {path}: {error.strerror}") from error
+
+
+def topics_of(connections: Iterable[Any]) -> dict[int, Topic]:
+    """Topics of the connections of rosbags by their numbers; equal ones are one object."""
+    topics, same = dict[int, Topic](), dict[Topic, Topic]()
+    for one in connections:
+        encoding, text = one.ext.serialization_format, one.msgdef.data
+        form = one.msgdef.format.name.lower() if text else ""
+        unread = f"its messages are encoded as {cut(encoding) or 'nothing known'}, not as CDR"
+        ros1 = encoding == "ros1"
+        known = ros1 or encoding == "cdr"
+        topic = Topic(one.topic, _full_name(one.msgtype), form, text, ros1, "" if known else unread)
+        topics[one.id] = same.setdefault(topic, topic)
+    return topics
+
+
+def _full_name(name: str) -> str:
+    """Name of a type with its folder: ``sensor_msgs/JointState`` of ROS 1 is ``sensor_msgs/msg/JointState``."""
+    package, _, rest = name.partition("/")
+    return name if not rest or "/" in rest else f"{package}/msg/{rest}"
+
+
+def _unpacked(path: Path, kind: str, packed: bytes, size: int, known: tuple[str, str]) -> bytes:
+    """A chunk, of which hardly more is unpacked than it declares; nothing where it is damaged."""
+    check_bytes(path, size)
+    if kind not in ("", "none"):
+        decompressor = _decompressor(path, kind, known)
+        try:
+            packed = decompressor.decompress(packed, max_length=size + 1) if size else b""
+        except MemoryError:
+            raise
+        except Exception:  # each library has its own
+            return b""
+    return packed
+
+
+def _decompressor(path: Path, kind: str, known: tuple[str, str]) -> Any:
+    if kind not in known:
+        remedy = ", convert it, such as with `mcap convert`" if known is _MCAP_KINDS else ""
+        raise InputError(
+            f"{path}: its chunks are compressed or encrypted as {cut(kind)!r}; only {known[0]} and {known[1]} are read"
+            f"{remedy}"
+        )
+    if kind == "bz2":
+        return bz2.BZ2Decompressor()
+    if kind == "lz4":
+        return optional_package("lz4.frame", "ros", path).LZ4FrameDecompressor()
+    return zstandard(path).ZstdDecompressor()
+
+
+def zstandard(path: Path) -> Any:
+    """Module for zstd: of the standard library since Python 3.14, before that of rosbags' dependency."""
+    try:
+        return optional_package("compression.zstd", "ros", path)
+    except InputError:
+        return optional_package("backports.zstd", "ros", path)
+
+
+def _decoded(raw: bytes) -> str:
+    return raw.decode("utf-8", "replace")

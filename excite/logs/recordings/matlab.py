@@ -1,0 +1,274 @@
+"""MAT-files of MATLAB 5 to 7.2, read by SciPy, and of MATLAB 7.3, which are HDF5, read by h5py.
+
+What MATLAB would have to run, such as function handles, is left out. SciPy's reader may end its process on a damaged
+file, and believes the sizes that it declares: it runs in a process of its own with a cap on memory, behind a check of
+what the file unpacks to. The arrays come back as a temporary NPZ without a name. In files of 7.3 structs are groups,
+cells and arrays of structs hold references, arrays appear transposed, since MATLAB writes them in the order of columns,
+and the attribute ``MATLAB_class`` names the class.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import subprocess
+import sys
+import warnings
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache, partial
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO, Any, BinaryIO, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.logs.recordings.array_streams import ArrayFile, ArrayFormat, NamedArray
+from excite.logs.recordings.hdf5 import DEEPEST, MOST_OBJECTS, hdf5_opened, unread_dataset
+from excite.logs.recordings.recording import Contents, check_bytes, foreign_reader
+from regressors.errors import InputError
+from regressors.input_files import LOG, opened
+from regressors.memory_cap import memory_cap
+from regressors.quoting import cut, one_line
+
+_HEADER, _COMPRESSED = 128, 15  # bytes before the first variable; kind of an element
+_BLOCK = 2**20
+_LIBRARIES = 2 * 10**9  # addresses that Python, NumPy and SciPy take by themselves
+_COMMAND = "from excite.logs.recordings.matlab import hand_over; hand_over()"
+_TOO_MANY = f"more than {MOST_OBJECTS} variables, or structs nested too deeply"
+_OBJECT = "is an object; save its numbers, such as those of a timeseries, in a struct"
+_NUMBERS = {
+    "double", "single", "logical", *(f"{sign}int{size}" for sign in ("", "u") for size in (8, 16, 32, 64)),
+}  # fmt: skip
+_OWN = ("#refs#", "#subsystem#")  # where MATLAB 7.3 keeps what is referred to
+
+
+class MatlabFile(ArrayFormat):
+    """A MAT-file of MATLAB 5 to 7.2."""
+
+    name: ClassVar[str] = "MAT-file"
+
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """See `RecordingFormat.recognises`."""
+        return head.startswith(b"MATLAB 5.0 MAT-file") or head[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
+
+    def contents(self, path: Path) -> Contents:
+        """See `RecordingFormat.contents`."""
+        with foreign_reader(path, self.name):
+            status = path.stat()
+            return _contents(path, status.st_size, status.st_mtime_ns)
+
+    @contextmanager
+    def arrays(self, path: Path) -> Iterator[ArrayFile]:
+        """See `ArrayFormat.arrays`."""
+        with opened(path, LOG) as stream:
+            _check_size(path, stream)
+        with TemporaryFile() as answer:
+            _let_scipy_read(path, answer)
+            answer.seek(0)
+            with np.load(answer, allow_pickle=False) as archive:
+                found = json.loads(archive["found"].tobytes())
+                if "refused" in found:
+                    raise InputError(f"{path} has {found['refused']}")
+                file = ArrayFile(path, self.name, left_out=found["left_out"])
+                for k, (name, above, shape, kind) in enumerate(found["arrays"]):
+                    load = partial(archive.__getitem__, f"{k}")
+                    file.add(NamedArray(name, tuple(above), tuple(shape), load), np.dtype(kind))
+                yield file
+
+
+@lru_cache(maxsize=4)
+def _contents(path: Path, size: int, changed: int) -> Contents:
+    """Contents of a file of this size and time; the file does not tell them without being loaded."""
+    with MatlabFile().arrays(path) as file:
+        return file.contents()
+
+
+def _check_size(path: Path, stream: BinaryIO) -> None:
+    """Refuse a file that is cut off, or whose variables unpack to more than may be held."""
+    head = stream.read(_HEADER)
+    if len(head) < _HEADER:
+        raise InputError(f"{path} ends within its header")
+    order = "<" if head[126:128] == b"IM" else ">"
+    end, total, at = stream.seek(0, 2), 0, _HEADER
+    while at + 8 <= end:
+        stream.seek(at)
+        kind, size = struct.unpack(f"{order}II", stream.read(8))
+        if size > end - at - 8:
+            raise InputError(f"{path} ends early: its variable at byte {at} is cut off; save it again")
+        check_bytes(path, total + size)
+        unpacker, packed = zlib.decompressobj(), stream.read(size) if kind == _COMPRESSED else b""
+        total += 0 if packed else size
+        while packed:
+            total += len(unpacker.decompress(packed, _BLOCK))
+            check_bytes(path, total)
+            packed = unpacker.unconsumed_tail
+        at += 8 + size
+
+
+def _let_scipy_read(path: Path, answer: IO[bytes]) -> None:
+    """Write the variables of a file as NPZ, in another process."""
+    memory = str(int(memory_cap() + _LIBRARIES))
+    command = [sys.executable, "-P", "-c", _COMMAND, str(path.absolute()), memory]  # -P: no module of the folder
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=answer, stderr=subprocess.PIPE, check=False)
+    if done.returncode:
+        said = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
+        reason = one_line(said[0]) if said and done.returncode > 0 else "SciPy's reader crashed"
+        raise ValueError(reason.removeprefix("ValueError: "))
+
+
+def hand_over() -> None:
+    """Write the variables of a file as NPZ to the standard output; what that process does."""
+    from scipy.io import loadmat
+
+    path, memory = sys.argv[1], int(sys.argv[2])
+    warnings.simplefilter("ignore")
+    with suppress(ImportError, AttributeError, OSError, ValueError):  # not on Windows, nor macOS
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    found = _Loaded()
+    answer: dict[str, Any] = {"arrays": [], "left_out": found.left_out}
+    try:
+        for name, value in loadmat(path, appendmat=False).items():
+            if not name.startswith("__"):
+                found.add(value, name, ())
+        answer["arrays"] = [(name, above, one.shape, one.dtype.str) for name, above, one in found.arrays]
+    except OverflowError as error:
+        answer["refused"] = str(error)
+    arrays = {f"{k}": one for k, (_, _, one) in enumerate(found.arrays)}
+    np.savez(
+        sys.stdout.buffer, allow_pickle=False, found=np.frombuffer(json.dumps(answer).encode(), np.uint8), **arrays
+    )
+
+
+class _Loaded:
+    """Arrays of numbers in what SciPy loaded."""
+
+    def __init__(self) -> None:
+        self.arrays: list[tuple[str, tuple[str, ...], NDArray[Any]]] = []
+        self.left_out: dict[str, str] = {}
+        self.count = 0
+
+    def add(self, one: Any, name: str, above: tuple[str, ...]) -> None:
+        """Add a variable, a field or an element."""
+        from scipy.io import matlab
+        from scipy.sparse import issparse
+
+        self.count += 1
+        if self.count > MOST_OBJECTS or len(above) > DEEPEST:
+            raise OverflowError(_TOO_MANY)
+        if one is None:  # an empty field
+            return
+        if isinstance(one, matlab.MatlabOpaque):
+            self.left_out[_opaque_name(one, name)] = _OBJECT
+        elif isinstance(one, matlab.MatlabObject):
+            self.left_out[name] = _OBJECT
+        elif isinstance(one, matlab.MatlabFunction):
+            self.left_out[name] = "is a function handle"
+        elif issparse(one):
+            self.left_out[name] = "is sparse"
+        elif one.dtype.names is not None:
+            self._struct(one, name, above)
+        elif one.dtype.kind == "O":
+            for k, element in enumerate(one.ravel(order="F")):
+                self.add(element, f"{name}[{k}]", above)
+        elif one.dtype.kind == "c":
+            self.left_out[name] = "holds complex numbers"
+        elif one.dtype.kind != "U" and one.size:
+            self.arrays.append((name, above, one))
+
+    def _struct(self, one: Any, name: str, above: tuple[str, ...]) -> None:
+        for k, element in enumerate(one.ravel(order="F")):
+            own = f"{name}[{k}]" if one.shape != (1, 1) else name
+            for key in one.dtype.names:
+                self.add(element[key], f"{own}.{key}", (*above, own.rpartition(".")[2]))
+
+
+def _opaque_name(one: Any, name: str) -> str:
+    """Name of an object of a class, which SciPy keeps inside it."""
+    own = one["s0"].item() if one.dtype.names and "s0" in one.dtype.names else name
+    return own.decode("utf-8", "replace") if isinstance(own, bytes) else str(own)
+
+
+class MatlabHdf5(ArrayFormat):
+    """A MAT-file of MATLAB 7.3."""
+
+    name: ClassVar[str] = "MAT-file of MATLAB 7.3"
+
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """See `RecordingFormat.recognises`."""
+        return head.startswith(b"MATLAB 7.3 MAT-file")
+
+    @contextmanager
+    def arrays(self, path: Path) -> Iterator[ArrayFile]:
+        """See `ArrayFormat.arrays`."""
+        file = ArrayFile(path, self.name)
+        with hdf5_opened(path, "matlab") as base:
+            variables = _Hdf5Variables(file, base)
+            for name in base:
+                if name not in _OWN:
+                    variables.add(base[name], name, ())
+            yield file
+
+
+class _Hdf5Variables:
+    """Variables of a file, with what is in them."""
+
+    def __init__(self, file: ArrayFile, base: Any) -> None:
+        self.file, self.base, self.count = file, base, 0
+
+    def add(self, one: Any, name: str, above: tuple[str, ...]) -> None:
+        """Add a variable, a field or an element."""
+        import h5py
+
+        self.count += 1
+        if self.count > MOST_OBJECTS or len(above) > DEEPEST:
+            raise InputError(f"{self.file.path} has {_TOO_MANY}")
+        kind = _text(one.attrs.get("MATLAB_class", b""))
+        if "MATLAB_empty" in one.attrs or kind in ("char", "string"):
+            return
+        if "MATLAB_sparse" in one.attrs:
+            self.file.left_out[name] = "is sparse"
+        elif isinstance(one, h5py.Group) and kind == "struct":
+            for key in one:
+                self.add(one[key], f"{name}.{key}", (*above, name.rpartition(".")[2]))
+        elif isinstance(one, h5py.Dataset) and h5py.check_ref_dtype(one.dtype) is not None:
+            self._referred(one, name, above, kind)
+        elif isinstance(one, h5py.Dataset) and kind in _NUMBERS and "MATLAB_object_decode" not in one.attrs:
+            self._numbers(one, name, above)
+        else:
+            handle = kind == "function_handle"
+            what = "a function handle" if handle else f"an object of class {cut(kind) or 'unknown'}"
+            self.file.left_out[name] = f"is {what}; save its numbers, such as those of a timeseries, in a struct"
+
+    def _referred(self, one: Any, name: str, above: tuple[str, ...], kind: str) -> None:
+        """Elements of a cell, or of the fields of an array of structs."""
+        if one.size > MOST_OBJECTS:
+            raise InputError(f"{self.file.path} has more than {MOST_OBJECTS} variables")
+        parent, _, last = name.rpartition(".")
+        for k, reference in enumerate(one[()].reshape(-1)):
+            if not reference:
+                continue
+            if kind == "cell" or not parent:
+                self.add(self.base[reference], f"{name}[{k}]", above)
+            else:  # a field of an array of structs: the index belongs to the struct
+                self.add(self.base[reference], f"{parent}[{k}].{last}", (*above[:-1], f"{above[-1]}[{k}]"))
+
+    def _numbers(self, one: Any, name: str, above: tuple[str, ...]) -> None:
+        if why := unread_dataset(one):
+            self.file.left_out[name] = why
+        else:
+            self.file.add(NamedArray(name, above, (one.shape or ())[::-1], partial(_transposed, one)), one.dtype)
+
+
+def _transposed(data: Any) -> NDArray[Any]:
+    """A dataset as MATLAB shows it, while its file is open."""
+    return np.asarray(data[()]).T
+
+
+def _text(value: object) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
