@@ -138,7 +138,6 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     "restored": {
         "design": "excite.report.restored_design:restore",
-        "result": "excite.report.restored_result:stored_estimate",
     },
 }
 

@@ -283,7 +283,7 @@ _WORDS: dict[Any, str] = {
     type(None): "None",
     Path: "a path that a file can have",
 }
-_OBJECTS = {"IdentificationResult": "a result of `identify`"}
+_OBJECTS = {"Identification": "a result of `identify`"}
 
 
 def words(hint: Any) -> str:

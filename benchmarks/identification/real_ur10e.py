@@ -17,13 +17,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 import record
 
-from excite.files.result_json import StoredResult, result_content
 from excite.identification.carried_payload import NAMES, load_regressor
 from excite.identification.drive_gains import drive_gains
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.weighted import weighted
-from excite.identification.identification import Identification
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
@@ -86,7 +84,7 @@ def verification_case(
     cpu = time.process_time()
     result = estimate_parameters(ROBOT, TASK, [logs[log] for log in training], recipe)
     cpu = time.process_time() - cpu
-    found = verify(stored(result), logs[test], rows=rows)
+    found = verify(result, logs[test], rows=rows)
     motions = [(m.error, m.travel) for m in found.motions or ()] or [(None, None)] * len(found.torques)
     return {
         "name": name,
@@ -107,15 +105,6 @@ def verification_case(
         "noise_percent": 100 * noise_share(found),
         "cpu_seconds": cpu,
     }
-
-
-def stored(result: Identification) -> StoredResult:
-    """The result as its file would tell it."""
-    content = result_content(result)
-    estimate = result.estimate
-    return StoredResult(
-        Path(), result.robot, result.task, result.recipe, estimate.names, estimate.units, estimate.coefficients, content
-    )
 
 
 def noise_share(found: Verification) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +13,21 @@ from excite.cli.design_of_mapping import design_folder
 from excite.cli.estimate_text import estimate_summary, print_estimate
 from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import one_interrupt
-from excite.cli.repetition_text import print_repetitions, repeat_and_write
+from excite.cli.repetition_text import repeat_and_write
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark
 from excite.cli.summary import show
-from excite.files.result_curves import CURVES
-from excite.files.result_json import FIGURES, REPETITIONS, check_free, result_content
+from excite.files.result_json import CURVES, FIGURES, REPETITIONS, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.registry import CHOSEN, is_own
 from excite.storage.figure_names import figure_names
 from excite.storage.result_folder import result_folder
 
+_LEFT_OUT = (
+    "schema", "robot", "task", "measured_condition_number", "motor_sides", "curves", "scatter", "scale", "calibration",
+    "noise_deviations", "reference_values",
+)  # fmt: skip
+_KEPT = {"degrees_of_freedom", "unseen", "notes", "standard", "noise"}  # of the estimate
 _NOT_REPEATED = ("estimator", "standstill", "signals")
 
 
@@ -52,28 +57,22 @@ def identify_and_write(
 
                 tell("drawing")
                 files = [*write_identification_figures(result, out, result.reference, **figures.how), *files]
-        content = result_content(result)
-        status = NOT_HELD if content["doubts"] else 0
+        status = NOT_HELD if result.doubts else 0
         if given["repeat"]:
             tell("repeating the experiment in simulation")
             where = {"executor": given["executor"], "workers": given["workers"]}
-            content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"], figures, **where)
+            result, repeated = repeat_and_write(result, out, given["repeat"], given["seed"], figures, **where)
             status = repeated or status
-            drawn = figure_names([REPETITIONS], figures.formats) if "repetitions" in content else []
+            drawn = figure_names([REPETITIONS], figures.formats) if result.repetitions is not None else []
             files = [*(out / name for name in drawn), *files]
-    left_out = ("schema", "robot", "covariance", "task")
-    show(
-        estimate_summary(content, files),
-        lambda: {"out": str(out), **{k: v for k, v in content.items() if k not in left_out}},
-        lambda: _print(content, files),
-    )
+    show(estimate_summary(result, files), lambda: _shown(result, out), lambda: print_estimate(result, files))
     sys.exit(status)
 
 
-def _print(content: dict[str, Any], files: Sequence[Path]) -> None:
-    print_estimate(content, files)
-    if "repetitions" in content:
-        print_repetitions(content["repetitions"])
+def _shown(result: excite.Identification, out: Path) -> dict[str, Any]:
+    """What ``--json`` prints: the file without what stands there twice, and without the robot and the task."""
+    left_out = {*_LEFT_OUT, *(field.name for field in fields(result.estimate))} - _KEPT
+    return {"out": str(out), **{k: v for k, v in result_content(result).items() if k not in left_out}}
 
 
 def _identified(

@@ -6,22 +6,21 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-from rich.table import Table
 
 from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import deferred_interrupt, interrupted_status, one_interrupt
-from excite.cli.literal_console import console, console_of_progress
+from excite.cli.literal_console import console_of_progress
 from excite.cli.messages import in_options
 from excite.cli.sign_of_life import something_is_shown
 from excite.cli.streams import remark, say
 from excite.cli.terminal import can_move
 from excite.cli.verbosity import verbosity
 from excite.errors import LostWorkersError
-from excite.files.result_json import SO_FAR, amend_content
+from excite.files.result_json import SO_FAR, amend_result_file
 from excite.identification.identification import Identification
+from excite.identification.result import RepeatedParameter, RepetitionSummary
 from excite.montecarlo.repetitions import Repetitions
 from excite.registry import is_addressed
 from regressors.errors import InputError
@@ -33,14 +32,13 @@ _PAUSE = 5.0  # between two lines of it [s]
 def repeat_and_write(
     result: Identification,
     out: Path,
-    content: dict[str, Any],
     count: int,
     seed: int,
     figures: FigureChoice,
     *,
     executor: str,
     workers: int | None,
-) -> tuple[dict[str, Any], int]:
+) -> tuple[Identification, int]:
     """Repeat an identification in simulation, add the statistics to its result, and draw them beside it."""
     from excite.montecarlo.repetition import repetitions
 
@@ -55,11 +53,11 @@ def repeat_and_write(
             repeated_runs = repetitions(
                 result, count, seed, report_progress, executor=executor, workers=workers, kept=out / SO_FAR
             )
-            content = {**content, "repetitions": repetition_content(repeated_runs)}
-            amend_content(out, content)
+            result = replace(result, kept=result.facts, repetitions=summary_of(repeated_runs))
+            amend_result_file(out, result)
     except KeyboardInterrupt:
         say("excite: interrupted; the result is saved, without repetitions")
-        return content, interrupted_status()
+        return result, interrupted_status()
     except InputError as error:
         raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
     except LostWorkersError as error:
@@ -72,55 +70,19 @@ def repeat_and_write(
     if repeated_runs.interrupted:
         done = f"with {repeated_runs.count} of {count} repetitions"
         say(f"excite: interrupted; the result is saved, {in_options(done + _continued(out))}")
-        return content, interrupted_status()
-    return content, 0
+        return result, interrupted_status()
+    return result, 0
 
 
 def _continued(out: Path) -> str:
     return "; with `force`, the same command goes on" if (out / SO_FAR).exists() else ""
 
 
-def repetition_content(repeated_runs: Repetitions) -> dict[str, Any]:
-    """Plain values of repetitions."""
-    rows = zip(
-        repeated_runs.names, repeated_runs.units, repeated_runs.deviation, repeated_runs.predicted_deviation,
-        repeated_runs.bias, repeated_runs.bias_error, repeated_runs.coverage, strict=True,
-    )  # fmt: skip
-    return {
-        "count": repeated_runs.count,
-        "seed": repeated_runs.seed,
-        "parameters": [
-            {
-                "name": name,
-                "unit": unit,
-                "deviation": float(deviation),
-                "predicted_deviation": float(predicted),
-                "bias": float(bias),
-                "bias_error": float(error),
-                "coverage": float(coverage),
-            }
-            for name, unit, deviation, predicted, bias, error, coverage in rows
-        ],
-    }
-
-
-def print_repetitions(content: dict[str, Any]) -> None:
-    """Print a table of the statistics of repetitions."""
-    table = Table(title=f"{content['count']} repetitions in simulation, seed {content['seed']}", title_justify="left")
-    table.add_column("parameter")
-    for heading in ("std. dev.", "predicted", "bias", "in its 99 % interval"):
-        table.add_column(heading, justify="right")
-    table.add_column("unit")
-    for p in content["parameters"]:
-        table.add_row(
-            p["name"],
-            f"{p['deviation']:.2g}",
-            f"{p['predicted_deviation']:.2g}",
-            f"{p['bias']:+.1g}",
-            f"{100 * p['coverage']:.1f} %",
-            p["unit"],
-        )
-    console().print(table)
+def summary_of(repeated: Repetitions) -> RepetitionSummary:
+    """Statistics of repetitions, as a result keeps them."""
+    numbers = (repeated.deviation, repeated.predicted_deviation, repeated.bias, repeated.bias_error, repeated.coverage)
+    rows = zip(repeated.names, repeated.units, *(each.tolist() for each in numbers), strict=True)
+    return RepetitionSummary(repeated.count, repeated.seed, tuple(RepeatedParameter(*row) for row in rows))
 
 
 @contextmanager

@@ -132,7 +132,7 @@ def command(
 
     tolerances = excite.Tolerances(torque_tolerance / 100, motion_tolerance / 100)
     result = excite.load_result(folder, parts)
-    target, stems = result.folder if out is None else out, _stems(logs)
+    target, stems = out or result.folder or folder, _stems(logs)
     read: dict[str, Any] = {"mapping": mapping, "drop": drop, "rows": rows, "training_too": training_too}
     how: dict[str, Any] = {"horizon": horizon, "signals": signals, "temperature": temperature}
     options = {**read, **how, "tolerances": tolerances}

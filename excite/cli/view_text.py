@@ -66,4 +66,6 @@ def print_view(view: View) -> None:
             drawn.add_column(column.heading, justify="right" if column.format in _NUMBERS else "left")
         for row in table.rows:
             drawn.add_row(*(_text(column, value, _WHOLE) for column, value in zip(table.columns, row, strict=True)))
+        if table.note:
+            drawn.caption = table.note
         out.print(drawn)

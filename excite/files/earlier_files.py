@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,8 @@ from excite.design.designed_motion import DesignedMotion
 from excite.files.design_folder import DESIGN as DESIGN_FILE
 from excite.files.design_json import load_design
 from excite.files.result_json import RESULT as RESULT_FILE
-from excite.files.result_json import load_result, result_content
+from excite.files.result_json import load_result
 from excite.identification.identification import Identification
-from excite.identification.result import IdentificationResult, StoredResult
 from excite.information.earlier_precision import geometry, payload_text
 from excite.information.half_widths import residual_degrees_of_freedom
 from excite.information.metrics import noise_per_row
@@ -38,14 +36,14 @@ def earlier_information(given: Any) -> EarlierInformation:
         raise given.missing()
     if isinstance(given, str | Path):
         given = _loaded(Path(given))
-    if isinstance(given, IdentificationResult):
+    if isinstance(given, Identification):
         return _of_result(given)
     if isinstance(given, DesignedMotion):
         return _of_design(given)
     raise InputError(f"`after`: {_EXPECTED}; given {type(given).__name__}")
 
 
-def _loaded(path: Path) -> IdentificationResult | DesignedMotion:
+def _loaded(path: Path) -> Identification | DesignedMotion:
     if path.suffix == ".json":
         return load_design(path) if path.name == DESIGN_FILE else load_result(path)
     holds = [name for name in (RESULT_FILE, DESIGN_FILE) if (path / name).exists()]
@@ -56,18 +54,16 @@ def _loaded(path: Path) -> IdentificationResult | DesignedMotion:
     return load_result(path) if holds[0] == RESULT_FILE else load_design(path)
 
 
-def _of_result(result: IdentificationResult) -> EarlierInformation:
+def _of_result(result: Identification) -> EarlierInformation:
     target = target_of(result.robot, result.task)
-    content = _content(result)
     if target.base.names != result.names:
         raise InputError(
             f"`after`: {result.name} has the parameters {', '.join(result.names)}, but its model has "
             f"{', '.join(target.base.names)} here; identify again from its logs"
         )
-    R = _root(content["covariance"], result)
-    density = content.get("noise_density") or _residual_density(content)
-    equations = tuple((str(name), str(unit)) for name, unit in content["equations"])
-    values = tuple(float(density[name]) for name, _ in equations) if density else None
+    R = _root(result)
+    facts = result.facts
+    density = facts.noise_density or _residual_density(result)
     return _earlier(
         result,
         target,
@@ -75,25 +71,17 @@ def _of_result(result: IdentificationResult) -> EarlierInformation:
         sha256=_hash(None if result.folder is None else result.folder / RESULT_FILE, (R,)),
         logs=tuple(sorted(result.training)),
         factors=(R,),
-        equations=equations,
-        density=values,
-        seconds=float(sum(log["to"] - log["from"] for log in content["logs"])),
-        degrees_of_freedom=int(content["degrees_of_freedom"]),
-        values=np.array([np.nan if each["value"] is None else float(each["value"]) for each in content["parameters"]]),
+        equations=facts.equations,
+        density=tuple(float(density[name]) for name, _ in facts.equations) if density else None,
+        seconds=float(sum(log.end - log.start for log in facts.logs)),
+        degrees_of_freedom=result.estimate.degrees_of_freedom,
+        values=result.estimate.values,
     )
 
 
-def _content(result: IdentificationResult) -> Mapping[str, Any]:
-    if isinstance(result, StoredResult):
-        return result.content
-    if isinstance(result, Identification):
-        return result_content(result)
-    raise InputError(f"`after`: {_EXPECTED}; given {type(result).__name__}")
-
-
-def _root(stated: Any, result: IdentificationResult) -> Array:
+def _root(result: Identification) -> Array:
     """Rows R with ``R'R`` the inverse of the covariance of the parameters that are identified, others unknown."""
-    C = np.array([[np.inf if x is None else float(x) for x in row] for row in stated])
+    C = result.estimate.covariance
     seen = np.flatnonzero(np.isfinite(np.diag(C)))
     R = np.zeros((seen.size, len(C)))
     try:
@@ -107,18 +95,14 @@ def _root(stated: Any, result: IdentificationResult) -> Array:
     return R
 
 
-def _residual_density(content: Mapping[str, Any]) -> dict[str, float] | None:
+def _residual_density(result: Identification) -> dict[str, float] | None:
     """Density of the residuals as if they were white, of results that do not state that of their noise."""
-    rates = {log["file"]: log["rate"] for log in content["logs"]}
-    names = [name for name, _ in content["equations"]]
-    squares: dict[str, list[float]] = {name: [] for name in names}
-    for log, noise in content["noise"].items():
-        for name in names:
-            if noise.get(name) is not None and log in rates:
-                squares[name].append(noise[name] ** 2 / rates[log])
-    if not all(squares.values()):
+    rates = np.array([log.rate for log in result.facts.logs])
+    squares = result.estimate.noise**2 / rates[:, None]
+    if not np.isfinite(squares).any(axis=0).all():
         return None
-    return {name: float(np.sqrt(np.mean(values))) for name, values in squares.items()}
+    names = (name for name, _ in result.equations)
+    return dict(zip(names, np.sqrt(np.nanmean(squares, axis=0)).tolist(), strict=True))
 
 
 def _of_design(design: DesignedMotion) -> EarlierInformation:

@@ -14,6 +14,7 @@ with the variance s^2 for noise alone, and the mean m over the parameters of ``Q
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import scipy.stats
@@ -21,6 +22,8 @@ import scipy.stats
 from excite.identification.each_log import EachLog
 from excite.identification.estimate import CONFIDENCE, Estimate
 from regressors.samples import Array
+
+TYPICAL, FRICTION = 1.6, 3.2  # largest scatter between two logs of a real robot over stated deviations, benchmarks/real
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +43,8 @@ class LogScatter:
         Of a scatter as large or larger from noise alone, by Welch's test [Welch 1951], which allows for the
         uncertainty of the deviations; for many rows it is that of ``Q`` by chi squared. NaN likewise.
     """
+
+    listed: ClassVar[bool] = True
 
     each: EachLog
     counts: Array
@@ -138,3 +143,15 @@ def scatter_warning(scatter: LogScatter) -> str | None:
         f"(Welch's test at 1 % for all parameters together): something changes from log to log, such as temperature or "
         "payload, or the model leaves out what the motions excite differently"
     )
+
+
+def interval_scope(logs: int) -> str:
+    """Describe what the intervals of a result hold for."""
+    if logs == 1:
+        return (
+            "the intervals are for this log: they state what its noise does, not what changes from log to log. On the "
+            f"real robots measured, estimates from different logs scattered up to {TYPICAL:g} times as much as such "
+            f"intervals state, coefficients of friction up to {FRICTION:g} times; identify from several logs to have "
+            "that included"
+        )
+    return f"the intervals hold across logs such as these {logs}: the scatter between them is included"

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.stats
 
 from excite.identification.carried_payload import load_regressor
 from excite.identification.curve_uncertainty import estimate_changes
-from excite.identification.drive_gains import drive_gains
+from excite.identification.drive_gains import GainCalibration, LogFile, drive_gains
 from excite.identification.equations import equations_of, right_sides
 from excite.identification.estimate import CONFIDENCE
 from excite.identification.gain_uncertainty import BLOCKS, block_deviation
@@ -29,69 +29,6 @@ if TYPE_CHECKING:
 
 KINDS = ("each", "common")
 _LEAST_KNOWN = 0.5  # half of an interval, of the gain, from which on a load does not act
-
-
-@dataclass(frozen=True, eq=False)
-class GainCalibration:
-    """Factors on the stated drive gains, with which the identified mass of a load is the known one.
-
-    Parameters
-    ----------
-    kind : {"each", "common"}
-        One factor for each drive, or one for all.
-    drives : tuple of str
-    factor, deviation : ndarray, shape (k,)
-        Factors on the measured torques of the drives, and their standard deviations.
-    half_width : ndarray, shape (k,)
-        Half of the 99 % interval.
-    known_mass, stated_mass : float
-        Mass of the load, and the one that is identified with the gains as stated [kg].
-    logs : tuple of Log
-        With the load.
-    """
-
-    kind: str
-    drives: tuple[str, ...]
-    factor: Array
-    deviation: Array
-    half_width: Array
-    known_mass: float
-    stated_mass: float
-    logs: tuple[Log, ...]
-
-    @property
-    def factors(self) -> dict[str, float]:
-        """Factor of each drive, by name."""
-        return dict(zip(self.drives, self.factor.tolist(), strict=True))
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What the calibration found, in words."""
-        mass = f"the load weighs {self.known_mass:.4g} kg; with the stated gains it would be {self.stated_mass:.4g} kg"
-        rows = zip(self.drives, self.factor, self.half_width, strict=True)
-        off = [f"{name} by {factor:.3f} +- {half:.2g}" for name, factor, half in rows if abs(factor - 1) > half]
-        if not off:
-            return (mass, "the drive gains agree with the stated ones within their 99 % intervals")
-        each = f"all by {self.factor[0]:.3f} +- {self.half_width[0]:.2g}" if self.kind == "common" else ", ".join(off)
-        return (mass, f"the stated drive gains are off; measured torques are multiplied, {each}")
-
-    def content(self) -> dict[str, Any]:
-        """Plain values for ``result.json``."""
-        rows = zip(self.drives, self.factor, self.deviation, self.half_width, strict=True)
-        return {
-            "kind": self.kind,
-            "known_mass": self.known_mass,
-            "stated_mass": self.stated_mass,
-            "drives": {
-                name: {
-                    "factor": float(factor),
-                    "standard_deviation": float(deviation),
-                    "interval": [float(factor - half), float(factor + half)],
-                }
-                for name, factor, deviation, half in rows
-            },
-            "logs": [{"file": log.source, "sha256": log.sha256} for log in self.logs],
-        }
 
 
 def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, kind: str) -> GainCalibration:
@@ -120,7 +57,8 @@ def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, ki
             "give `gains='common'`"
         )
     stated = _stated_mass(observations, load)
-    return GainCalibration(kind, names, gains.factor, deviation, half, float(known_mass), stated, tuple(loaded))
+    files = tuple(LogFile(log.source, log.sha256) for log in loaded)
+    return GainCalibration(kind, names, gains.factor, deviation, half, float(known_mass), stated, files)
 
 
 def with_calibration(result: Identification, calibration: GainCalibration) -> Identification:

@@ -8,6 +8,7 @@ explains the same measurements; the known mass fixes the scale.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -99,3 +100,61 @@ def _step(factors: list[Array], h: Array, x: Array, weight: Array, p: int, commo
     if common:
         step[:r], spread[:r] = step[0], spread[0]
     return step, spread[:r]
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """A log, named by its file and the hash of its content."""
+
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, eq=False)
+class GainCalibration:
+    """Factors on the stated drive gains, with which the identified mass of a load is the known one."""
+
+    listed: ClassVar[bool] = True
+
+    kind: str  # one factor for each drive, or one for all
+    drives: tuple[str, ...]
+    factor: Array  # (k,) factors on the measured torques of the drives, and their standard deviations
+    deviation: Array  # (k,)
+    half_width: Array  # (k,) half of the 99 % interval
+    known_mass: float  # mass of the load, and the one that is identified with the gains as stated [kg]
+    stated_mass: float
+    logs: tuple[LogFile, ...]  # with the load
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """Factor of each drive, by name."""
+        return dict(zip(self.drives, self.factor.tolist(), strict=True))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the calibration found, in words."""
+        mass = f"the load weighs {self.known_mass:.4g} kg; with the stated gains it would be {self.stated_mass:.4g} kg"
+        rows = zip(self.drives, self.factor, self.half_width, strict=True)
+        off = [f"{name} by {factor:.3f} +- {half:.2g}" for name, factor, half in rows if abs(factor - 1) > half]
+        if not off:
+            return (mass, "the drive gains agree with the stated ones within their 99 % intervals")
+        each = f"all by {self.factor[0]:.3f} +- {self.half_width[0]:.2g}" if self.kind == "common" else ", ".join(off)
+        return (mass, f"the stated drive gains are off; measured torques are multiplied, {each}")
+
+    def content(self) -> dict[str, Any]:
+        """Plain values for ``result.json``."""
+        rows = zip(self.drives, self.factor, self.deviation, self.half_width, strict=True)
+        return {
+            "kind": self.kind,
+            "known_mass": self.known_mass,
+            "stated_mass": self.stated_mass,
+            "drives": {
+                name: {
+                    "factor": float(factor),
+                    "standard_deviation": float(deviation),
+                    "interval": [float(factor - half), float(factor + half)],
+                }
+                for name, factor, deviation, half in rows
+            },
+            "logs": [dict(vars(log)) for log in self.logs],
+        }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from regressors.samples import Array
 @dataclass(frozen=True, eq=False)
 class EachLog:
     """Estimates from K logs, each from one of them alone; p parameters."""
+
+    listed: ClassVar[bool] = True
 
     logs: tuple[str, ...]
     names: tuple[str, ...]

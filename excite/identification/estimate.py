@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import scipy.stats
 
 from excite.identification.observations import Observations
+from excite.storage.codec import named
 from regressors.samples import Array
 
 CONFIDENCE = 0.99
@@ -48,12 +50,14 @@ class Estimate:
         covariance, see `excite.identification.friction_mismatch`.
     """
 
+    listed: ClassVar[bool] = True
+
     method: str
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: Array
     covariance: Array
-    noise: Array
+    noise: Array = field(metadata=named("noise_deviations"))
     degrees_of_freedom: int
     unseen: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

@@ -25,6 +25,7 @@ from excite.identification.pull_bias import allowing_for_pull
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
 from excite.identification.residual_covariance import condition_number
+from excite.identification.result import FitData
 from excite.identification.standstill_bias import allowing_for_standstill
 from excite.identification.stated_uncertainty import with_uncertainty
 from excite.information.friction_notes import left_out_notes
@@ -74,12 +75,10 @@ def estimate_parameters(
         robot,
         measured.task,
         recipe,
-        target,
-        equated.parts,
-        observations,
         estimate,
         condition_number(observations),
-        equated.friction,
+        FitData(target, equated.parts, observations),
+        friction=equated.friction,
         friction_scale=equated.scale,
         reference=reference_of(target, logs),
         scatter=scatter,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class FrictionScale:
         Half of the 99 % interval.
     """
 
+    listed: ClassVar[bool] = True
+
     drives: tuple[str, ...]
     factor: Array
     covariance: Array
@@ -63,7 +65,7 @@ class FrictionScale:
         return "known friction is scaled: " + ", ".join(f"{name} by {f:.3f} +- {half:.2g}" for name, f, half in rows)
 
     def content(self) -> dict[str, Any]:
-        """Plain values for ``result.json``."""
+        """Factors with their 99 % intervals as plain values, by drive."""
         rows = zip(self.drives, self.factor, self.half_width, strict=True)
         return {name: {"factor": float(f), "interval": [float(f - half), float(f + half)]} for name, f, half in rows}
 

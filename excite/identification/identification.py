@@ -1,18 +1,21 @@
-"""An identification: the estimate, with the data and settings behind it."""
+"""An identification: the estimate with the settings behind it, and what its logs say about it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.identification.between_logs import LogScatter
+from excite.identification.between_logs import LogScatter, interval_scope, scatter_warning
 from excite.identification.choices.choice import Choice
+from excite.identification.drive_gains import GainCalibration
 from excite.identification.estimate import Estimate
+from excite.identification.friction_scale import FrictionScale
 from excite.identification.observations import Observations
 from excite.identification.plausibility.doubt import Doubt
 from excite.identification.plausibility.doubts import doubts_of, warnings_of
@@ -20,22 +23,23 @@ from excite.identification.prediction import instantaneous_target, prediction, r
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues
-from excite.identification.result import IdentificationResult
+from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDesign, RepetitionSummary
 from excite.information.target import IdentificationTarget
 from excite.registry import built_in
+from excite.storage.codec import INLINE, OBJECT, named
+from excite.storage.curves_file import chosen, short
 from excite.tasks.task import Task
+from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
-if TYPE_CHECKING:
-    from excite.identification.calibration import GainCalibration
-    from excite.identification.friction_scale import FrictionScale
+_INSTANTS = 3000  # of estimates over time, in a file
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Identification(IdentificationResult):
-    """An estimate, with the data and settings behind it.
+class Identification:
+    """An estimate, with the data and settings behind it: the same when it is loaded, but for the logs.
 
     Parameters
     ----------
@@ -44,18 +48,20 @@ class Identification(IdentificationResult):
     task : Task
         Which model, of which joints.
     recipe : Recipe
-        With the sign width that was used.
-    target : IdentificationTarget
-    prepared : tuple of PreparedLog
-        One per log.
-    observations : Observations
+        With the chosen `sign_width` or `breakaway`.
     estimate : Estimate
     condition_number : float
         cond(W) of the measured equations, left-to-right base columns, SI, unweighted.
+    data : FitData, optional
+        Logs and equations; None where the result was loaded.
+    kept : FitFacts, optional
+        What a file keeps of them; computed from them when it is asked for, see `facts`.
     friction : FrictionCurves, optional
         Known friction of the moving drives, which was subtracted.
     friction_file : Path, optional
         File of the friction curves; None where they are the task's own.
+    friction_entry : mapping, optional
+        File, hash and text of the friction curves in the file that the result was read from.
     choices : tuple of Choice
         Settings that were chosen, with their candidates.
     reference : ReferenceValues, optional
@@ -64,37 +70,67 @@ class Identification(IdentificationResult):
         Fitted factors of the known friction, with which it was subtracted.
     calibration : GainCalibration, optional
         Gains of the drives, from logs with a load of known mass.
-    design_summary : mapping, optional
-        Folder, hash and condition number of the design whose motion was played.
+    design : PlayedDesign, optional
+        The design whose motion was played.
     provenance : mapping
         Versions and times.
     scatter : LogScatter, optional
         Of the estimates between several logs.
     each : bool
-        Whether the estimates of each log are part of the result's file.
+        Whether the estimates of each log are shown.
+    repetitions : RepetitionSummary, optional
+        Of the experiment in simulation.
     folder : Path, optional
-        Always None: the folder that a result is saved to is not kept in it.
+        Where it was read from; None where it is new.
     """
 
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
+        "estimator": lambda r: r.estimate.method,
+        "condition_number": lambda r: {
+            "measured": _finite(r.condition_number),
+            "designed": None if r.design is None else _finite(r.design.condition_number),
+            "convention": "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled",
+        },
+        "reference": lambda r: None if r.reference is None else r.reference.kind,
+        "parameters": lambda r: r.parameters,
+        "noise": lambda r: r.noise,
+        "friction_mismatch": lambda r: None if r.estimate.mismatch is None else r.estimate.mismatch.tolist(),
+        "friction_scale": lambda r: None if r.friction_scale is None else r.friction_scale.content(),
+        "drive_gains": lambda r: None if r.calibration is None else r.calibration.content(),
+        "interval_scope": lambda r: r.interval_scope,
+        "between_logs": lambda r: r.between_logs,
+    }
+
     robot: Robot
-    task: Task
-    recipe: Recipe
-    target: IdentificationTarget
-    prepared: tuple[PreparedLog, ...]
-    observations: Observations
-    estimate: Estimate
-    condition_number: float
-    friction: FrictionCurves | None = None
-    friction_file: Path | None = None
+    task: Task = field(metadata=OBJECT)
+    recipe: Recipe = field(metadata=OBJECT)
+    estimate: Estimate = field(metadata=INLINE)
+    condition_number: float = field(metadata=named("measured_condition_number"))
+    data: FitData | None = field(default=None, metadata=OBJECT)
+    kept: FitFacts | None = field(default=None, metadata=INLINE)
+    friction: FrictionCurves | None = field(default=None, metadata=OBJECT)
+    friction_file: Path | None = field(default=None, metadata=OBJECT)
+    friction_entry: Mapping[str, Any] | None = field(default=None, metadata=OBJECT)
     choices: tuple[Choice, ...] = ()
-    reference: ReferenceValues | None = None
-    friction_scale: FrictionScale | None = None
+    reference: ReferenceValues | None = field(default=None, metadata=named("reference_values"))
+    friction_scale: FrictionScale | None = field(default=None, metadata=named("scale"))
     calibration: GainCalibration | None = None
-    design_summary: Mapping[str, Any] | None = None
+    design: PlayedDesign | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     scatter: LogScatter | None = None
     each: bool = False
-    folder: Path | None = None
+    repetitions: RepetitionSummary | None = None
+    folder: Path | None = field(default=None, metadata=OBJECT)
+
+    def __post_init__(self) -> None:
+        """Check that there is something to say about the logs."""
+        if self.data is None and self.kept is None:
+            raise InputError("expected the logs of a result, or what is kept of them")
+
+    @property
+    def name(self) -> str:
+        """Its folder, or the name of its robot."""
+        return str(self.folder) if self.folder is not None else f"result for {self.robot.name}"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -111,14 +147,62 @@ class Identification(IdentificationResult):
         """Values of the base parameters for predictions, shape (p,)."""
         return self.estimate.coefficients
 
+    @cached_property
+    def target(self) -> IdentificationTarget:
+        """Moving robot, model and base parameters; of a loaded result those of the model at single instants."""
+        if self.data is not None:
+            return self.data.target
+        return instantaneous_target(self.robot, self.task, self.recipe)
+
+    @property
+    def prepared(self) -> tuple[PreparedLog, ...]:
+        """The logs, ready for the model; a loaded result has none."""
+        return self._of_logs().prepared
+
+    @property
+    def observations(self) -> Observations:
+        """The equations; a loaded result has none."""
+        return self._of_logs().observations
+
+    def _of_logs(self) -> FitData:
+        if self.data is None:
+            raise InputError(f"{self.name} was loaded, and its file has no logs: identify again from them")
+        return self.data
+
+    @cached_property
+    def facts(self) -> FitFacts:
+        """What its logs and equations say about it."""
+        return FitFacts.of(self) if self.kept is None else self.kept
+
+    @cached_property
+    def curves(self) -> FitCurves:
+        """Both sides of its equations over time, and the motion; no rows where it was read without them."""
+        if self.kept is not None:
+            return self.kept.curves
+        return FitCurves.of(self.observations, self.estimate.predicted(self.observations), self.prepared)
+
+    @property
+    def equations(self) -> tuple[tuple[str, str], ...]:
+        """Names and units of its equations."""
+        return self.observations.equations if self.kept is None else self.kept.equations
+
+    @property
+    def log_names(self) -> tuple[str, ...]:
+        """Files of its logs."""
+        return self.observations.logs if self.kept is None else tuple(log.file for log in self.kept.logs)
+
     @property
     def training(self) -> frozenset[str]:
         """Hashes of the logs that it was identified from."""
+        if self.kept is not None:
+            return frozenset(log.sha256 for log in self.kept.logs)
         return frozenset(part.log.sha256 for part in self.prepared)
 
     @cached_property
     def training_error(self) -> float | None:
         """Relative error of the predictions on those logs, at every instant, unfiltered; None if it is not finite."""
+        if self.kept is not None:
+            return self.kept.prediction_error
         target = instantaneous_target(self.robot, self.task, self.recipe)
         if target.base.names != self.names:
             return None
@@ -142,12 +226,72 @@ class Identification(IdentificationResult):
     @cached_property
     def doubts(self) -> tuple[Doubt, ...]:
         """Reasons why it cannot be right; empty if there are none."""
-        return doubts_of(self)
+        return doubts_of(self) if self.kept is None else self.kept.doubts
 
     @cached_property
     def warnings(self) -> tuple[Doubt, ...]:
         """What the logs do not determine, with what would help; empty if there is nothing."""
-        return warnings_of(self)
+        return warnings_of(self) if self.kept is None else self.kept.warnings
+
+    @property
+    def interval_scope(self) -> str:
+        """What the intervals hold for."""
+        return interval_scope(len(self.training))
+
+    @property
+    def parameters(self) -> list[dict[str, Any]]:
+        """Each base parameter with its uncertainty, as plain values: null where it is not identified."""
+        known = np.full(len(self.names), np.nan) if self.reference is None else self.reference.values
+        return [_parameter(self, k, float(known[k])) for k in range(len(self.names))]
+
+    @property
+    def noise(self) -> dict[str, dict[str, float | None]]:
+        """Standard deviation of the residuals by log and equation."""
+        names, rows = [name for name, _ in self.equations], self.estimate.noise.tolist()
+        known = zip(self.log_names, rows, strict=True)
+        return {log: dict(zip(names, map(_finite, row), strict=True)) for log, row in known}
+
+    @property
+    def between_logs(self) -> dict[str, Any] | None:
+        """Scatter of each parameter between several logs, as plain values."""
+        if self.scatter is None:
+            return None
+        scatter, each = self.scatter, self.scatter.each
+        parameters = [
+            {
+                "name": name,
+                "unit": each.units[j],
+                "logs": int(scatter.counts[j]),
+                "ratio": _finite(math.sqrt(scatter.ratios[j])),
+                "probability": _finite(scatter.probabilities[j]),
+                **({"each": _each(scatter, j)} if self.each else {}),
+            }
+            for j, name in enumerate(each.names)
+        ]
+        return {
+            "logs": list(each.logs),
+            "convention": "ratio: scatter between logs over what the noise of each explains; Welch's test",
+            "rms_ratio": _finite(scatter.rms),
+            "exceeding": list(scatter.exceeding),
+            "warning": scatter_warning(scatter),
+            "parameters": parameters,
+        }
+
+    def __repr__(self) -> str:
+        """One line."""
+        error = "" if self.training_error is None else f", training error {100 * self.training_error:.3g} %"
+        return (
+            f"<Identification of {self.robot.name}: {len(self.names)} parameters from {len(self.training)} "
+            f"log(s){error}>"
+        )
+
+    def stored(self) -> Identification:
+        """What a file keeps: the facts instead of the logs, and of the estimates over time a part."""
+        history = self.estimate.history
+        if history is not None:
+            part = chosen(history[0].size, _INSTANTS)
+            history = history[0][part], short(history[1][part])
+        return replace(self, estimate=replace(self.estimate, history=history), kept=self.facts, data=None)
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
         """Write the result into a folder, made if it does not exist.
@@ -170,6 +314,51 @@ class Identification(IdentificationResult):
         """
         files: list[Path] = built_in("writer", "result")(self, folder, replace=replace)
         return files
+
+
+def _parameter(result: Identification, k: int, reference: float) -> dict[str, Any]:
+    estimate, facts = result.estimate, result.facts
+    name = estimate.names[k]
+    value, deviation = float(estimate.values[k]), float(estimate.deviation[k])
+    interval = estimate.interval[k].tolist()
+    side = facts.motor_sides.get(name)
+    return {
+        "name": name,
+        "expression": facts.base.expressions[k],
+        "unit": estimate.units[k],
+        "value": _finite(value),
+        "standard_deviation": _finite(deviation),
+        "interval": [_finite(x) for x in interval],
+        "relative_deviation": _finite(estimate.relative_deviation[k]),
+        "seen": name not in estimate.unseen,
+        "fit": float(estimate.coefficients[k]),
+        **({} if estimate.unconstrained is None else {"unconstrained": float(estimate.unconstrained[k])}),
+        "reference": _finite(reference),
+        **(
+            {}
+            if side is None
+            else {
+                "motor_side": {
+                    **vars(side),
+                    "value": _finite(value / side.factor),
+                    "standard_deviation": _finite(deviation / side.factor),
+                    "interval": [_finite(x / side.factor) for x in interval],
+                    "reference": _finite(reference / side.factor),
+                }
+            }
+        ),
+    }
+
+
+def _each(scatter: LogScatter, j: int) -> list[dict[str, Any]]:
+    """The estimate of a parameter from each log alone."""
+    each = scatter.each
+    rows = zip(each.logs, each.values[:, j], each.deviations[:, j], strict=True)
+    return [{"log": log, "value": _finite(x), "standard_deviation": _finite(s)} for log, x, s in rows]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def _as_recorded(part: PreparedLog) -> bool:

@@ -22,8 +22,7 @@ from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
 from excite.identification.identification_memory import rows_prediction
 from excite.identification.identification_time import identification_seconds
-from excite.identification.played_design import check_played
-from excite.identification.provenance import design_summary_of, provenance_of
+from excite.identification.provenance import check_played, played_design, provenance_of
 from excite.identification.recipe import Recipe
 from excite.identification.selection_uncertainty import allowing_for_selection
 from excite.identification.stated_uncertainty import FOUND
@@ -172,7 +171,7 @@ def identify(
         choices=chosen.choices,
         each=each,
         friction_file=file,
-        design_summary=None if design is None else design_summary_of(design),
+        design=None if design is None else played_design(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),
     )
 

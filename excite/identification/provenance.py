@@ -1,4 +1,4 @@
-"""Provenance of an identification: the design that was played, versions, files and times."""
+"""Where a result comes from: versions, dates, and the design that was played, which must be the one that is given."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.designed_motion import DesignedMotion
+from excite.identification.result import PlayedDesign
+from excite.logs.mapping import LogMapping, read_mapping
+from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.symbolic.vectorised import evaluation
 
 _PACKAGES = ("excite-trajectories", "casadi", "clarabel", "numpy", "scipy")
 
 
-def design_summary_of(design: DesignedMotion) -> Mapping[str, Any]:
-    """Folder, hash and condition number of the design whose motion was played."""
-    file = None if design.folder is None else design.folder / "design.json"
-    return {
-        "file": None if file is None else str(file),
-        "sha256": None if file is None else sha256(read_bytes(file)).hexdigest(),
-        "folder": None if design.folder is None else str(design.folder),
-        "condition_number": design.condition_number,
-    }
+def played_design(design: DesignedMotion) -> PlayedDesign:
+    """The design whose motion was played."""
+    if design.folder is None:
+        return PlayedDesign(None, None, None, design.condition_number)
+    file = design.folder / "design.json"
+    digest = sha256(read_bytes(file)).hexdigest()
+    return PlayedDesign(str(file), digest, str(design.folder), design.condition_number)
 
 
 def provenance_of(spent: tuple[float, float], mapping: object, drop: tuple[str, ...], seed: int) -> Mapping[str, Any]:
@@ -43,3 +44,16 @@ def provenance_of(spent: tuple[float, float], mapping: object, drop: tuple[str, 
         "python": platform.python_version(),
         "versions": {package: version(package) for package in _PACKAGES},
     }
+
+
+def check_played(design: DesignedMotion | None, mapping: LogMapping | str | Path | None) -> None:
+    """Refuse a design that is not the one that a log mapping names."""
+    if design is None or mapping is None:
+        return
+    named = (read_mapping(mapping) if isinstance(mapping, str | Path) else mapping).design
+    if named is not None and named not in (design.file_sha256, design.coefficients_sha256):
+        raise InputError(
+            f"the log mapping is of a recording of another design: it names the SHA-256 {named[:12]}..., and "
+            f"{design.name} has {(design.file_sha256 or design.coefficients_sha256)[:12]}...; give the `design` "
+            "that was played, or the mapping that was written with this one"
+        )

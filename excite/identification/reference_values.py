@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
@@ -22,6 +23,8 @@ class ReferenceValues:
     values : ndarray, shape (p,)
         NaN where unknown.
     """
+
+    listed: ClassVar[bool] = True
 
     kind: str
     values: Array

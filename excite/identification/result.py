@@ -1,131 +1,211 @@
-"""Interface of identification results, new or read from a file, for verification, simulation and comparison."""
+"""What a result keeps of the logs and the equations that it was computed from."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from excite.identification.recipe import Recipe
-from excite.tasks.task import Task
-from regressors.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
-from regressors.samples import Array
+from excite.identification.noise_density import noise_density
+from excite.identification.observations import Observations
+from excite.identification.plausibility.doubt import Doubt
+from excite.identification.prediction import relative_error
+from excite.identification.preparation import PreparedLog
+from excite.identification.residuals import GroupResidual, residual_diagnostics
+from excite.information.target import IdentificationTarget
+from excite.logs.event import Event
+from excite.storage.curves_file import chosen, every, short
+from regressors.errors import InputError
+from regressors.models.motor_side import MotorSide, motor_sides
+from regressors.samples import Array, Index
+
+if TYPE_CHECKING:
+    from excite.identification.identification import Identification
 
 
-class IdentificationResult(ABC):
-    """Result of an identification.
+@dataclass(frozen=True)
+class FitData:
+    """Logs ready for a model, and their equations: what a result has while it is new, and no file holds."""
 
-    Attributes
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-        Which model, of which joints.
-    recipe : Recipe
-        With the chosen `sign_width` or `breakaway`.
-    friction : FrictionCurves or None
-        Known friction, subtracted from the torques.
-    folder : Path or None
-        Where it was read from.
-    """
+    target: IdentificationTarget
+    prepared: tuple[PreparedLog, ...]  # one per log
+    observations: Observations
 
-    robot: Robot
-    task: Task
-    recipe: Recipe
-    friction: FrictionCurves | None
-    folder: Path | None
 
-    @property
-    @abstractmethod
-    def names(self) -> tuple[str, ...]:
-        """Names of the base parameters."""
+@dataclass(frozen=True)
+class IdentifiedLog:
+    """A log of an identification."""
 
-    @property
-    @abstractmethod
-    def units(self) -> tuple[str, ...]:
-        """Units of the base parameters."""
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"from": lambda log: log.start, "to": lambda log: log.end}
 
-    @property
-    @abstractmethod
-    def coefficients(self) -> Array:
-        """Values of the base parameters for predictions, shape (p,)."""
+    file: str
+    sha256: str
+    rows: int  # that were recorded
+    start: float  # first and last instant [s]
+    end: float
+    instants: int  # at which there is a motion, at a mean `rate` [Hz]
+    rate: float
+    notes: tuple[str, ...] = ()  # what was cut, repaired and assumed
+    events: tuple[Event, ...] = ()
+    left_out_share: float = 0.0  # of the instants, because of events
 
-    @property
-    @abstractmethod
-    def training(self) -> frozenset[str]:
-        """Hashes of the logs that it was identified from."""
+    @classmethod
+    def of(cls, part: PreparedLog) -> IdentifiedLog:
+        """The facts of a log that is ready for a model."""
+        log, time = part.log, part.samples.time
+        ends, rate = (float(log.time[0]), float(log.time[-1])), float((time.size - 1) / (time[-1] - time[0]))
+        notes, events = tuple(part.notes), tuple(part.events)
+        return cls(log.source, log.sha256, log.count, *ends, time.size, rate, notes, events, part.left_out_share)
 
-    @property
-    @abstractmethod
-    def training_error(self) -> float | None:
-        """Relative error of the predictions on those logs, at every instant, unfiltered."""
 
-    @property
-    def name(self) -> str:
-        """Its folder, or the name of its robot."""
-        return str(self.folder) if self.folder is not None else f"result for {self.robot.name}"
+@dataclass(frozen=True)
+class BaseColumns:
+    """The columns of the base parameters, with each parameter as a combination of standard ones."""
 
-    def __repr__(self) -> str:
-        """One line."""
-        error = "" if self.training_error is None else f", training error {100 * self.training_error:.3g} %"
-        return (
-            f"<{type(self).__name__} of {self.robot.name}: {len(self.names)} parameters from {len(self.training)} "
-            f"log(s){error}>"
+    rank: int
+    columns: tuple[str, ...]
+    gap: float
+    expressions: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FitCurves:
+    """Both sides of m equations over time, and the measured motion: what figures and the player draw."""
+
+    # (m,) instant [s], log and equation of each row; none where the file of curves is gone
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    log: Index = field(default_factory=lambda: np.zeros(0, dtype=int))  # (m,)
+    equation: Index = field(default_factory=lambda: np.zeros(0, dtype=int))  # (m,)
+    measured: Array = field(default_factory=lambda: np.zeros(0))  # (m,) [units of the equations]
+    predicted: Array = field(default_factory=lambda: np.zeros(0))  # (m,)
+    step: int = 1  # k where only the rows of every k-th instant are there
+    joints: tuple[str, ...] = ()
+    motion_time: Array = field(default_factory=lambda: np.zeros(0))  # (K,) instants of the motion [s], and their logs
+    motion_log: Index = field(default_factory=lambda: np.zeros(0, dtype=int))  # (K,)
+    motion_q: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (K, n) [rad or m]
+
+    def __post_init__(self) -> None:
+        """Check that the arrays fit each other."""
+        if any(x.shape != self.time.shape for x in (self.log, self.equation, self.measured, self.predicted)):
+            raise InputError("expected a log, an equation, a measured and a predicted value of every row")
+        if self.motion_q.shape != (self.motion_time.size, len(self.joints)) or self.motion_log.ndim != 1:
+            raise InputError("expected positions of every joint at every instant of the motion")
+        if self.motion_log.shape != self.motion_time.shape:
+            raise InputError("expected a log of every instant of the motion")
+
+    @classmethod
+    def of(cls, observations: Observations, predicted: Array, prepared: tuple[PreparedLog, ...]) -> FitCurves:
+        """All equations, and as many instants of the motion as a player shows."""
+        o = observations
+        rows = (np.asarray(o.time), o.log, o.equation, o.y, predicted)
+        if not prepared:
+            return cls(*rows)
+        kept = [(part.samples, chosen(part.samples.time.size)) for part in prepared]
+        return cls(
+            *rows,
+            joints=tuple(prepared[0].log.joints),
+            motion_time=np.concatenate([samples.time[index] for samples, index in kept]),
+            motion_log=np.repeat(np.arange(len(kept)), [index.size for _, index in kept]),
+            motion_q=np.concatenate([samples.q[index] for samples, index in kept]),
+        )
+
+    def stored(self) -> FitCurves:
+        """What a file keeps: seven digits, and of long logs a part of their instants."""
+        step = every(2 * self.time.size)
+        new = np.ones(self.time.size, dtype=bool)
+        new[1:] = (self.time[1:] != self.time[:-1]) | (self.log[1:] != self.log[:-1])
+        kept = np.flatnonzero((np.cumsum(new) - 1) % step == 0)
+        return replace(
+            self,
+            time=self.time[kept],
+            log=self.log[kept].astype(np.int16),
+            equation=self.equation[kept].astype(np.int16),
+            measured=short(self.measured[kept]),
+            predicted=short(self.predicted[kept]),
+            step=self.step * step,
+            motion_log=self.motion_log.astype(np.int16),
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class StoredResult(IdentificationResult):
-    """A result read from its file.
+@dataclass(frozen=True, eq=False)
+class FitFacts:
+    """What a result keeps of its logs and equations."""
 
-    Parameters
-    ----------
-    folder : Path
-    robot : Robot
-        The whole robot.
-    task : Task
-    recipe : Recipe
-    content : dict
-        Content of the file.
-    friction : FrictionCurves, optional
-        Known friction, subtracted from the torques.
-    """
+    logs: tuple[IdentifiedLog, ...]
+    equations: tuple[tuple[str, str], ...]  # names and units
+    rows: int
+    base: BaseColumns
+    motor_sides: Mapping[str, MotorSide]  # rotor inertias behind base parameters, by the parameters' names
+    relative_error: float  # of the equations
+    # of the predictions on the logs, at every instant, unfiltered; None if it is not finite
+    prediction_error: float | None
+    residuals: tuple[GroupResidual, ...]
+    noise_density: Mapping[str, float] | None  # of each equation; None where that of one is not known
+    doubts: tuple[Doubt, ...] = ()  # why the result cannot be right, and what the logs do not determine
+    warnings: tuple[Doubt, ...] = ()
+    curves: FitCurves = field(default_factory=FitCurves)
 
-    folder: Path
-    robot: Robot
-    task: Task
-    recipe: Recipe
-    content: Mapping[str, Any]
-    friction: FrictionCurves | None = None
+    def __post_init__(self) -> None:
+        """Check that the curves are of these logs and equations."""
+        c, logs = self.curves, len(self.logs)
+        if not _within(c.log, logs) or not _within(c.equation, len(self.equations)) or not _within(c.motion_log, logs):
+            raise InputError(f"expected curves of {logs} log(s) and {len(self.equations)} equation(s)")
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the base parameters."""
-        return tuple(str(parameter["name"]) for parameter in self.content["parameters"])
+    @classmethod
+    def of(cls, result: Identification) -> FitFacts:
+        """The facts of a new result."""
+        estimate, observations, base = result.estimate, result.observations, result.target.base
+        density = noise_density(estimate, observations)
+        names = [name for name, _ in observations.equations]
+        return cls(
+            logs=tuple(map(IdentifiedLog.of, result.prepared)),
+            equations=observations.equations,
+            rows=len(observations.y),
+            base=BaseColumns(base.rank, base.names, base.gap, base.expressions),
+            motor_sides=motor_sides(result.target.model, base),
+            relative_error=relative_error(observations.y, result.curves.predicted),
+            prediction_error=result.training_error,
+            residuals=residual_diagnostics(estimate, observations),
+            noise_density=dict(zip(names, density.tolist(), strict=True)) if np.isfinite(density).all() else None,
+            doubts=result.doubts,
+            warnings=result.warnings,
+            curves=result.curves,
+        )
 
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Units of the base parameters."""
-        return tuple(str(parameter["unit"]) for parameter in self.content["parameters"])
 
-    @cached_property
-    def coefficients(self) -> Array:
-        """Values of the base parameters for predictions, shape (p,)."""
-        return np.array([float(parameter["fit"]) for parameter in self.content["parameters"]])
+def _within(numbers: Index, count: int) -> bool:
+    return not numbers.size or (numbers.dtype.kind == "i" and numbers.min() >= 0 and numbers.max() < count)
 
-    @property
-    def training(self) -> frozenset[str]:
-        """Hashes of the logs that it was identified from."""
-        return frozenset(log["sha256"] for log in self.content["logs"])
 
-    @property
-    def training_error(self) -> float | None:
-        """Relative error of the predictions on those logs, at every instant, unfiltered."""
-        value = self.content["prediction_error"]
-        return None if value is None else float(value)
+@dataclass(frozen=True)
+class PlayedDesign:
+    """The design whose motion was played: its file and folder, the hash of the file, and cond(W) as designed."""
+
+    file: str | None
+    sha256: str | None
+    folder: str | None
+    condition_number: float
+
+
+@dataclass(frozen=True)
+class RepeatedParameter:
+    """A parameter over repetitions in simulation, in its unit; `coverage` of the truth by its 99 % intervals."""
+
+    name: str
+    unit: str
+    deviation: float
+    predicted_deviation: float
+    bias: float
+    bias_error: float
+    coverage: float
+
+
+@dataclass(frozen=True)
+class RepetitionSummary:
+    """Statistics of repetitions of an identification in simulation."""
+
+    count: int
+    seed: int
+    parameters: tuple[RepeatedParameter, ...]

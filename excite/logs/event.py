@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 GARBAGE, HELD, SPIKE, MISSING, DROPPED = "garbage", "held rows", "spike", "missing rows", "dropped rows"
 CLOCK, RATE, IMPACT, SATURATION = "clock", "rate", "impact", "saturation"
@@ -14,6 +15,12 @@ _SHOWN = 5
 @dataclass(frozen=True)
 class Event:
     """One event of a log."""
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
+        "from": lambda event: event.begin,
+        "to": lambda event: event.end,
+        "seconds": lambda event: event.seconds,
+    }
 
     kind: str  # one of `KINDS`
     begin: float  # first and last instant that it concerns [s]

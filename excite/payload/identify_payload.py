@@ -12,11 +12,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from excite.identification.given_logs import LogLike
+from excite.identification.identification import Identification
 from excite.identification.known_friction import without_friction
 from excite.identification.prediction import instantaneous_target
 from excite.identification.preparation import prepare
 from excite.identification.provenance import provenance_of
-from excite.identification.result import IdentificationResult
 from excite.information.target import target_of
 from excite.payload.gains_file import read_gains
 from excite.payload.held_body import Frame
@@ -70,7 +70,7 @@ def identify_payload(
     /,
     *,
     without: LogLike | Sequence[LogLike] = (),
-    result: IdentificationResult | str | Path | None = None,
+    result: Identification | str | Path | None = None,
     wrench: bool = False,
     gains: KnownGains | str | Path | None = None,
     gain_deviation: float | None = None,
@@ -99,7 +99,7 @@ def identify_payload(
         With the load, fixed to the last link.
     without : Log, Simulation, path, or a sequence of them
         Without it.
-    result : IdentificationResult or path, optional
+    result : Identification or path, optional
         Instead: the robot's identified model.
     wrench : bool
         The logs are of a force/torque sensor; those without the load are then optional.
@@ -225,14 +225,14 @@ def _of_wrench(
 
 def _of_model(
     robot: Robot,
-    result: IdentificationResult | str | Path,
+    result: Identification | str | Path,
     loaded: Sequence[Log],
     choice: LogChoice,
     gains: KnownGains | None,
     deviation: float | None,
 ) -> tuple[LoadEquations, KnownGains]:
     if isinstance(result, str | Path):
-        loaded_result: IdentificationResult = built_in("reader", "result")(result)
+        loaded_result: Identification = built_in("reader", "result")(result)
         result = loaded_result
     if result.robot.sha256() != robot.sha256():
         raise InputError(

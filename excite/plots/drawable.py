@@ -19,7 +19,6 @@ from excite.friction.fit.friction_fit import KIND as FIT
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.friction.plan.measurements import FrictionPlan
 from excite.identification.identification import Identification
-from excite.identification.result import StoredResult
 from excite.payload.payload_motion import PayloadMotion
 from excite.plots import design_figures
 from excite.plots.campaign_plot import campaign_figure
@@ -27,7 +26,6 @@ from excite.plots.figure_files import drawn_figures, write_figure_files
 from excite.plots.friction_plan_plot import friction_plan_figure
 from excite.plots.friction_plot import friction_figure
 from excite.plots.identification_plots import identification_figures
-from excite.plots.parameters_plot import parameters_figure
 from excite.plots.time_course_plot import estimates_over_time_figure
 from excite.plots.verification_plots import verification_figures
 from excite.registry import built_in
@@ -111,15 +109,6 @@ def _(result: PayloadMotion) -> _Drawing:
 @_drawing.register
 def _(result: Identification) -> _Drawing:
     return _Drawing(partial(identification_figures, result, result.reference), "result")
-
-
-@_drawing.register
-def _(result: StoredResult) -> _Drawing:
-    def parameters() -> dict[str, Figure]:
-        known = built_in("restored", "result")(result)
-        return {"parameters": parameters_figure(known, known.reference)}
-
-    return _Drawing(parameters, "result")
 
 
 @_drawing.register

@@ -35,18 +35,17 @@ _ALIKE = 0.01  # relative; logs whose sample times differ by less share an axis 
 
 def torques_figure(result: Identification) -> Figure:
     """Draw measured and predicted values of the equations over time."""
-    observations = result.observations
-    predicted = result.estimate.predicted(observations)
-    timeline = Timeline.of(observations.logs, observations.time, observations.log)
-    error = relative_error(observations.y, predicted)
+    curves, equations = result.curves, result.equations
+    timeline = Timeline.of(result.log_names, curves.time, curves.log)
+    error = relative_error(curves.measured, curves.predicted)
     title = f"{result.robot.name}: measured and predicted, relative error {error} over all equations"
-    count = len(observations.equations)
+    count = len(equations)
     figure, rows = panels(count, fit_panel(count), title)
-    for j, (equation, (ax,)) in enumerate(zip(observations.equations, rows, strict=True)):
-        own = observations.equation == j
-        time, log, fit = observations.time[own], observations.log[own], (observations.y[own], predicted[own])
+    for j, (equation, (ax,)) in enumerate(zip(equations, rows, strict=True)):
+        own = curves.equation == j
+        time, log, fit = curves.time[own], curves.log[own], (curves.measured[own], curves.predicted[own])
         draw_fit(ax, timeline, time, log, fit, equation, bottom=j == count - 1)
-    legend_below(figure, fit_legend(int(np.bincount(observations.equation).max()), "predicted by the estimate"))
+    legend_below(figure, fit_legend(int(np.bincount(curves.equation).max()), "predicted by the estimate"))
     return figure
 
 
@@ -55,15 +54,15 @@ def residuals_figure(result: Identification) -> Figure:
 
     ``r_k = mean(e_t e_{t+k}) / mean(e_t^2)``, with the residual e of each log divided by its root mean square.
     """
-    observations, estimate = result.observations, result.estimate
-    residual = estimate.residual(observations)
-    timeline = Timeline.of(observations.logs, observations.time, observations.log)
-    count = len(observations.equations)
+    curves, equations = result.curves, result.equations
+    residual = curves.measured - curves.predicted
+    timeline = Timeline.of(result.log_names, curves.time, curves.log)
+    count = len(equations)
     title = f"{result.robot.name}: residuals, measured less predicted by the estimate"
     figure, rows = panels(count, Panel((7.6, 3.4), 1.3 if count > 1 else 3.0, left=0.85), title)
-    for j, ((name, unit), (over_time, over_lag)) in enumerate(zip(observations.equations, rows, strict=True)):
-        own = observations.equation == j
-        time, log, e = observations.time[own], observations.log[own], residual[own]
+    for j, ((name, unit), (over_time, over_lag)) in enumerate(zip(equations, rows, strict=True)):
+        own = curves.equation == j
+        time, log, e = curves.time[own], curves.log[own], residual[own]
         over_time.axhline(0.0, color=GREY, linewidth=0.6)
         draw_values(over_time, timeline, time, log, e)
         timeline.dress(over_time, bottom=j == count - 1)
@@ -72,7 +71,7 @@ def residuals_figure(result: Identification) -> Figure:
         head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
         _draw_autocorrelation(over_lag, time, log, e, bottom=j == count - 1)
     band = Patch(color=BAND, label="99 % of the autocorrelation of white noise")
-    legend_below(figure, [*values_legend(int(np.bincount(observations.equation).max()), "residual"), band])
+    legend_below(figure, [*values_legend(int(np.bincount(curves.equation).max()), "residual"), band])
     return figure
 
 
@@ -111,11 +110,9 @@ def _draw_autocorrelation(ax: Axes, time: Array, log: Index, residual: Array, *,
 
 def identification_figures(result: Identification, reference: ReferenceValues | None = None) -> dict[str, Figure]:
     """Draw every figure of an identification."""
-    figures = {
-        "torques": torques_figure(result),
-        "residuals": residuals_figure(result),
-        "parameters": parameters_figure(result, reference),
-    }
+    figures = {"parameters": parameters_figure(result, reference)}
+    if result.curves.time.size:
+        figures = {"torques": torques_figure(result), "residuals": residuals_figure(result), **figures}
     if result.estimate.history is not None:
         figures["estimates"] = estimates_figure(result, reference)
     return figures

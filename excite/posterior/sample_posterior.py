@@ -10,11 +10,9 @@ import scipy.stats
 
 from excite.estimates.long_work import announce
 from excite.identification.estimators.standard import StandardProblem, problem_of_factor
-from excite.identification.result import IdentificationResult
+from excite.identification.identification import Identification
 from excite.identification.torque_target import (
-    degrees_of_freedom,
     stated_covariance,
-    stated_mismatch,
     torque_target,
     unconstrained_estimate,
 )
@@ -44,7 +42,7 @@ _SECONDS = 5e-6  # of a path, per body and per coordinate
 @checked
 @numerical_work("sampling the posterior", "identify again, from a motion that shows more of the parameters")
 def sample_posterior(
-    result: IdentificationResult | str | Path,
+    result: Identification | str | Path,
     samples: int = SAMPLES,
     *,
     seed: int = 0,
@@ -63,7 +61,7 @@ def sample_posterior(
 
     Parameters
     ----------
-    result : IdentificationResult or path
+    result : Identification or path
         Or the folder of a result.
     samples : int
         Number of robots.
@@ -119,23 +117,23 @@ def sample_posterior(
     )
 
 
-def _result(given: IdentificationResult | str | Path) -> IdentificationResult:
+def _result(given: Identification | str | Path) -> Identification:
     if isinstance(given, str | Path):
-        loaded: IdentificationResult = built_in("reader", "result")(given)
+        loaded: Identification = built_in("reader", "result")(given)
         return loaded
-    if not isinstance(given, IdentificationResult):
+    if not isinstance(given, Identification):
         raise InputError(f"expected a result of `identify` or its folder, given {shortened(repr(given))}")
     return given
 
 
 def posterior_of(
-    result: IdentificationResult, target: IdentificationTarget, relative: float
+    result: Identification, target: IdentificationTarget, relative: float
 ) -> tuple[StandardProblem, PosteriorCoordinates]:
     """The posterior without bounds, and the standard parameters that it is of."""
     covariance = stated_covariance(result)
     if covariance is None:
         raise InputError(f"{result.name} states no covariance of its parameters; identify again")
-    mismatch = stated_mismatch(result)
+    mismatch = result.estimate.mismatch
     if mismatch is not None:
         covariance = covariance + mismatch
     beta = unconstrained_estimate(result)
@@ -143,11 +141,12 @@ def posterior_of(
     values = standard_values(target.robot)
     stated = frozenset(c.name for c in target.model.standard_columns if values.get(c.name) or c.kind in BODY_KINDS)
     prior = described_prior(standard, relative, stated & frozenset(values))
-    return standard, posterior_coordinates(standard, prior, beta, covariance, degrees_of_freedom(result))
+    freedom = float(max(result.estimate.degrees_of_freedom, 1))
+    return standard, posterior_coordinates(standard, prior, beta, covariance, freedom)
 
 
 def _notes(
-    result: IdentificationResult,
+    result: Identification,
     target: IdentificationTarget,
     coordinates: PosteriorCoordinates,
     start: InnerPoint,
@@ -165,7 +164,7 @@ def _notes(
     unseen = len(result.names) - p
     if unseen:
         notes.append(f"{unseen} parameters that the data do not determine are spread as the description says")
-    if stated_mismatch(result) is not None:
+    if result.estimate.mismatch is not None:
         notes.append(
             "friction of the log differs over speed from what the model has: the samples allow for what that does to "
             "all parameters, which the intervals of the result do not count"

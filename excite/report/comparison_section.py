@@ -11,7 +11,6 @@ from excite.design.comparison import Judgement, compare
 from excite.design.designed_motion import DesignedMotion
 from excite.design.unchecked import kept_headline
 from excite.identification.identification import Identification
-from excite.identification.result import IdentificationResult, StoredResult
 from excite.information.metrics import CONVENTIONS
 from excite.report.sections import ReportCell, ReportSection, ReportTable, number, percent, plain_number, unit
 
@@ -71,7 +70,7 @@ def _facts(judged: Sequence[Judgement]) -> ReportTable:
     return ReportTable("Limits and durations", columns, rows, name="designs")
 
 
-def parameters_section(results: Sequence[IdentificationResult]) -> ReportSection:
+def parameters_section(results: Sequence[Identification]) -> ReportSection:
     """Parameters of several identifications side by side."""
     names = list(dict.fromkeys(name for result in results for name in result.names))
     known = [_intervals(result) for result in results]
@@ -92,18 +91,10 @@ def parameters_section(results: Sequence[IdentificationResult]) -> ReportSection
     )
 
 
-def _intervals(result: IdentificationResult) -> dict[str, tuple[float, float]]:
+def _intervals(result: Identification) -> dict[str, tuple[float, float]]:
     """Value and half of the interval of each parameter."""
-    if isinstance(result, Identification):
-        values, halves = result.estimate.values, result.estimate.half_width
-        return dict(zip(result.names, zip(values.tolist(), halves.tolist(), strict=True), strict=True))
-    assert isinstance(result, StoredResult)
-    return {each["name"]: _interval(each["interval"]) for each in result.content["parameters"]}
-
-
-def _interval(ends: Sequence[float | None]) -> tuple[float, float]:
-    low, high = (np.nan if end is None else float(end) for end in ends)
-    return (low + high) / 2, (high - low) / 2
+    values, halves = result.estimate.values, result.estimate.half_width
+    return dict(zip(result.names, zip(values.tolist(), halves.tolist(), strict=True), strict=True))
 
 
 def _agree(known: Sequence[tuple[float, float]]) -> bool:

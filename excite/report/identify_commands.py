@@ -6,6 +6,8 @@ import shlex
 from collections.abc import Mapping
 from typing import Any
 
+from excite.files.task_file import task_content
+from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 
 _VALUES = (
@@ -15,15 +17,15 @@ _VALUES = (
 _FLAGS = {"average": "--average", "measured_velocity": "--measured-velocity", "friction_scale": "--scale-friction"}
 
 
-def commands_of(content: Mapping[str, Any], folder: str) -> tuple[str, ...]:
+def commands_of(result: Identification, folder: str) -> tuple[str, ...]:
     """Commands that identify from the same logs, and verify."""
-    task, provenance = content["task"], content["provenance"]
-    design = (content["design"] or {}).get("folder")
-    words = ["excite", "identify", str(task["robot"]), *(str(log["file"]) for log in content["logs"])]
+    task, provenance = task_content(result.task), result.provenance
+    design = None if result.design is None else result.design.folder
+    words = ["excite", "identify", str(task["robot"]), *result.log_names]
     words += ["--design", str(design)] if design else _model(task)
     words += ["--mapping", str(provenance["mapping"])] if provenance.get("mapping") else []
     words += [word for name in provenance.get("drop") or () for word in ("--drop", str(name))]
-    again = [*words, *_recipe(content["recipe"]), "--choose", "none", "--out", f"{folder}-again"]
+    again = [*words, *_recipe(result.recipe.to_dict()), "--choose", "none", "--out", f"{folder}-again"]
     return shlex.join(again), shlex.join(["excite", "verify", folder, "OTHER.csv"])
 
 

@@ -15,7 +15,6 @@ from constraints.linear import linear_limits
 from excite.report.player_data import LimitCourse, PlayedMotion, player_data, tightest
 from excite.report.player_motion import bodies_of, linear_courses, nearest_pairs, nonlinear_courses
 from excite.report.player_shapes import matches
-from excite.storage.curves_file import Arrays
 from excite.tasks.task import Task
 from excite.trajectories.sequence import whole_pose
 from regressors.errors import ExciteError
@@ -57,7 +56,7 @@ class Appearance:
 def played(
     logged: LoggedMotion, robot: Robot, task: Task, looks: Appearance
 ) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
-    """What the player of a page needs of a measured motion, as plain values; a note where that is missing."""
+    """All that the player of a page needs of a measured motion, as plain values; a note where it cannot be had."""
     try:
         return _motion(logged, robot, task, looks), ()
     except ExciteError as error:
@@ -140,11 +139,3 @@ def _torques(logged: LoggedMotion, own: Array, log: Index, robot: Robot) -> Iter
             if np.isfinite(shown).any():
                 limit = bound if quantity == "measured" else np.inf
                 yield LimitCourse(owner, quantity, unit, -limit, limit, shown, links.get(owner, ()))
-
-
-def logged_rows(arrays: Arrays, logs: Sequence[str], equations: Sequence[tuple[str, str]]) -> LoggedMotion:
-    """Motion and rows of an identification."""
-    of_equation = (arrays["equation"] == j for j in range(len(equations)))
-    rows = tuple(tuple(arrays[n][own] for n in ("log", "time", "measured", "predicted")) for own in of_equation)
-    time, log, q = (arrays[name] for name in ("motion_time", "motion_log", "motion_q"))
-    return LoggedMotion(tuple(map(str, arrays["joints"])), tuple(logs), time, log, q, tuple(equations), rows)

@@ -21,7 +21,7 @@ from excite.files.design_json import load_design
 from excite.files.result_json import load_result
 from excite.friction.fit.friction_fit import FIT, FrictionFit, load_friction_fit
 from excite.friction.fit.friction_fit import KIND as FRICTION_FIT
-from excite.identification.result import IdentificationResult
+from excite.identification.identification import Identification
 from excite.report.campaign_section import campaign_of
 from excite.report.restored_friction_plan import StoredFrictionPlan, load_friction_plan
 from excite.storage.atomic import read_json
@@ -46,7 +46,7 @@ class Filed:
 
 Subject = (
     DesignedMotion
-    | IdentificationResult
+    | Identification
     | Filed
     | Verification
     | Campaign
@@ -129,7 +129,7 @@ def _of_file(path: Path, part: Collection[str]) -> Subject:
     schema = content.get("schema")
     if schema == design_folder.SCHEMA:
         return load_design(path, part)
-    if schema == result_json.SCHEMA:
+    if is_of_kind(result_json.KIND, schema):
         return load_result(path, part)
     if (record := _record(path, schema)) is not None:
         return record

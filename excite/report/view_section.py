@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from excite.report.provenance_facts import facts
@@ -39,13 +40,16 @@ def _page_table(table: ViewTable) -> ReportTable:
     """The table with all of its columns that say something."""
     shown = [k for k in range(len(table.columns)) if any(row[k] is not None for row in table.rows)]
     columns = tuple(table.columns[k] for k in shown)
-    rows = tuple(tuple(_cell(column, row[k]) for k, column in zip(shown, columns, strict=True)) for row in table.rows)
-    return ReportTable(
-        table.title, tuple(column.heading for column in columns), rows, name=table.name, folded=table.folded
+    rows = tuple(
+        tuple(_cell(column, row[k], marked=(j, k) in table.marked) for k, column in zip(shown, columns, strict=True))
+        for j, row in enumerate(table.rows)
     )
+    headings = tuple(column.heading for column in columns)
+    return ReportTable(table.title, headings, rows, table.note, table.name, folded=table.folded)
 
 
-def _cell(column: Column, value: Any) -> ReportCell:
+def _cell(column: Column, value: Any, *, marked: bool) -> ReportCell:
     cell = _CELLS[column.format](value)
+    cell = replace(cell, state="bad") if marked else cell
     numbers = column.format in (Format.NUMBER, Format.PERCENT)
     return ReportCell(column.missing) if numbers and cell.value is None and column.missing else cell

@@ -14,7 +14,7 @@ from excite.design.stored_design import StoredDesign
 from excite.errors import TakenError
 from excite.files.world_file import world_of
 from excite.friction.fit.friction_fit import FrictionFit
-from excite.identification.result import IdentificationResult, StoredResult
+from excite.identification.identification import Identification
 from excite.report.campaign_section import campaign_section, designs_of
 from excite.report.campaign_table_section import campaign_table_section
 from excite.report.comparison_section import comparison_section, parameters_section
@@ -126,7 +126,7 @@ def _shape(design: DesignedMotion) -> World | None:
 
 
 def _check_robot(subjects: Iterable[Subject], file: str) -> None:
-    known = [each for each in subjects if isinstance(each, DesignedMotion | IdentificationResult)]
+    known = [each for each in subjects if isinstance(each, DesignedMotion | Identification)]
     if not any(matches(each.robot, each.task, file) for each in known):
         robots = ", ".join(dict.fromkeys(each.robot.name for each in known)) or "none is given"
         raise InputError(f"`robot_file`: {file} does not describe the robot of a design or a result here: {robots}")
@@ -138,7 +138,7 @@ def _comparisons(subjects: Sequence[Subject]) -> list[ReportSection]:
     for campaign in (each for each in subjects if isinstance(each, Campaign)):
         own = designs_of(campaign, designs)
         designs = [each for each in designs if each not in own]
-    results = [each for each in subjects if isinstance(each, IdentificationResult)]
+    results = [each for each in subjects if isinstance(each, Identification)]
     sections = [comparison_section(designs)] if len(designs) > 1 else []
     return [*sections, *([parameters_section(results)] if len(results) > 1 else [])]
 
@@ -161,8 +161,8 @@ def _section(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence
 def _source(subject: Subject) -> tuple[Path, str] | None:
     if isinstance(subject, StoredDesign):
         return subject.folder, "design"
-    if isinstance(subject, StoredResult):
-        return subject.folder, "result"
+    if isinstance(subject, Identification):
+        return None if subject.folder is None else (subject.folder, "result")
     if isinstance(subject, StoredFrictionPlan):
         return subject.folder, "friction plan"
     return (subject.path, type(subject.record).__name__.lower()) if isinstance(subject, Filed) else None
@@ -171,7 +171,7 @@ def _source(subject: Subject) -> tuple[Path, str] | None:
 def _built(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> ReportSection:
     if isinstance(subject, DesignedMotion):
         return design_section(subject, prefix, looks.robot_file)
-    if isinstance(subject, IdentificationResult):
+    if isinstance(subject, Identification):
         return result_section(subject, prefix, looks)
     if isinstance(subject, Campaign):
         return campaign_section(subject, [each for each in of_page if isinstance(each, DesignedMotion)])

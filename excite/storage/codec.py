@@ -4,10 +4,14 @@ A record's fields are the file's entries, under their own names. Numbers keep ev
 ``nan``, which are written as these words; an array becomes ``{"array": NAME}`` and stands under NAME in the file of
 arrays; a robot is its whole description with its hash; an enumeration is the name of its member.
 
-An entry whose arrays are not there when the record is read is its field's default. A record may state three things
+An entry whose arrays are not there when the record is read is its field's default. A record may state six things
 more:
 
 - ``metadata=INLINE`` of a field: the fields of that part stand beside those of the record;
+- ``metadata=OBJECT`` of a field: an object that only the room of the record can write and read, such as a task. It is
+  not written here; who reads the record gives it, under the name of the field;
+- ``metadata=named(NAME)`` of a field: the entry has another name than the field;
+- ``listed = True``, a class attribute: its arrays are small, and are lists in the JSON file;
 - ``beside``, a class attribute: functions of the record by name, for readers of the file. They follow from the other
   entries, and are not read;
 - ``stored()``: the record that is written in its place, such as one with fewer instants.
@@ -20,17 +24,25 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from types import MappingProxyType
-from typing import Any, TypeVar, get_origin, get_type_hints
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import cattrs
 import numpy as np
-from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
 from regressors.errors import InputError
 from regressors.robot.archive import robot_from_description
 from regressors.robot.robot import Robot
 
 INLINE: Mapping[str, bool] = MappingProxyType({"inline": True})
+OBJECT: Mapping[str, bool] = MappingProxyType({"object": True})
+
+
+def named(entry: str) -> Mapping[str, str]:
+    """Metadata of a field whose entry has a name of its own."""
+    return {"entry": entry}
+
+
 _ARRAY = "array"
 _WORDS = {"inf": np.inf, "-inf": -np.inf, "nan": np.nan}
 Arrays = dict[str, Any]
@@ -125,7 +137,7 @@ def _number(value: Any, _: type) -> float:
 
 
 def _numbers(value: Any, _: type) -> Any:
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
         raise TypeError("expected an array of numbers")
     return value.astype(float) if value.dtype == np.float32 else value
 
@@ -144,12 +156,28 @@ def _robot(content: Any, _: type) -> Robot:
 def _inline(kind: type) -> dict[str, type]:
     """Types of the parts whose fields stand beside those of the record."""
     hints = get_type_hints(kind)
-    return {each.name: hints[each.name] for each in fields(kind) if each.metadata.get("inline")}
+    types = {each.name: hints[each.name] for each in fields(kind) if each.metadata.get("inline")}
+    return {name: next((part for part in get_args(hint) if _is_record(part)), hint) for name, hint in types.items()}
+
+
+def _entries(part: type) -> dict[str, str]:
+    """Names of the entries by field, where they are not the same."""
+    return {each.name: each.metadata.get("entry", each.name) for each in fields(part)}
+
+
+def _overrides(kind: type) -> dict[str, Any]:
+    """What cattrs is told of fields that are objects of the reader's, or have other names in the file."""
+    made: dict[str, Any] = {name: override(rename=entry) for name, entry in _entries(kind).items() if entry != name}
+    objects = [each.name for each in fields(kind) if each.metadata.get("object")]
+    return made | {name: override(omit=False, struct_hook=lambda value, _: value) for name in objects}
 
 
 def _writer(kind: type, converter: cattrs.Converter) -> Callable[[Any], dict[str, Any]]:
-    plain: Callable[[Any], dict[str, Any]] = make_dict_unstructure_fn(kind, converter)
-    inline = _inline(kind)
+    objects = {each.name: override(omit=True) for each in fields(kind) if each.metadata.get("object")}
+    plain: Callable[[Any], dict[str, Any]] = make_dict_unstructure_fn(
+        kind, converter, **cast("Any", _overrides(kind) | objects)
+    )
+    inline, listed = _inline(kind), getattr(kind, "listed", False)
     beside: Mapping[str, Callable[[Any], Any]] = getattr(kind, "beside", {})
 
     def write(record: Any) -> dict[str, Any]:
@@ -157,31 +185,59 @@ def _writer(kind: type, converter: cattrs.Converter) -> Callable[[Any], dict[str
         content = plain(record)
         for name in inline:
             content |= content.pop(name)
+        if listed:
+            content = {name: _list(each) if isinstance(each, np.ndarray) else each for name, each in content.items()}
         return {**{name: converter.unstructure(follows(record)) for name, follows in beside.items()}, **content}
 
     return write
 
 
+def _list(array: Any) -> Any:
+    """Numbers of an array in lists, with words for those that are not finite."""
+    if array.ndim:
+        return [_list(each) for each in array]
+    return array.item() if np.isfinite(array) else str(float(array))
+
+
+def _array(value: Any) -> Any:
+    """The array of numbers in lists."""
+    if not isinstance(value, list):
+        return value if isinstance(value, bool | int) else _number(value, float)
+    return np.array([_array(each) for each in value])
+
+
 def _reader(kind: type, converter: cattrs.Converter) -> Callable[[Any, Any], Any]:
-    plain: Callable[[Any, Any], Any] = make_dict_structure_fn(kind, converter)
+    plain: Callable[[Any, Any], Any] = make_dict_structure_fn(kind, converter, **cast("Any", _overrides(kind)))
     inline = _inline(kind)
+    hints = get_type_hints(kind)
+    listed = getattr(kind, "listed", False)
+    arrays = [entry for name, entry in _entries(kind).items() if listed and _may_be_array(hints[name])]
 
     def read(content: Any, _: Any) -> Any:
         if not isinstance(content, Mapping):
             raise TypeError(f"expected an object, given {content!r:.40}")
         content = dict(content)
+        for name in arrays:
+            if isinstance(content.get(name), list):
+                content[name] = _array(content[name])
         for name, part in inline.items():
-            content[name] = {each.name: content[each.name] for each in fields(part) if each.name in content}
+            content[name] = {entry: content[entry] for entry in _entries(part).values() if entry in content}
         return plain(content, kind)
 
     return read
 
 
+def _may_be_array(hint: Any) -> bool:
+    """Whether a field is an array, or one or None; not a tuple of arrays."""
+    return any(_is(part, np.ndarray) for part in (hint, *(get_args(hint) if not _is(hint, tuple) else ())))
+
+
 def _first(error: BaseException, place: str = "") -> str:
     """Place and reason of the first entry that is wrong."""
     if isinstance(error, cattrs.BaseValidationError):
-        part = error.exceptions[0]
-        return _first(part, place + _step(part))
+        part, kind = error.exceptions[0], getattr(error, "cl", object)
+        step = _step(part)
+        return _first(part, place if _is_record(kind) and step[1:] in _inline(kind) else place + step)
     if isinstance(error, KeyError):
         inside = place.removesuffix(f".{error.args[0]}").lstrip(".")
         return f"{inside}: {error} is missing" if inside else f"{error} is missing"

@@ -15,7 +15,7 @@ import numpy as np
 from excite.storage.atomic import read_json
 from regressors.errors import InputError
 
-SCHEMAS = {"accuracy": 2, "bound": 2, "friction-fit": 2, "payload": 2, "study": 2, "verification": 2}
+SCHEMAS = {"accuracy": 2, "bound": 2, "friction-fit": 2, "payload": 2, "result": 2, "study": 2, "verification": 2}
 Content = dict[str, Any]
 Migration = Callable[[Content, Content, Path], tuple[Content, Content]]
 
@@ -208,11 +208,164 @@ def _curve_fit_2(fit: Content, place: str, arrays: Content) -> Content:
     }
 
 
+_MANY = 10**9  # degrees of freedom of Student's t where it is as the normal distribution
+
+
+def _result_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """Parameters were one by one, not finite numbers were null, and curves had names of their own."""
+    design, logs = content["design"], content["logs"]
+    condition, arrays = content["condition_number"], dict(arrays)
+    curves, history = _result_arrays(arrays)
+    designed = None if design is None else {**design, "condition_number": _infinite(design["condition_number"])}
+    return {
+        **content,
+        **_estimate_of(content),
+        **({"history": history} if history else {}),
+        **({"curves": curves} if curves else {}),
+        "measured_condition_number": _infinite(condition["measured"]),
+        "design": designed,
+        "logs": [_log_of(log) for log in logs],
+        "base": {
+            **content.get("base", {"rank": len(content["parameters"]), "columns": [], "gap": None}),
+            "gap": _infinite(content.get("base", {}).get("gap")),
+            "expressions": [each.get("expression", each["name"]) for each in content["parameters"]],
+        },
+        "rows": content.get("rows", 0),
+        "motor_sides": {
+            each["name"]: {name: each["motor_side"][name] for name in ("name", "unit", "factor")}
+            for each in content["parameters"]
+            if "motor_side" in each
+        },
+        "relative_error": _infinite(content["relative_error"]),
+        "residuals": [_entries_infinite(each) for each in content.get("residuals", ())],
+        "noise_density": content.get("noise_density"),
+        "reference_values": _reference_of(content),
+        "scale": _scale_of(content.get("friction_scale")),
+        "calibration": _calibration_of(content.get("drive_gains")),
+        "scatter": _scatter_of(content.get("between_logs")),
+        "each": any("each" in each for each in (content.get("between_logs") or {}).get("parameters", ())),
+        "provenance": content.get("provenance", {}),
+    }, arrays
+
+
+def _estimate_of(content: Content) -> Content:
+    """The entries of the estimate."""
+    parameters, logs = content["parameters"], [log["file"] for log in content["logs"]]
+    deviations = [_infinite(each.get("standard_deviation")) for each in parameters]
+    free = [each.get("unconstrained") for each in parameters]
+    noise, equations = content.get("noise", {}), [name for name, _ in content.get("equations", ())]
+    return {
+        "method": content["estimator"],
+        "names": [each["name"] for each in parameters],
+        "units": [each["unit"] for each in parameters],
+        "values": [_unknown(each["value"]) for each in parameters],
+        "fit": [each["fit"] for each in parameters],
+        "unconstrained": None if None in free else free,
+        "covariance": _covariance_of(content.get("covariance"), deviations),
+        "noise_deviations": [[_unknown(noise.get(log, {}).get(name)) for name in equations] for log in logs],
+        "degrees_of_freedom": content.get("degrees_of_freedom", _MANY),
+        "unseen": content.get("unseen", []),
+        "standard": content.get("standard") or {},
+        "mismatch": content.get("friction_mismatch"),
+        "notes": content.get("notes", []),
+    }
+
+
+def _covariance_of(rows: Any, deviations: list[Any]) -> list[list[Any]]:
+    """A covariance whose parameters that are not identified were null; NaN beside the diagonal where there was none."""
+    count = range(len(deviations))
+    if rows is None:
+        squares = [s if s == "inf" else s**2 for s in deviations]
+        return [[squares[j] if j == k else "nan" for k in count] for j in count]
+    return [[(_infinite(x) if j == k else x or 0.0) for k, x in enumerate(row)] for j, row in enumerate(rows)]
+
+
+def _log_of(log: Content) -> Content:
+    events = [{**each, "begin": each["from"], "end": each["to"]} for each in log.get("events", ())]
+    return {**log, "start": log["from"], "end": log["to"], "events": events}
+
+
+def _result_arrays(arrays: Content) -> tuple[Content, list[Content]]:
+    """The arrays under the names of the fields, and the entries that refer to them."""
+    if "every" not in arrays:
+        return {}, []
+    entries: Content = {"step": int(arrays["every"]), "joints": [str(name) for name in arrays["joints"]]}
+    rows = ("time", "log", "equation", "measured", "predicted", "motion_time", "motion_log", "motion_q")
+    for name in rows:
+        arrays[f"curves.{name}"] = arrays[name]
+        entries[name] = {"array": f"curves.{name}"}
+    names = ("history_time", "history") if "history" in arrays else ()
+    return entries, [{"array": name} for name in names]
+
+
+def _reference_of(content: Content) -> Content | None:
+    kind = content.get("reference")
+    values = [_unknown(each.get("reference")) for each in content["parameters"]]
+    return None if kind is None else {"kind": kind, "values": values}
+
+
+def _scale_of(factors: Content | None) -> Content | None:
+    """The file had no covariance of the factors: none between them."""
+    if factors is None:
+        return None
+    half = [(each["interval"][1] - each["interval"][0]) / 2 for each in factors.values()]
+    covariance = np.diag((np.array(half) / _NORMAL) ** 2).tolist()
+    factor = [each["factor"] for each in factors.values()]
+    return {"drives": list(factors), "factor": factor, "covariance": covariance, "half_width": half}
+
+
+def _calibration_of(gains: Content | None) -> Content | None:
+    if gains is None:
+        return None
+    drives = gains["drives"].values()
+    return {
+        **gains,
+        "drives": list(gains["drives"]),
+        "factor": [each["factor"] for each in drives],
+        "deviation": [each["standard_deviation"] for each in drives],
+        "half_width": [(each["interval"][1] - each["interval"][0]) / 2 for each in drives],
+    }
+
+
+def _scatter_of(between: Content | None) -> Content | None:
+    """Estimates of each log were in the file where they were asked for."""
+    if between is None:
+        return None
+    parameters, logs = between["parameters"], between["logs"]
+
+    def of_logs(name: str, unknown: str) -> list[list[Any]]:
+        known = [each.get("each", [{}] * len(logs)) for each in parameters]
+        return [[unknown if row[k].get(name) is None else row[k][name] for row in known] for k in range(len(logs))]
+
+    ratios = ["nan" if each["ratio"] is None else each["ratio"] ** 2 for each in parameters]
+    each_log = {
+        "logs": logs,
+        "names": [each["name"] for each in parameters],
+        "units": [each["unit"] for each in parameters],
+        "friction": [False] * len(parameters),  # unknown, and of no effect on what is shown
+        "values": of_logs("value", "nan"),
+        "deviations": of_logs("standard_deviation", "inf"),
+        "degrees_of_freedom": ["nan"] * len(logs),
+    }
+    return {
+        "each": each_log,
+        "counts": [each["logs"] for each in parameters],
+        "means": ["nan"] * len(parameters),
+        "ratios": ratios,
+        "probabilities": [_unknown(each["probability"]) for each in parameters],
+    }
+
+
+def _unknown(value: Any) -> Any:
+    return "nan" if value is None else value
+
+
 _MIGRATIONS: dict[tuple[str, int], Migration] = {
     ("accuracy", 1): _accuracy_2,
     ("bound", 1): _bound_2,
     ("friction-fit", 1): _friction_fit_2,
     ("payload", 1): _payload_2,
+    ("result", 1): _result_2,
     ("study", 1): _study_2,
     ("verification", 1): _verification_2,
 }

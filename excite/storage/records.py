@@ -19,7 +19,8 @@ from excite.storage.migrations import is_of_kind, migrated, schema_of
 from excite.storage.result_folder import replace_result, result_folder
 from regressors.errors import InputError
 
-CURVES = "_curves.npz"  # after the stem of the record
+_CURVES = {"result": "curves.npz"}  # else CURVES after the stem of the record
+CURVES = "_curves.npz"
 Record = TypeVar("Record")
 
 
@@ -28,23 +29,30 @@ def write_record(
     kind: str,
     folder: Path,
     stem: str,
-    figures: Collection[str] = (),
-    further: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),
-    entry: str = "",
+    figures: Collection[str] = (),  # stems of its figures: those of the record that is replaced leave
+    further: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),  # what writes each further file, by name
+    entry: str = "",  # of the manifest; the stem if not given
+    objects: Mapping[str, Any] = MappingProxyType({}),  # entries of the fields that the codec leaves to the caller
 ) -> list[Path]:
     """Write a record into a folder, made if it does not exist; one of the same stem is replaced."""
     file = f"{stem}.json"
     content, arrays = content_of(record)
-    names = [*further, file, *([f"{stem}{CURVES}"] if arrays else ())]
+    curves = curves_file(stem)
+    names = [*further, file, *([curves] if arrays else ())]
     with result_folder(folder) as run:
         older = figure_names(figures) if (folder / file).exists() else []
         with replace_result(folder, entry or stem, run=run, older=older) as staged:
             for name, write in further.items():
                 write(staged / name)
             if arrays:
-                write_curves(staged / f"{stem}{CURVES}", arrays)
-            write_json(staged / file, {"schema": schema_of(kind), **content})
+                write_curves(staged / curves, arrays)
+            write_json(staged / file, {"schema": schema_of(kind), **content, **objects})
     return [folder / name for name in names]
+
+
+def curves_file(stem: str) -> str:
+    """Name of the file of arrays beside ``STEM.json``."""
+    return _CURVES.get(stem, f"{stem}{CURVES}")
 
 
 def check_replaceable(folder: Path, kind: str, stem: str) -> None:
@@ -61,22 +69,27 @@ def _is_ours(path: Path, kind: str) -> bool:
         return False
 
 
-def read_record(path: Path, record: type[Record], kind: str) -> Record:
+def read_record(
+    path: Path, record: type[Record], kind: str, objects: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
+) -> Record:
     """Read a record, also of an older schema."""
-    return read_settled(Destination(path.parent), lambda: _read(path, record, kind))
+    return read_settled(Destination(path.parent), lambda: _read(path, record, kind, objects))
 
 
-def _read(path: Path, record: type[Record], kind: str) -> Record:
+def _read(
+    path: Path, record: type[Record], kind: str, objects: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None
+) -> Record:
     content = read_json(path)
     if not is_of_kind(kind, content.get("schema")):
         raise InputError(f"{path}: expected schema {schema_of(kind)}, given {content.get('schema')!r}")
-    curves = path.with_name(f"{path.stem}{CURVES}")
+    curves = path.with_name(curves_file(path.stem))
     entry = path.stem if path.stem in read_manifest(path.parent) else kind
     check_files(path.parent, entry, (path.name, curves.name))
     arrays: Arrays = read_curves(curves) if curves.is_file() else {}
     what = kind.replace("-", " ")
     with complete(path, what):
         content, arrays = migrated(kind, content, arrays, path.parent)
+        content = content if objects is None else {**content, **objects(content)}
     try:
         return record_of(record, content, arrays)
     except InputError as error:

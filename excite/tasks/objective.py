@@ -57,7 +57,7 @@ class Objective:
         Prior knowledge of the parameters: the relative uncertainty of the values in the robot's description, or values
         with deviations. It is added to M; the rows of W are then divided by their noise, see
         `excite.information.weighting`.
-    after : tuple of path, IdentificationResult, DesignedMotion or EarlierInformation
+    after : tuple of path, Identification, DesignedMotion or EarlierInformation
         Earlier results, or designs that are going to be played once, or their folders: the information in hand, which
         is added to M as prior knowledge is. A design that is played twice is given twice. Where no `noise` is given, it
         is the one that the results have measured.

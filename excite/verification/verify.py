@@ -11,12 +11,12 @@ import numpy as np
 
 from excite.estimates.long_work import announce
 from excite.identification.given_logs import log_of
+from excite.identification.identification import Identification
 from excite.identification.identification_memory import rows_prediction
 from excite.identification.known_friction import known_temperatures, mean_friction
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import AUTO, Recipe
-from excite.identification.result import IdentificationResult
 from excite.information.target import IdentificationTarget
 from excite.logs.event_notes import LEFT_OUT
 from excite.logs.log import Log
@@ -48,7 +48,7 @@ HORIZON = 0.5
     "check the units of the log and `rows`",
 )
 def verify(
-    result: IdentificationResult,
+    result: Identification,
     log: Log | str | Path | Any,
     *,
     mapping: LogMapping | str | Path | None = None,
@@ -67,7 +67,7 @@ def verify(
 
     Parameters
     ----------
-    result : IdentificationResult
+    result : Identification
         Just identified, or loaded.
     log : Log, path or Simulation
     mapping : LogMapping or path, optional
@@ -112,7 +112,7 @@ def verify(
 
 
 def _judged(
-    result: IdentificationResult,
+    result: Identification,
     target: IdentificationTarget,
     part: PreparedLog,
     recipe: Recipe,
@@ -172,7 +172,7 @@ def _event_free_error(predicted: LogPrediction) -> float:
 
 
 def _friction_remarks(
-    result: IdentificationResult, target: IdentificationTarget, part: PreparedLog, recipe: Recipe
+    result: Identification, target: IdentificationTarget, part: PreparedLog, recipe: Recipe
 ) -> tuple[str, ...]:
     """At which temperatures and speeds known friction was used."""
     if result.friction is None:
@@ -191,7 +191,7 @@ def _event_remarks(part: PreparedLog, predicted: LogPrediction) -> tuple[str, ..
     return (*found, f"without these rows predictions differ by {100 * _event_free_error(predicted):.3g} %")
 
 
-def judging_target(result: IdentificationResult) -> IdentificationTarget:
+def judging_target(result: Identification) -> IdentificationTarget:
     """Identification target that predicts the measurements at every instant, in the result's parameters."""
     target = instantaneous_target(result.robot, result.task, result.recipe)
     if target.base.names != result.names:
@@ -203,7 +203,7 @@ def judging_target(result: IdentificationResult) -> IdentificationTarget:
 
 
 def _recipe(
-    result: IdentificationResult, rows: str | None, signals: str | None, temperature: tuple[float, ...] | None
+    result: Identification, rows: str | None, signals: str | None, temperature: tuple[float, ...] | None
 ) -> Recipe:
     """Recipe of the result without the settings that belong to the logs that it was identified from."""
     if temperature is not None and result.friction is None:
@@ -227,7 +227,7 @@ def _noise(part: PreparedLog, predicted: LogPrediction) -> MeasurementNoise:
 
 def _judged_motion(
     target: IdentificationTarget,
-    result: IdentificationResult,
+    result: Identification,
     part: PreparedLog,
     horizon: float,
     tolerances: Tolerances,

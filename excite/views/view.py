@@ -36,6 +36,8 @@ class ViewTable:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Any, ...], ...]  # text, or numbers in SI units
     folded: bool = False  # whether a page shows it only when it is asked for, and a terminal not at all
+    note: str = ""  # stands below it
+    marked: frozenset[tuple[int, int]] = frozenset()  # row and column of the values that a reader should see
 
     @property
     def brief(self) -> ViewTable:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from excite.identification.estimate import Estimate
+from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target
 from excite.identification.recipe import Recipe
-from excite.identification.result import StoredResult
+from excite.identification.result import BaseColumns, FitFacts
 from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
+from regressors.models.base import Base
 from regressors.models.columns import ROTOR
 from regressors.models.nominal import standard_values
 from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
@@ -62,28 +66,40 @@ def result_of(
     change: Mapping[str, float] | None = None,
     recipe: Recipe | None = None,
     **options: Any,
-) -> StoredResult:
+) -> Identification:
     """A result whose base parameters are those of given standard ones, some of them changed by a factor."""
     task, recipe = Task(robot.name, **options), Recipe(sign_width=0.0) if recipe is None else recipe
     target = instantaneous_target(robot, task, recipe)
     values = true_standard(target) if standard is None else dict(standard)
     definition, names = target.model.definition()
     beta = target.base.D @ definition @ np.array([values.get(name, 0.0) for name in names])
-    parameters = [
-        {
-            "name": name,
-            "unit": unit,
-            "fit": float(value * (change or {}).get(name, 1.0)),
-            "standard_deviation": 0.01,
-            "interval": [float(value) - 0.03, float(value) + 0.03],
-        }
-        for name, unit, value in zip(target.base.names, target.base.units, beta, strict=True)
-    ]
-    content = {"parameters": parameters, "logs": [], "prediction_error": 0.0123, "standard": {}}
-    return StoredResult(folder, robot, task, recipe, content)
+    base = target.base
+    fit = beta * [(change or {}).get(name, 1.0) for name in base.names]
+    return identified(robot, task, recipe, base_estimate(base, beta, fit), folder, base=base)
 
 
-def predicted(result: StoredResult, samples: Samples) -> tuple[Array, Array]:
+def base_estimate(base: Base, values: Array, fit: Array) -> Estimate:
+    """An estimate whose deviations are 0.01, and whose covariances are not known."""
+    covariance = np.full((len(base.names),) * 2, np.nan)
+    np.fill_diagonal(covariance, 0.01**2)
+    return Estimate("weighted", base.names, base.units, values, covariance, np.zeros((0, 0)), 10**9, fit=fit)
+
+
+def identified(
+    robot: Robot, task: Task, recipe: Recipe, estimate: Estimate, folder: Path, *, base: Base | None = None
+) -> Identification:
+    """A result as if it had been loaded, of no logs."""
+    columns = BaseColumns(0, (), 1.0, ()) if base is None else BaseColumns(base.rank, base.names, 1.0, base.expressions)
+    facts = FitFacts((), (), 0, columns, {}, 0.0123, 0.0123, (), None)
+    return Identification(robot, task, recipe, estimate, 1.0, kept=facts, folder=folder)
+
+
+def with_estimate(result: Identification, **changes: Any) -> Identification:
+    """A result with another estimate."""
+    return replace(result, estimate=replace(result.estimate, **changes))
+
+
+def predicted(result: Identification, samples: Samples) -> tuple[Array, Array]:
     """Torques of the identified model, of bodies and rotors, and of friction, shapes (N, n)."""
     target = instantaneous_target(result.robot, result.task, result.recipe)
     W = target.model.instants(samples)[:, target.base.index]

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from identified import result_of
+from identified import result_of, with_estimate
 
 import excite
-from excite.identification.result import StoredResult
+from excite.identification.identification import Identification
 from excite.identification.torque_target import torque_target
 from regressors.models.nominal import standard_values
 from regressors.robot.inertia import from_centre_of_mass
@@ -27,7 +25,7 @@ def compact_arm() -> Robot:
     return robot.replace(links=tuple(Link(link.name, theta, link.number) for link in robot.links))
 
 
-def two_links(folder: Path, share: float = 0.15, **content: Any) -> StoredResult:
+def two_links(folder: Path, share: float = 0.15) -> Identification:
     """Its axes 2 and 3: deviations of a share of each parameter, Coulomb friction that is a tenth of its deviation."""
     (folder / "result.json").write_text("{}")
     robot, few = compact_arm(), {"joints": ("2", "3")}
@@ -40,6 +38,4 @@ def two_links(folder: Path, share: float = 0.15, **content: Any) -> StoredResult
     covariance = share**2 * np.outer(size, size) * (Q @ np.diag(np.linspace(0.2, 1.8, beta.size)) @ Q.T)
     coulomb = [name.startswith("F") and name.endswith("c") for name in result.names]
     fit = np.where(coulomb, 0.1 * np.sqrt(np.diag(covariance)), beta)
-    parameters = [{**entry, "fit": float(x)} for entry, x in zip(result.content["parameters"], fit, strict=True)]
-    known = {"parameters": parameters, "covariance": covariance.tolist(), "degrees_of_freedom": FREEDOM}
-    return replace(result, content={**result.content, **known, **content})
+    return with_estimate(result, fit=fit, covariance=covariance, degrees_of_freedom=FREEDOM)

@@ -16,7 +16,7 @@ from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_format import ModelFormat
 from excite.files.posterior_file import NPZ, posterior_content
 from excite.files.ranges_yaml import ranges_text
-from excite.identification.result import IdentificationResult
+from excite.identification.identification import Identification
 from excite.posterior.chains import path_count
 from excite.posterior.posterior_samples import LEVEL, PosteriorSamples
 from excite.posterior.sample_posterior import PRIOR, sample_posterior
@@ -39,7 +39,7 @@ METHOD = (
 
 @checked
 def export_ensemble(
-    result: IdentificationResult | str | Path,
+    result: Identification | str | Path,
     format: str | ModelFormat,
     out: str | Path,
     *,
@@ -60,7 +60,7 @@ def export_ensemble(
 
     Parameters
     ----------
-    result : IdentificationResult or path
+    result : Identification or path
         Or the folder of a result.
     format : str or ModelFormat
         As of `export_model`.
@@ -117,7 +117,7 @@ class _Ensemble:
     def __init__(
         self,
         folder: Path,
-        result: IdentificationResult,
+        result: Identification,
         model: IdentifiedModel,
         format: ModelFormat,
         drawn: PosteriorSamples,

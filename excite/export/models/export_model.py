@@ -10,7 +10,7 @@ from excite.export.models.exported_model import model_of_result
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_format import ModelFormat
 from excite.files.result_json import load_result
-from excite.identification.result import IdentificationResult
+from excite.identification.identification import Identification
 from excite.registry import check_name, instance, name_of
 from excite.storage.atomic import replacing
 from excite.storage.result_file import replace_files, result_file
@@ -23,7 +23,7 @@ KIND = "model format"
 
 @checked
 def export_model(
-    result: IdentificationResult | str | Path,
+    result: Identification | str | Path,
     format: str | ModelFormat,
     out: str | Path,
     *,
@@ -38,7 +38,7 @@ def export_model(
 
     Parameters
     ----------
-    result : IdentificationResult or path
+    result : Identification or path
         Or the folder of a result.
     format : str or ModelFormat
         Registered name: ``urdf``, ``mjcf``, ``drake``, ``isaac``, ``yaml``, ``npz``, ``csv``, ``md``, ``tex``; or
@@ -99,11 +99,11 @@ def chosen_format(given: str | ModelFormat) -> ModelFormat:
     return chosen
 
 
-def chosen_result(given: IdentificationResult | str | Path) -> IdentificationResult:
+def chosen_result(given: Identification | str | Path) -> Identification:
     """The result itself, or the one in a folder."""
     if isinstance(given, str | Path):
         return load_result(given)
-    if not isinstance(given, IdentificationResult):
+    if not isinstance(given, Identification):
         raise InputError(f"expected a result of `identify` or its folder, given {shortened(repr(given))}")
     return given
 

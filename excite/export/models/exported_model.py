@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 
@@ -16,9 +15,7 @@ from excite.export.models.model_feature import features_of
 from excite.export.models.nearest_bodies import NearestBodies, nearest_bodies, undescribed
 from excite.export.models.shared_inertia import held_note, own_part
 from excite.files.result_json import RESULT
-from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
-from excite.identification.result import IdentificationResult, StoredResult
 from excite.identification.torque_target import stated_covariance, torque_target
 from excite.information.target import IdentificationTarget
 from excite.storage.content_hash import sha256_of
@@ -36,10 +33,10 @@ PACKAGE = "excite-trajectories"
 _ZERO = 1e-12  # of a body's largest parameter
 
 
-def model_of_result(result: IdentificationResult) -> IdentifiedModel:
+def model_of_result(result: Identification) -> IdentifiedModel:
     """Bodies and drives that stand for a result, with what has to be known of them."""
     target = torque_target(result)
-    bodies = nearest_bodies(target, result.coefficients, stated_covariance(result), _standard(result))
+    bodies = nearest_bodies(target, result.coefficients, stated_covariance(result), result.estimate.standard)
     whole = _whole_robot(result, target, bodies.values)
     kinds = (*BODY_KINDS, ROTOR, *FRICTION_KINDS)
     further = tuple(c.name for c in target.model.standard_columns if c.kind not in kinds)
@@ -63,7 +60,7 @@ def model_of_result(result: IdentificationResult) -> IdentifiedModel:
 
 
 def model_of_sample(
-    model: IdentifiedModel, result: IdentificationResult, standard: Mapping[str, float], note: str
+    model: IdentifiedModel, result: Identification, standard: Mapping[str, float], note: str
 ) -> IdentifiedModel:
     """Another robot in the place of the identified one, such as one that the posterior allows."""
     target = model.target
@@ -97,9 +94,7 @@ class _WholeRobot:
     notes: tuple[str, ...]
 
 
-def _whole_robot(
-    result: IdentificationResult, target: IdentificationTarget, standard: Mapping[str, float]
-) -> _WholeRobot:
+def _whole_robot(result: Identification, target: IdentificationTarget, standard: Mapping[str, float]) -> _WholeRobot:
     described = with_joint_rotors(result.robot) if result.task.model.joint_rotors else result.robot
     composites = {
         body.name: np.array([standard[name] for name in parameter_names(number)])
@@ -113,41 +108,19 @@ def _whole_robot(
     return _WholeRobot(described, robot, composites, rides, drives, (*shared.notes, *on_drives, *on_structure))
 
 
-def _standard(result: IdentificationResult) -> Mapping[str, float]:
-    if isinstance(result, Identification):
-        return result.estimate.standard
-    return dict(result.content.get("standard") or {}) if isinstance(result, StoredResult) else {}
-
-
-def _task_curves(result: IdentificationResult) -> FrictionCurves | None:
+def _task_curves(result: Identification) -> FrictionCurves | None:
     known = result.task.known_friction
     return known if isinstance(known, FrictionCurves) else None
 
 
-def _parameters(result: IdentificationResult, target: IdentificationTarget) -> tuple[IdentifiedParameter, ...]:
-    entries: list[Mapping[str, Any]]
-    if isinstance(result, Identification):
-        entries = _entries(result.estimate)
-    else:
-        entries = list(result.content["parameters"]) if isinstance(result, StoredResult) else [{}] * len(result.names)
-    rows = zip(result.names, target.base.expressions, result.units, result.coefficients.tolist(), entries, strict=True)
+def _parameters(result: Identification, target: IdentificationTarget) -> tuple[IdentifiedParameter, ...]:
+    estimate = result.estimate
+    spread = zip(estimate.deviation.tolist(), estimate.interval.tolist(), strict=True)
+    known = [(s, (low, high)) if np.isfinite([s, low, high]).all() else (None, None) for s, (low, high) in spread]
+    rows = zip(result.names, target.base.expressions, result.units, result.coefficients.tolist(), known, strict=True)
     return tuple(
-        IdentifiedParameter(name, expression, unit, value, entry.get("standard_deviation"), _interval(entry))
-        for name, expression, unit, value, entry in rows
+        IdentifiedParameter(name, expression, unit, value, *each) for name, expression, unit, value, each in rows
     )
-
-
-def _entries(estimate: Estimate) -> list[Mapping[str, Any]]:
-    deviations, intervals = estimate.deviation.tolist(), estimate.interval.tolist()
-    return [
-        {"standard_deviation": s if np.isfinite(s) else None, "interval": i}
-        for s, i in zip(deviations, intervals, strict=True)
-    ]
-
-
-def _interval(entry: Mapping[str, Any]) -> tuple[float, float] | None:
-    low, high = entry.get("interval") or (None, None)
-    return (low, high) if low is not None and high is not None and np.isfinite([low, high]).all() else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +260,7 @@ def _on_bodies(bodies: NearestBodies, target: IdentificationTarget) -> tuple[str
     return tuple(notes)
 
 
-def _on_task(result: IdentificationResult) -> tuple[str, ...]:
+def _on_task(result: Identification) -> tuple[str, ...]:
     width = result.recipe.sign_width or result.recipe.breakaway
     if not width:
         return ()

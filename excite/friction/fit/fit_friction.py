@@ -18,7 +18,7 @@ from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model, identified_model
 from excite.friction.plan.measurements import FrictionPlan
 from excite.identification.given_logs import LogLike, read_logs
-from excite.identification.result import IdentificationResult
+from excite.identification.identification import Identification
 from excite.logs.gaps import segments
 from excite.logs.log import Log
 from excite.logs.log_checks import check_log
@@ -48,7 +48,7 @@ def fit_friction(
     settings: FitSettings | None = None,
     *,
     plan: PlanLike | None = None,
-    parameters: IdentificationResult | str | Path | None = None,
+    parameters: Identification | str | Path | None = None,
     drives: Sequence[str] | None = None,
     mapping: LogMapping | str | Path | None = None,
     drop: Iterable[str] = (),
@@ -65,7 +65,7 @@ def fit_friction(
     settings : FitSettings, optional
     plan : FrictionPlan, MotionSource, Simulation or path, optional
         The plan that was played, its folder, one of its motions or files, or a simulation of it.
-    parameters : IdentificationResult or path, optional
+    parameters : Identification or path, optional
         Identified parameters for subtracting gravity, instead of those of the robot's description.
     drives : sequence of str, optional
         By name or number; those that move in the logs if not given.
@@ -103,14 +103,14 @@ def fit_friction(
 
 
 def _rigid(
-    robot: Robot, parameters: IdentificationResult | str | Path | None, settings: FitSettings
+    robot: Robot, parameters: Identification | str | Path | None, settings: FitSettings
 ) -> Callable[[Robot], RigidModel]:
     """Model without friction for the robot of a log."""
     if parameters is None:
         return described_model
     if settings.gravity == "symmetric":
         raise InputError("`parameters` is for `gravity='model'`; symmetric windows need no model")
-    result: IdentificationResult
+    result: Identification
     result = built_in("reader", "result")(parameters) if isinstance(parameters, str | Path) else parameters
     model = identified_model(result, robot)
     return lambda _: model

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.identification.result import IdentificationResult
+from excite.identification.identification import Identification
 from excite.information.target import target_of
 from excite.registry import name_of
 from regressors.errors import InputError
@@ -51,7 +51,7 @@ def described_model(robot: Robot) -> RigidModel:
     return RigidModel(robot.joint_names, source, lambda s: (model.instants(s) @ values).reshape(-1, robot.n))
 
 
-def identified_model(result: IdentificationResult, robot: Robot) -> RigidModel:
+def identified_model(result: Identification, robot: Robot) -> RigidModel:
     """Model with the parameters of a result, its friction left out."""
     if result.robot.sha256() != robot.sha256():
         raise InputError(f"{result.name} is a result for {result.robot.name}, not for {robot.name} as given here")

@@ -83,7 +83,7 @@ def test_all_is_the_default(here: Here) -> None:
 def test_with_repetitions_the_estimator_is_one_that_can_be_repeated(
     here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(identify_run, "repeat_and_write", lambda result, out, content, *_, **__: (content, 0))
+    monkeypatch.setattr(identify_run, "repeat_and_write", lambda result, *_, **__: (result, 0))
     choices, _ = chosen(here, "run.csv", "--repeat", "9", "--choose", "delay,estimator")
     assert [choice["name"] for choice in choices] == ["delay", "presliding"]
     assert json.loads((here.cwd / "out" / "result.json").read_text())["estimator"] == "weighted"

@@ -62,8 +62,7 @@ def changed(here: Here, change: Callable[[dict[str, Any]], object], name: str = 
 
 def scaled(factor: float) -> Callable[[dict[str, Any]], None]:
     def change(content: dict[str, Any]) -> None:
-        for parameter in content["parameters"]:
-            parameter["fit"] *= factor
+        content["fit"] = [factor * (fit or 0.0) for fit in content["fit"] or content["values"]]
 
     return change
 
@@ -211,24 +210,25 @@ def _other_gravity(content: dict[str, Any]) -> None:
 
 
 DAMAGED: tuple[tuple[Callable[[dict[str, Any]], object], str], ...] = (
-    (lambda c: c.update(schema="excite.result/9"), "expected schema excite.result/1, given 'excite.result/9'"),
-    (lambda c: c.pop("schema"), "expected schema excite.result/1, given None"),
+    (lambda c: c.update(schema="excite.result/9"), "expected schema excite.result/2, given 'excite.result/9'"),
+    (lambda c: c.pop("schema"), "expected schema excite.result/2, given None"),
     (lambda c: c.pop("recipe"), "not a complete result: 'recipe' is missing"),
     (lambda c: c.pop("prediction_error"), "not a complete result: 'prediction_error' is missing"),
     (lambda c: c.update(prediction_error="small"), "not a complete result: "),
     (lambda c: c.update(logs=3), "not a complete result: "),
     (lambda c: c.update(task=[]), "not a complete result: "),
-    (lambda c: c["logs"][0].pop("sha256"), "not a complete result: 'sha256' is missing"),
+    (lambda c: c["logs"][0].pop("sha256"), "not a complete result: logs[0]: 'sha256' is missing"),
     (lambda c: c["robot"].update(sha256="00"), "the robot's description does not have the hash that the file states"),
     (_other_gravity, "the robot's description does not have the hash that the file states"),
     (lambda c: c["robot"].update(description=4), "not a robot description"),
     (lambda c: c["recipe"].update(magic=1), "not a complete result: "),
     (lambda c: c["recipe"].update(signals="magic"), "no signals named 'magic'; available: butterworth, "),
     (lambda c: c["task"].update(model="magic"), "no model named 'magic'"),
-    (lambda c: c["parameters"][0].update(fit=None), "not a complete result: "),
-    (lambda c: c["parameters"][0].update(fit=math.nan), "result.json: NaN is not a finite number"),
-    (lambda c: c["parameters"].pop(), "its model has the parameters X1, X2, "),
-    (lambda c: c["parameters"][0].update(name="Q"), ", but the result has Q, X2, "),
+    (lambda c: c.update(fit=[None, *c["values"][1:]]), "not a complete result: "),
+    (lambda c: c.update(fit=["nan", *c["values"][1:]]), "not a complete result: expected finite numbers"),
+    (lambda c: c.update(fit=[math.nan, *c["values"][1:]]), "result.json: NaN is not a finite number"),
+    (lambda c: c["values"].pop(), "not a complete result: parameters without a name"),
+    (lambda c: c["names"].__setitem__(0, "Q"), ", but the result has Q, X2, "),
     (lambda c: c.update(friction={"file": "f", "sha256": ""}), "not a complete result: 'text' is missing"),
     (lambda c: c.update(friction={"file": "f.yaml", "text": "a"}), "f.yaml: expected a mapping of fields, given 'a'"),
 )

@@ -85,7 +85,8 @@ def test_predictions_are_written_on_both_sides(tmp_path: Path, capsys: pytest.Ca
 
 @pytest.mark.slow
 def test_rotor_inertias_are_found_on_both_sides(capsys: pytest.CaptureFixture[str]) -> None:
-    content = result_content(identified(True))
+    found = identified(True)
+    content = result_content(found)
     rotors = {p["name"]: p for p in content["parameters"] if "motor_side" in p}
     assert set(rotors) == {"Iar2", "Iar3"}  # motor 3 turns along with joint 2
     truth = 7.658e-5
@@ -95,7 +96,7 @@ def test_rotor_inertias_are_found_on_both_sides(capsys: pytest.CaptureFixture[st
         assert own["interval"][0] <= truth <= own["interval"][1]
         assert entry["interval"][0] <= truth * own["factor"] <= entry["interval"][1]
         assert own["value"] * own["factor"] == pytest.approx(entry["value"])
-    print_estimate(content, [Path("results/result.json")])
+    print_estimate(found, [Path("results/result.json")])
     assert f"Ia3: {rotors['Iar3']['motor_side']['value']:.4g}" in capsys.readouterr().out
 
 

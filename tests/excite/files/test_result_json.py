@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from played import TASK, curves, described, found, irp6, mixed, noisy, periodic,
 
 from excite.files.result_json import load_result, result_content
 from excite.identification.given_logs import log_of
+from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues, reference_of
@@ -24,6 +26,8 @@ from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
+
+SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +89,8 @@ def test_what_nobody_knows_is_no_number() -> None:
     assert values["F1o"] == 0.0
     robot = built_in("panda")
     target = target_of(robot, Task("panda"))
-    result = replace(result, robot=robot, target=target)
+    assert result.data is not None
+    result = replace(result, robot=robot, data=replace(result.data, target=target))
     values = dict(zip(target.base.names, described(result), strict=True))
     assert np.isnan(values["F7c"])
 
@@ -94,15 +99,17 @@ def test_a_result_reads_back_to_the_same_numbers(noise: Log, tmp_path: Path) -> 
     result = found(TASK, noise, recipe=Recipe(rows="all"))
     values = described(result)
     values[2] = np.nan
-    content = result_content(replace(result, reference=ReferenceValues("description", values)))
-    (tmp_path / "result.json").write_text(json.dumps(content, allow_nan=False))
+    result = replace(result, reference=ReferenceValues("description", values))
+    result.save(tmp_path)
+    content = result_content(result)
     read = load_result(tmp_path)
     np.testing.assert_array_equal(read.coefficients, result.estimate.coefficients)
     assert (read.names, read.units) == (result.estimate.names, result.estimate.units)
     assert (read.task, read.recipe) == (result.task, result.recipe)
     assert read.robot.sha256() == result.robot.sha256()
     assert read.training == {noise.sha256}
-    assert (read.friction, read.content) == (None, json.loads(json.dumps(content)))
+    assert (read.friction, read.data, read.folder) == (None, None, tmp_path)
+    assert plain(read) == plain(result) == json.loads((tmp_path / "result.json").read_text())
     np.testing.assert_array_equal(content["covariance"], result.estimate.covariance)
     assert [p["reference"] for p in content["parameters"]][1:4] == [values[1], None, values[3]]
     assert content["residuals"][0]["rms"] == pytest.approx(np.std(result.observations.y[::3] - (
@@ -111,6 +118,35 @@ def test_a_result_reads_back_to_the_same_numbers(noise: Log, tmp_path: Path) -> 
     assert content["relative_error"] == pytest.approx(np.linalg.norm(residual) / np.linalg.norm(y))
     assert read.training_error == pytest.approx(content["relative_error"], rel=1e-6)  # unfiltered equations
     assert load_result(tmp_path / "result.json").names == read.names
+
+
+def plain(result: Identification) -> Any:
+    return json.loads(json.dumps(result_content(result), allow_nan=False))
+
+
+@pytest.mark.parametrize("sample", ["result-1", "verification-1"])
+def test_older_files_are_read_and_written_anew(sample: str, tmp_path: Path) -> None:
+    """A recursive identification from two logs with the estimates of each, and one from one log without curves."""
+    older = json.loads((SAMPLES / sample / "result.json").read_text())
+    read = load_result(SAMPLES / sample)
+    content = plain(read)
+    assert (older["schema"], content["schema"]) == ("excite.result/1", "excite.result/2")
+    for name in older.keys() - {"schema", "logs", "base"}:
+        assert content[name] == older[name], name
+    for log, before in zip(content["logs"], older["logs"], strict=True):
+        assert before.items() <= log.items()
+    assert (read.estimate.history is None) == (read.curves.time.size == 0) == (sample == "verification-1")
+    read.save(tmp_path)
+    again = load_result(tmp_path)
+    assert plain(again) == content
+    np.testing.assert_array_equal(again.curves.predicted, read.curves.predicted)
+    assert repr(again) == repr(read)
+
+
+def test_a_loaded_result_has_no_logs(noise: Log, tmp_path: Path) -> None:
+    found(TASK, noise).save(tmp_path)
+    with pytest.raises(InputError, match="was loaded, and its file has no logs: identify again"):
+        _ = load_result(tmp_path).observations
 
 
 def test_parameters_that_are_not_shown_are_null(tmp_path: Path) -> None:

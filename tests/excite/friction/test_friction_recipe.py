@@ -9,7 +9,7 @@ import pytest
 from commands import run
 
 from excite.files.friction_file import read_friction
-from excite.files.result_json import load_result
+from excite.files.result_json import load_result, result_content
 from regressors.friction.curves import CoulombViscous
 
 pytestmark = pytest.mark.slow
@@ -26,7 +26,7 @@ STEPS = (
 
 @pytest.mark.parametrize("folder", ["masses", "named"])
 def test_masses_are_within_their_intervals(folder: str, results: Path) -> None:
-    content = load_result(results / folder).content
+    content = result_content(load_result(results / folder))
     assert [p["name"] for p in content["parameters"]] == [*(f"X{k}" for k in range(1, 8)), "F1c", "F3c", "F1v", "F3v"]
     assert content["reference"] == "truth"
     assert content["relative_error"] < 0.05

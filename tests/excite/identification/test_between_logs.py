@@ -10,11 +10,10 @@ import scipy.stats
 from played import EXACT, TASK, found, irp6, noisy, played, three_joints
 
 from excite.files.result_json import result_content
-from excite.identification.between_logs import allowing_for_logs, log_scatter, scatter_warning
+from excite.identification.between_logs import allowing_for_logs, interval_scope, log_scatter, scatter_warning
 from excite.identification.each_log import EachLog
 from excite.identification.estimate import Estimate
 from excite.identification.identify import identify
-from excite.identification.interval_scope import interval_scope
 from excite.logs.log import Log
 from regressors.errors import InputError
 from regressors.samples import Array

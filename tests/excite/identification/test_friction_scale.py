@@ -49,7 +49,7 @@ def test_planted_factors_come_back_with_the_parameters(log: Log, tmp_path: Path)
     stored = load_result(tmp_path)
     assert stored.friction is not None
     np.testing.assert_allclose(stored.friction.curve("z1").torque([0.1, -0.5]), curves()["z1"].torque([0.1, -0.5]))
-    assert stored.content["friction_scale"]["z3"]["factor"] == pytest.approx(1.25)
+    assert result_content(stored)["friction_scale"]["z3"]["factor"] == pytest.approx(1.25)
     assert result_content(found(TASK, log, friction=STATED))["friction_scale"] is None
 
 

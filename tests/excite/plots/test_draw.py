@@ -41,7 +41,7 @@ def test_what_is_loaded_is_drawn_too(design: excite.Design, result: excite.Ident
     figures = excite.draw(excite.load_design(tmp_path / "design"), width="single")
     assert {"motion", "phase", "spectrum"} <= set(figures)
     assert {figure.get_figwidth() for figure in figures.values()} == {3.5}
-    assert set(excite.draw(excite.load_result(tmp_path / "result"))) == {"parameters"}
+    assert set(excite.draw(excite.load_result(tmp_path / "result"))) == {"torques", "residuals", "parameters"}
 
 
 @pytest.mark.slow

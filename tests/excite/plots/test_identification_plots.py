@@ -20,6 +20,7 @@ from excite.identification.identification import Identification
 from excite.identification.observations import Observations
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues
+from excite.identification.result import FitData
 from excite.information.target import IdentificationTarget, target_of
 from excite.plots import (
     error_parts_figure,
@@ -89,7 +90,14 @@ def result(target: IdentificationTarget) -> Identification:
         degrees_of_freedom=m - P,
         history=(instants, beta + 0.01 + np.exp(-np.arange(instants.size))[:, None] * np.arange(P)),
     )
-    return Identification(load_robot("irp6"), Task("irp6"), Recipe(), target, (), observations, estimate, 12.0)
+    data = FitData(target, (), observations)
+    return Identification(load_robot("irp6"), Task("irp6"), Recipe(), estimate, 12.0, data)
+
+
+def observing(result: Identification, observations: Observations) -> Identification:
+    """The result of other equations."""
+    assert result.data is not None
+    return dataclasses.replace(result, data=dataclasses.replace(result.data, observations=observations))
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +165,7 @@ def test_torques_are_the_measured_and_predicted_rows_of_each_equation(result: Id
 
 def test_measurement_is_seen_beside_a_prediction_that_equals_it(result: Identification) -> None:
     exact = dataclasses.replace(result.observations, y=result.observations.W @ result.estimate.values)
-    ax = torques_figure(dataclasses.replace(result, observations=exact)).axes[0]
+    ax = torques_figure(observing(result, exact)).axes[0]
     measured, predicted = (line for line in ax.lines if len(line.get_xdata()) > 2)
     assert (measured.get_color(), predicted.get_color()) == (MEASURED_COLOUR, PREDICTED_COLOUR)
     assert measured.get_linewidth() >= 3 * predicted.get_linewidth()
@@ -192,7 +200,7 @@ def test_logs_stand_apart_and_keep_their_own_times(result: Identification) -> No
 def test_an_equation_on_which_nothing_was_measured_has_no_ratio(result: Identification) -> None:
     observations = result.observations
     silent = dataclasses.replace(observations, y=np.where(observations.equation == 2, 0.0, observations.y))
-    figure = torques_figure(dataclasses.replace(result, observations=silent))
+    figure = torques_figure(observing(result, silent))
     assert figure.axes[4].get_title(loc="right").endswith("undefined")
 
 
@@ -202,7 +210,7 @@ def test_one_equation_of_one_log(result: Identification, draw: object) -> None:
     own = np.flatnonzero((observations.equation == 0) & (observations.log == 0))
     cut = dataclasses.replace(observations.rows(own), equations=(("work", "J"),), logs=("one.csv",))
     assert callable(draw)
-    figure = draw(dataclasses.replace(result, observations=cut))
+    figure = draw(observing(result, cut))
     assert figure.axes[0].get_ylabel() == "work [J]"
     assert "time in one [s]" in [ax.get_xlabel() for ax in figure.axes]
 
@@ -277,7 +285,7 @@ def test_long_logs_have_bands_in_place_of_a_solid_block(result: Identification) 
         logs=("long.csv",),
         time=np.repeat(0.01 * np.arange(count), 3),
     )
-    shown = dataclasses.replace(result, observations=observations)
+    shown = observing(result, observations)
     for figure, panels in ((torques_figure(shown), slice(1, None, 2)), (residuals_figure(shown), slice(0, None, 2))):
         for ax in figure.axes[panels]:
             assert len(ax.collections) == 2
@@ -288,7 +296,7 @@ def test_long_logs_have_bands_in_place_of_a_solid_block(result: Identification) 
 def test_lags_of_logs_with_different_rates_are_counted_in_rows(result: Identification) -> None:
     observations = result.observations
     time = np.where(observations.log == 1, 2.0 * observations.time, observations.time)
-    figure = residuals_figure(dataclasses.replace(result, observations=dataclasses.replace(observations, time=time)))
+    figure = residuals_figure(observing(result, dataclasses.replace(observations, time=time)))
     assert figure.axes[-1].get_xlabel() == "lag [rows]"
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from identified import result_of
+from identified import result_of, with_estimate
 from two_links import FREEDOM, two_links
 
 import excite
-from excite.identification.result import StoredResult
+from excite.identification.identification import Identification
 from excite.identification.torque_target import torque_target
 from excite.posterior import chains
 from excite.posterior.posterior_samples import PosteriorSamples
@@ -28,16 +27,16 @@ POSITIVE = (ROTOR, COULOMB, VISCOUS)
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
+def result(tmp_path_factory: pytest.TempPathFactory) -> Identification:
     return two_links(tmp_path_factory.mktemp("result"))
 
 
 @pytest.fixture(scope="module")
-def samples(result: StoredResult) -> PosteriorSamples:
+def samples(result: Identification) -> PosteriorSamples:
     return excite.sample_posterior(result, 2000, seed=1, prior=PRIOR)
 
 
-def possible(result: StoredResult, theta: np.ndarray) -> np.ndarray:
+def possible(result: Identification, theta: np.ndarray) -> np.ndarray:
     """Whether robots are possible, from the definition: no coordinates, no scaling."""
     target = torque_target(result)
     names = [column.name for column in target.model.standard_columns]
@@ -49,7 +48,7 @@ def possible(result: StoredResult, theta: np.ndarray) -> np.ndarray:
     return inside
 
 
-def oracle(result: StoredResult, count: int) -> tuple[np.ndarray, float]:
+def oracle(result: Identification, count: int) -> tuple[np.ndarray, float]:
     """Draws by Matheron's rule, of which impossible ones are rejected, and the share that is accepted."""
     target, rng = torque_target(result), np.random.default_rng(5)
     definition, names = target.model.definition()
@@ -66,14 +65,14 @@ def oracle(result: StoredResult, count: int) -> tuple[np.ndarray, float]:
         E = (E + E.swapaxes(1, 2)) / 2  # off the diagonal with the deviation over sqrt 2
         prior[:, index] = (L @ (np.eye(4) + E) @ L.T).reshape(count, 16) @ FROM_PSEUDO.T
     V = np.cov(prior, rowvar=False)
-    C = np.array(result.content["covariance"])
+    C = result.estimate.covariance
     t = rng.multivariate_normal(np.zeros(len(C)), C, count) / np.sqrt(rng.chisquare(FREEDOM, (count, 1)) / FREEDOM)
     theta = prior + (result.coefficients + t - prior @ A.T) @ np.linalg.solve(A @ V @ A.T, A @ V)
     inside = possible(result, theta)
     return theta[inside], float(inside.mean())
 
 
-def test_mean_and_covariance_are_those_of_rejection(result: StoredResult, samples: PosteriorSamples) -> None:
+def test_mean_and_covariance_are_those_of_rejection(result: Identification, samples: PosteriorSamples) -> None:
     expected, accepted = oracle(result, 40_000)
     assert 0.02 < accepted < 0.3  # most of the posterior without bounds is impossible
     size = expected.std(axis=0)
@@ -86,25 +85,25 @@ def test_mean_and_covariance_are_those_of_rejection(result: StoredResult, sample
     assert np.abs(correlations[0] - correlations[1]).max() < 6 * error
 
 
-def test_truncation_matters(result: StoredResult, samples: PosteriorSamples) -> None:
+def test_truncation_matters(result: Identification, samples: PosteriorSamples) -> None:
     """Without bounds the mean of a friction coefficient would be its estimate."""
     k = samples.base_names.index("F2c")
     assert samples.base_values[:, k].mean() > 3 * result.coefficients[k]
 
 
-def test_every_sample_is_a_possible_robot(result: StoredResult, samples: PosteriorSamples) -> None:
+def test_every_sample_is_a_possible_robot(result: Identification, samples: PosteriorSamples) -> None:
     assert possible(result, samples.values).all()
     assert possible(result, samples.mean[None]).all()
 
 
-def test_base_parameters_are_those_of_the_samples(result: StoredResult, samples: PosteriorSamples) -> None:
+def test_base_parameters_are_those_of_the_samples(result: Identification, samples: PosteriorSamples) -> None:
     target = torque_target(result)
     definition, names = target.model.definition()
     assert samples.names == names
     np.testing.assert_allclose(samples.base_values, samples.values @ (target.base.D @ definition).T, atol=1e-12)
 
 
-def test_a_sample_is_the_same_however_many_are_drawn(result: StoredResult, samples: PosteriorSamples) -> None:
+def test_a_sample_is_the_same_however_many_are_drawn(result: Identification, samples: PosteriorSamples) -> None:
     few = excite.sample_posterior(result, 40, seed=1, prior=PRIOR)
     np.testing.assert_array_equal(few.values, samples.values[:40])
     other = excite.sample_posterior(result, 40, seed=2, prior=PRIOR)
@@ -115,7 +114,7 @@ def test_a_sample_is_the_same_however_many_are_drawn(result: StoredResult, sampl
 def test_what_the_data_do_not_determine_is_spread_as_the_description_says(tmp_path: Path) -> None:
     """Exact base parameters: what remains follows the prior, whose deviation it is proportional to."""
     result = two_links(tmp_path, share=1e-6)
-    result = replace(result, content={**result.content, "degrees_of_freedom": 10**6})
+    result = with_estimate(result, degrees_of_freedom=10**6)
     narrow, wide = (excite.sample_posterior(result, 600, prior=prior) for prior in (0.02, 0.06))
     k = narrow.names.index("m2")
     deviations = [one.values[:, k].std() / one.mean[k] for one in (narrow, wide)]
@@ -126,9 +125,10 @@ def test_what_the_data_do_not_determine_is_spread_as_the_description_says(tmp_pa
 
 def test_parameters_without_information_are_spread_by_the_description(tmp_path: Path) -> None:
     result = two_links(tmp_path, share=0.003)
-    covariance = [[None if 0 in (i, j) else x for j, x in enumerate(row)] for i, row in
-                  enumerate(result.content["covariance"])]  # fmt: skip
-    loose = excite.sample_posterior(replace(result, content={**result.content, "covariance": covariance}), 300)
+    covariance = result.estimate.covariance.copy()
+    covariance[0], covariance[:, 0] = 0.0, 0.0
+    covariance[0, 0] = np.inf
+    loose = excite.sample_posterior(with_estimate(result, covariance=covariance), 300)
     tight = excite.sample_posterior(result, 300)
     assert loose.base_values[:, 0].std() > 3 * tight.base_values[:, 0].std()
     assert any("1 parameters that the data do not determine" in note for note in loose.notes)
@@ -138,9 +138,8 @@ def test_parameters_without_information_are_spread_by_the_description(tmp_path: 
 def test_zeros_of_the_structure_hold_exactly(tmp_path: Path) -> None:
     result = result_of(excite.load_robot("irp6"), tmp_path)
     covariance = np.diag((0.01 * np.abs(result.coefficients)) ** 2)
-    content = {**result.content, "covariance": covariance.tolist(), "degrees_of_freedom": 1000}
     (tmp_path / "result.json").write_text("{}")
-    samples = excite.sample_posterior(replace(result, content=content), 64)
+    samples = excite.sample_posterior(with_estimate(result, covariance=covariance, degrees_of_freedom=1000), 64)
     zero = [k for k, name in enumerate(samples.names) if name in torque_target(result).robot.structure.zero]
     assert len(zero) > 10
     assert not np.any(samples.values[:, zero])
@@ -152,7 +151,7 @@ def test_mismatch_of_friction_widens(tmp_path: Path) -> None:
     result = two_links(tmp_path, share=0.01)
     change = np.zeros(len(result.names))
     change[0] = 0.1 * abs(result.coefficients[0])
-    wider = replace(result, content={**result.content, "friction_mismatch": np.outer(change, change).tolist()})
+    wider = with_estimate(result, mismatch=np.outer(change, change))
     plain, wide = excite.sample_posterior(result, 300), excite.sample_posterior(wider, 300)
     assert wide.base_values[:, 0].std() > 3 * plain.base_values[:, 0].std()
     assert any("friction of the log differs" in note for note in wide.notes)
@@ -160,16 +159,14 @@ def test_mismatch_of_friction_widens(tmp_path: Path) -> None:
 
 def test_an_estimate_far_from_every_possible_robot_is_said(tmp_path: Path) -> None:
     result = two_links(tmp_path, share=0.01)
-    parameters = [
-        {**entry, "fit": -entry["fit"]} if entry["name"] == "F2v" else entry for entry in result.content["parameters"]
-    ]
-    samples = excite.sample_posterior(replace(result, content={**result.content, "parameters": parameters}), 64)
+    signs = [-1.0 if name == "F2v" else 1.0 for name in result.names]
+    samples = excite.sample_posterior(with_estimate(result, fit=signs * result.coefficients), 64)
     assert samples.distance > 50
     assert any("no possible robot is within the 99 % region" in note for note in samples.notes)
     assert possible(result, samples.values).all()
 
 
-def test_chains_that_do_not_move_are_not_believed(result: StoredResult, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chains_that_do_not_move_are_not_believed(result: Identification, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(chains, "next_points", lambda _, __, z, *___: (z, np.zeros(len(z), dtype=bool)))
     with pytest.raises(excite.ConicSolverError, match="hardly any room for possible robots"):
         excite.sample_posterior(result, 64)
@@ -185,17 +182,18 @@ def test_chains_that_do_not_move_are_not_believed(result: StoredResult, monkeypa
         ({"prior": float("nan")}, "prior"),
     ],
 )
-def test_numbers_out_of_range_are_refused(options: dict[str, Any], message: str, result: StoredResult) -> None:
+def test_numbers_out_of_range_are_refused(options: dict[str, Any], message: str, result: Identification) -> None:
     with pytest.raises(excite.InputError, match=message):
         excite.sample_posterior(result, **options)
 
 
-def _singular(result: StoredResult) -> Any:
-    return replace(result, content={**result.content, "covariance": np.ones((len(result.names),) * 2).tolist()})
+def _singular(result: Identification) -> Any:
+    return with_estimate(result, covariance=np.ones((len(result.names),) * 2))
 
 
-def _without_covariance(result: StoredResult) -> Any:
-    return replace(result, content={k: v for k, v in result.content.items() if k != "covariance"})
+def _without_covariance(result: Identification) -> Any:
+    covariance = np.where(np.eye(len(result.names)), result.estimate.covariance, np.nan)
+    return with_estimate(result, covariance=covariance)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +205,7 @@ def _without_covariance(result: StoredResult) -> Any:
         (_singular, "not positive definite"),
     ],
 )
-def test_bad_results_are_refused(change: Any, message: str, result: StoredResult) -> None:
+def test_bad_results_are_refused(change: Any, message: str, result: Identification) -> None:
     with pytest.raises(excite.InputError, match=message):
         excite.sample_posterior(change(result))
 
@@ -230,7 +228,7 @@ def test_ranges_hold_their_share_of_the_samples(samples: PosteriorSamples) -> No
             assert ranges[name].mean == pytest.approx(values.mean())
 
 
-def test_progress_reaches_its_end(result: StoredResult) -> None:
+def test_progress_reaches_its_end(result: Identification) -> None:
     steps: list[tuple[int, int]] = []
     excite.sample_posterior(result, 1, progress=lambda done, total: steps.append((done, total)))
     assert steps == [(k + 1, len(steps)) for k in range(len(steps))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,8 @@ from written_results import design, plan, result
 
 import excite
 from excite.files.friction_file import write_friction
-from excite.files.result_json import result_content
 from excite.friction.fit.friction_fit import load_friction_fit
-from excite.identification.result import StoredResult
+from excite.identification.result import RepeatedParameter, RepetitionSummary
 from excite.report.campaign_section import campaign_section
 from excite.report.page_text import page_text
 from excite.report.player_log import Appearance
@@ -123,26 +122,15 @@ def test_a_study(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_repetitions() -> None:
-    rows = [
-        {
-            "name": "a",
-            "unit": "Nm",
-            "deviation": 1.0,
-            "predicted_deviation": 1.1,
-            "bias": 0.1,
-            "bias_error": 0.2,
-            "coverage": 0.9,
-        }
-    ]
     made = result("old")
     section = result_section(made, "s", Appearance())
     assert "repetitions" not in [table.name for table in section.tables]
-    content = {**result_content(made), "repetitions": {"count": 5, "seed": 3, "parameters": rows}}
-    stored = StoredResult(Path("nowhere"), made.robot, made.task, made.recipe, content)
-    section = result_section(stored, "s", Appearance())
+    row = RepeatedParameter("a", "Nm", 1.0, 1.1, 0.1, 0.2, 0.9)
+    repeated = replace(made, repetitions=RepetitionSummary(5, 3, (row,)))
+    section = result_section(repeated, "s", Appearance())
     parsed = ParsedPage(page_text([section]))
     assert parsed.numbers("repetitions") == [[1.0, 1.1, 0.1, 0.2, 0.9]]
-    assert "In 5 repetitions in simulation, 90 % of the 99 % intervals contain the truth." in section.verdict
+    assert "5 repetitions in simulation: the 99 % intervals hold the truth in 90.0 % (the worst" in section.verdict
 
 
 @pytest.mark.slow

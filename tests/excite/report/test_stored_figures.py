@@ -12,7 +12,7 @@ from reported import ParsedPage
 from written_results import design, result, verification
 
 import excite
-from excite.files.result_curves import CURVES, result_curves
+from excite.files.result_json import CURVES
 from excite.report.player_log import Appearance
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
@@ -103,7 +103,7 @@ def test_curves_that_were_edited_are_refused(folder: Path, tmp_path: Path) -> No
 
 
 def test_long_logs_are_stored_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("excite.files.result_curves.every", lambda _: 4)
-    observations, arrays = result("old").observations, result_curves(result("old"))
-    np.testing.assert_array_equal(arrays["time"], np.repeat(np.unique(observations.time)[::4], 3))
-    np.testing.assert_allclose(arrays["measured"][:3], observations.y[:3], rtol=1e-6)
+    monkeypatch.setattr("excite.identification.result.every", lambda _: 4)
+    observations, kept = result("old").observations, result("old").curves.stored()
+    np.testing.assert_array_equal(kept.time, np.repeat(np.unique(observations.time)[::4], 3))
+    np.testing.assert_allclose(kept.measured[:3], observations.y[:3], rtol=1e-6)

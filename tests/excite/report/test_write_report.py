@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import hashlib
 import json
 import re
@@ -17,7 +18,6 @@ from reported import HOSTILE, ParsedPage, reported_design, saved
 from written_results import result, verification
 
 import excite
-from excite.files.result_json import result_content
 from excite.files.task_file import read_task_file, task_content, task_from_options
 from excite.information.metrics import CONVENTIONS
 from excite.report.comparison_section import comparison_section, parameters_section
@@ -133,7 +133,8 @@ def test_identification_and_verification(tmp_path: Path) -> None:
     parsed = ParsedPage(report_text(target))
     content = json.loads((target / "result.json").read_text())
     verified = json.loads((target / "verification-run.json").read_text())
-    rows = [[p["value"], *p["interval"], p["relative_deviation"], p["reference"]] for p in content["parameters"]]
+    columns = ("standard_deviation", "relative_deviation", "reference")
+    rows = [[p["value"], *p["interval"], *(p[name] for name in columns)] for p in content["parameters"]]
     assert parsed.numbers("parameters") == rows
     expected = [[t[key] for key in ("measured", "error", "relative")] for t in verified["torques"]]
     assert [row[:3] for row in parsed.numbers("torques")] == expected
@@ -224,16 +225,17 @@ def test_edited_results_are_refused(tmp_path: Path) -> None:
 def test_commands_repeat_an_identification(tmp_path: Path) -> None:
     from excite.cli.identify_command import command
 
-    made = json.loads(json.dumps(result_content(result("old"))))
-    made["logs"][0]["file"] = "run.csv"
-    made["recipe"] |= {"cutoff": 12.5, "estimator": "least-squares"}
+    made = result("old")
+    facts = dataclasses.replace(made.facts, logs=(dataclasses.replace(made.facts.logs[0], file="run.csv"),))
+    recipe = dataclasses.replace(made.recipe, cutoff=12.5, estimator="least-squares")
+    made = dataclasses.replace(made, kept=facts, recipe=recipe)
     again, _ = commands_of(made, "results/irp6")
     _, name, *words = shlex.split(again)
     (tmp_path / "run.csv").touch()
     given = command.make_context(name, words).params
     assert (given["robot"], given["logs"], given["cutoff"]) == ("irp6", (Path("run.csv"),), 12.5)
     assert given["estimator"] == "least-squares"
-    assert np.ravel(given["sign_width"]) == [made["recipe"]["sign_width"]]
+    assert np.ravel(given["sign_width"]) == [made.recipe.sign_width]
     assert given["out"] == Path("results/irp6-again")
 
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.storage.codec import INLINE, content_of, record_of
+from excite.storage.codec import INLINE, OBJECT, content_of, named, record_of
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
@@ -125,7 +125,7 @@ def test_robots_are_whole(name: str) -> None:
         ({"number": "much"}, "^number: expected a number, given 'much'"),
         ({"number": None}, "^number: expected a number, given None"),
         ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
-        ({"weight": "heavy"}, "^part.weight: expected a number"),
+        ({"weight": "heavy"}, "^weight: expected a number"),
         ({"parts": [{"against": []}, {"against": [1]}]}, r"^parts\[1\].against\[0\]: expected str, given 1"),
         ({"parts": 3}, "^parts: "),
         ({"maybe": 3}, "^maybe: expected an object, given 3"),
@@ -152,3 +152,46 @@ def test_an_array_of_text_is_refused() -> None:
     with pytest.raises(InputError, match="expected an array of numbers"):
         record_of(Whole, content, {"curve.q": np.array(["x"])})
     assert set(arrays) == {"curve.q"}
+
+
+@dataclass(frozen=True, eq=False)
+class Small:
+    """A part whose arrays are lists in the file, one of them under another name."""
+
+    listed: ClassVar[bool] = True
+
+    values: Array
+    flags: Array = field(metadata=named("set"))
+    table: Array | None = None
+    path: tuple[Array, Array] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Holder:
+    """A record of a part that stands inside it, and of an object that the codec does not know."""
+
+    own: object = field(metadata=OBJECT)
+    small: Small | None = field(default=None, metadata=INLINE)
+
+
+def test_small_arrays_are_lists_and_objects_are_left_to_who_reads() -> None:
+    values = np.array([0.1, np.nan, -np.inf])
+    small = Small(values, np.array([True, False]), np.arange(4).reshape(2, 2), (np.zeros(3), np.ones(3)))
+    content, arrays = content_of(Holder(own=object(), small=small))
+    assert content.keys() == {"values", "set", "table", "path"}
+    assert (content["values"], content["set"]) == ([0.1, "nan", "-inf"], [True, False])
+    assert arrays.keys() == {"path.0", "path.1"}
+    mine = object()
+    read = record_of(Holder, {**json.loads(json.dumps(content, allow_nan=False)), "own": mine}, arrays)
+    assert read.own is mine
+    assert read.small is not None
+    for name in ("values", "flags", "table", "path"):
+        np.testing.assert_array_equal(getattr(read.small, name), getattr(small, name))
+    assert record_of(Holder, {**content, "own": mine}, {}).small.path is None
+
+
+@pytest.mark.parametrize("values", [["x"], [[1.0], [1.0, 2.0]], [None], 3])
+def test_lists_that_are_no_arrays_are_refused(values: Any) -> None:
+    content, arrays = content_of(Holder(own=1, small=Small(np.zeros(2), np.zeros(2))))
+    with pytest.raises(InputError, match=r"^(values: )?"):
+        record_of(Holder, {**content, "own": 1, "values": values}, arrays)

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from excite.files.result_curves import read_result_curves
 from excite.storage.curves_file import chosen, every, read_curves, write_curves
 from regressors.errors import InputError
 
@@ -29,29 +28,10 @@ ROWS: dict[str, Any] = {
 
 def test_arrays_are_read_as_written(tmp_path: Path) -> None:
     write_curves(tmp_path / "c.npz", ROWS)
-    read = read_result_curves(tmp_path / "c.npz", 1, 2)
+    read = read_curves(tmp_path / "c.npz")
     assert set(read) == set(ROWS)
     for name, array in ROWS.items():
         np.testing.assert_array_equal(read[name], array)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"time": np.array(["x"] * 4)}, "expected numbers under 'time'"),
-        ({"measured": np.ones((4, 1))}, "expected numbers under 'measured'"),
-        ({"measured": np.ones(3)}, "expected as many rows"),
-        ({"log": np.full(4, 7, dtype=np.int16)}, r"1 log\(s\) and 2 equation"),
-        ({"equation": np.full(4, -1, dtype=np.int16)}, r"1 log\(s\) and 2 equation"),
-        ({"motion_log": np.full(3, 1, dtype=np.int16)}, r"the motion of 1 log"),
-        ({"motion_q": np.zeros((3, 5))}, "expected numbers under 'motion_q'"),
-        ({"joints": np.zeros(2)}, "expected names of joints"),
-    ],
-)
-def test_arrays_that_do_not_fit_are_named(change: dict[str, Any], message: str, tmp_path: Path) -> None:
-    write_curves(tmp_path / "c.npz", {**ROWS, **change})
-    with pytest.raises(InputError, match=message):
-        read_result_curves(tmp_path / "c.npz", 1, 2)
 
 
 def _archive(member: bytes) -> bytes:

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from identified import with_estimate
 from played import EXACT, found, noisy, played, three_joints
 
 from excite.files.result_json import load_result
-from excite.identification.result import StoredResult
+from excite.identification.identification import Identification
 from excite.logs.log import Log
 from excite.signals.measurement_noise import measurement_noise
 from excite.simulation.replay import Outcome, Replay
@@ -49,19 +50,16 @@ def test_the_error_without_noise_is_that_of_the_model(share: float, noise: float
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
+def result(tmp_path_factory: pytest.TempPathFactory) -> Identification:
     folder = tmp_path_factory.mktemp("result")
     found(Task("irp6"), noisy(played(three_joints(), 3, seconds=4.0), 0.3, 1e-6, 1), recipe=EXACT).save(folder)
     return load_result(folder)
 
 
-def scaled(result: StoredResult, factor: float, but: str = "") -> StoredResult:
+def scaled(result: Identification, factor: float, but: str = "") -> Identification:
     """The result with parameters that are wrong by a factor, friction only or all but it."""
-    parameters = [
-        {**p, "fit": p["fit"] * (factor if p["name"].startswith("F") == (but == "masses") else 1.0)}
-        for p in result.content["parameters"]
-    ]
-    return replace(result, content={**result.content, "parameters": parameters})
+    factors = [factor if name.startswith("F") == (but == "masses") else 1.0 for name in result.names]
+    return with_estimate(result, fit=result.coefficients * factors)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +68,7 @@ def mostly_noise() -> Log:
     return noisy(played(three_joints(4), 3, seconds=20.0, source="NOISY"), 40.0, 1e-6, 2)
 
 
-def test_noise_of_the_measurement_does_not_speak_against_a_result(result: StoredResult, mostly_noise: Log) -> None:
+def test_noise_of_the_measurement_does_not_speak_against_a_result(result: Identification, mostly_noise: Log) -> None:
     v = verify(result, mostly_noise, signals="butterworth")
     assert v.holds
     assert v.relative_error > 0.4
@@ -84,14 +82,14 @@ def test_noise_of_the_measurement_does_not_speak_against_a_result(result: Stored
 
 
 @pytest.mark.parametrize(("factor", "but"), [(1.4, ""), (0.0, "masses")])
-def test_noise_does_not_hide_a_wrong_result(result: StoredResult, mostly_noise: Log, factor: float, but: str) -> None:
+def test_noise_does_not_hide_a_wrong_result(result: Identification, mostly_noise: Log, factor: float, but: str) -> None:
     v = verify(scaled(result, factor, but), mostly_noise, signals="butterworth")
     assert not v.holds
     assert "more than 10 %; the error of" in v.verdict.text
     assert "does not generalise" in v.verdict.text
 
 
-def test_masses_that_are_ten_percent_wrong_do_not_generalise(result: StoredResult) -> None:
+def test_masses_that_are_ten_percent_wrong_do_not_generalise(result: Identification) -> None:
     motion = replace(three_joints(4), amplitude=3.0 * three_joints(4).amplitude)
     log = noisy(played(motion, 3, seconds=10.0, source="OTHER"), 0.3, 1e-6, 2)
     assert verify(result, log, signals="butterworth").holds
@@ -173,7 +171,7 @@ def test_what_allowed_errors_cannot_do_speaks_against_the_model() -> None:
     assert max(m.relative for m in motion.motions) > 0.25
 
 
-def test_a_mass_matrix_that_is_not_positive_definite_is_not_excused(result: StoredResult) -> None:
+def test_a_mass_matrix_that_is_not_positive_definite_is_not_excused(result: Identification) -> None:
     log = noisy(played(three_joints(4), 3, seconds=4.0, source="OTHER"), 0.3, 1e-6, 2)
     v = verify(scaled(result, -1.0), log, signals="butterworth")
     assert "the mass matrix of the estimate is not positive definite" in v.verdict.text

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from identified import with_estimate
 from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joints, torques
 from recordings import real_log
 
@@ -14,7 +15,6 @@ from excite.files.result_json import load_result
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
-from excite.identification.result import StoredResult
 from excite.logs.log import Log
 from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
@@ -37,7 +37,7 @@ CURVES = "schema: excite.friction/1\ndrives:\n" + "".join(
 )
 
 
-def stored(result: Identification, folder: Path, friction: str | None = None) -> StoredResult:
+def stored(result: Identification, folder: Path, friction: str | None = None) -> Identification:
     """The result as its file tells it."""
     if friction is not None:
         (folder / "friction.yaml").write_text(friction)
@@ -58,14 +58,14 @@ def other() -> Log:
 
 
 @pytest.fixture(scope="module")
-def result(training: Log, tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
+def result(training: Log, tmp_path_factory: pytest.TempPathFactory) -> Identification:
     return stored(found(TASK, training, recipe=Recipe()), tmp_path_factory.mktemp("result"))
 
 
 # ---------------------------------------------------------------- results that hold
 
 
-def test_a_good_result_is_believed(result: StoredResult, other: Log) -> None:
+def test_a_good_result_is_believed(result: Identification, other: Log) -> None:
     v = verify(result, other)
     assert (v.verdict.holds, v.verdict.against) == (True, ())
     assert v.verdict.text == "The result predicts this log: you can rely on it for motions of this kind."
@@ -78,7 +78,7 @@ def test_a_good_result_is_believed(result: StoredResult, other: Log) -> None:
     np.testing.assert_array_equal(v.measured, other.effort[inside])
 
 
-def test_the_training_error_is_of_the_same_kind(result: StoredResult, training: Log) -> None:
+def test_the_training_error_is_of_the_same_kind(result: Identification, training: Log) -> None:
     v = verify(result, training, training_too=True)
     assert v.training_error == pytest.approx(v.relative_error, rel=1e-9)
 
@@ -132,10 +132,9 @@ def test_a_partial_result_is_judged_on_its_own_torque(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- results that do not
 
 
-def wrong(result: StoredResult, **factors: float) -> StoredResult:
+def wrong(result: Identification, **factors: float) -> Identification:
     scale = np.array([factors.get(name, factors.get("every", 1.0)) for name in result.names])
-    parameters = [{**p, "fit": k * p["fit"]} for k, p in zip(scale.tolist(), result.content["parameters"], strict=True)]
-    return replace(result, content={**result.content, "parameters": parameters})
+    return with_estimate(result, fit=scale * result.coefficients)
 
 
 def against(v: Verification, *parts: str) -> None:
@@ -146,7 +145,7 @@ def against(v: Verification, *parts: str) -> None:
         assert part in text
 
 
-def test_a_gain_that_is_off_is_seen(result: StoredResult, other: Log) -> None:
+def test_a_gain_that_is_off_is_seen(result: Identification, other: Log) -> None:
     against(
         verify(wrong(result, every=1.2), other),
         "predictions differ from the measurements by 20.",
@@ -162,7 +161,7 @@ def test_swapped_joints_are_seen(training: Log, other: Log, tmp_path: Path) -> N
     against(v, "predictions differ from the measurements by 3", "the simulated motion of q1 deviates by")
 
 
-def test_another_load_is_seen(result: StoredResult) -> None:
+def test_another_load_is_seen(result: Identification) -> None:
     motion = three_joints(4)
     log = played(motion, 3, source="LOADED")
     heavy = 8.0 * LOAD
@@ -170,7 +169,7 @@ def test_another_load_is_seen(result: StoredResult) -> None:
     against(verify(result, loaded), "predictions differ from the measurements by")
 
 
-def test_a_mass_matrix_of_no_robot_is_seen(result: StoredResult, other: Log) -> None:
+def test_a_mass_matrix_of_no_robot_is_seen(result: Identification, other: Log) -> None:
     # the torques hardly tell, the motion does
     v = verify(wrong(result, X4=-1.0), other, tolerances=Tolerances(torque=0.9))
     against(v, "the simulated motion failed: the mass matrix of the estimate is not positive definite")
@@ -188,7 +187,7 @@ def test_a_recorded_arm_is_believed_until_it_carries_something(tmp_path: Path) -
     against(verify(arm, real_log("ur-20_01_31-load")), "predictions differ from the measurements by 2")
 
 
-def test_tolerances_decide(result: StoredResult, other: Log) -> None:
+def test_tolerances_decide(result: Identification, other: Log) -> None:
     v = verify(wrong(result, every=1.2), other, tolerances=Tolerances(torque=0.5, motion=9.0))
     assert v.verdict.holds
     assert any("this log is noisier, or its motion is of another kind" in remark for remark in v.verdict.remarks)
@@ -199,26 +198,24 @@ def test_tolerances_decide(result: StoredResult, other: Log) -> None:
 # ---------------------------------------------------------------- what is refused
 
 
-def test_a_training_log_proves_nothing(result: StoredResult, training: Log) -> None:
+def test_a_training_log_proves_nothing(result: Identification, training: Log) -> None:
     with pytest.raises(InputError, match=r"^LOG is a log that the result was identified from: .* `training_too`$"):
         verify(result, replace(training, joints=("a", "b", "c")))
 
 
 @pytest.mark.parametrize("horizon", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_horizon_must_be_one(result: StoredResult, other: Log, horizon: float) -> None:
+def test_a_horizon_must_be_one(result: Identification, other: Log, horizon: float) -> None:
     with pytest.raises(InputError, match=f"`horizon` must be a number from 1e-06 to 100000 s, given {horizon:g}"):
         verify(result, other, horizon=horizon)
 
 
-def test_a_result_in_other_parameters_is_refused(result: StoredResult, other: Log) -> None:
-    first, *others = result.content["parameters"]
-    content = {**result.content, "parameters": [{**first, "name": "Q"}, *others]}
-    renamed = replace(result, content=content)
+def test_a_result_in_other_parameters_is_refused(result: Identification, other: Log) -> None:
+    renamed = with_estimate(result, names=("Q", *result.names[1:]))
     with pytest.raises(InputError, match=r"its model has the parameters X1, X2, .*, but the result has Q, X2, "):
         verify(renamed, other)
 
 
-def test_a_log_without_torques_is_refused(result: StoredResult, other: Log) -> None:
+def test_a_log_without_torques_is_refused(result: Identification, other: Log) -> None:
     with pytest.raises(InputError, match="OTHER has no effort"):
         verify(result, replace(other, effort=None))
 
@@ -348,7 +345,9 @@ def long_log(seconds: float) -> Log:
     return noisy(played(three_joints(4), 3, 100.0, seconds, source="LONG"), 0.3, 1e-5, 2)
 
 
-def test_a_long_log_is_simulated_in_windows_all_over_it(result: StoredResult, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_log_is_simulated_in_windows_all_over_it(
+    result: Identification, monkeypatch: pytest.MonkeyPatch
+) -> None:
     log = long_log(100.0)
     some = verify(result, log)
     monkeypatch.setattr("excite.verification.verify.most_windows", lambda duration, horizon: None)
@@ -375,7 +374,7 @@ def test_a_long_log_is_simulated_in_windows_all_over_it(result: StoredResult, mo
         assert 0.7 * other.worst < one.worst <= other.worst
 
 
-def test_a_log_of_a_minute_is_simulated_as_a_whole(result: StoredResult, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_of_a_minute_is_simulated_as_a_whole(result: Identification, monkeypatch: pytest.MonkeyPatch) -> None:
     log = long_log(60.0)
     v = verify(result, log)
     assert v.replay is not None

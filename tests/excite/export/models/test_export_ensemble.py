@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
-from identified import result_of
+from identified import result_of, with_estimate
 from two_links import two_links
 
 import excite
-from excite.identification.result import StoredResult
+from excite.identification.identification import Identification
 from excite.identification.torque_target import torque_target
 from regressors.samples import Samples
 
@@ -25,12 +24,12 @@ COUNT, LEVEL = 6, 0.6  # a lower level takes fewer draws
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
+def result(tmp_path_factory: pytest.TempPathFactory) -> Identification:
     return two_links(tmp_path_factory.mktemp("result"))
 
 
 @pytest.fixture(scope="module")
-def ensemble(result: StoredResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def ensemble(result: Identification, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("parent") / "ensemble"
     exported = excite.export_ensemble(result, "mjcf", folder, samples=COUNT, seed=3, level=LEVEL)
     assert exported.files[0] == folder / "ensemble.json"
@@ -67,7 +66,7 @@ def test_mujoco_takes_every_robot_as_it_is(ensemble: Path) -> None:
     assert len(masses) == COUNT
 
 
-def test_pinocchio_finds_positive_mass_matrices_and_possible_bodies(result: StoredResult, tmp_path: Path) -> None:
+def test_pinocchio_finds_positive_mass_matrices_and_possible_bodies(result: Identification, tmp_path: Path) -> None:
     excite.export_ensemble(result, "urdf", tmp_path / "e", samples=COUNT, level=LEVEL)
     assert len(robots(tmp_path / "e")) == COUNT
     for path in robots(tmp_path / "e"):
@@ -82,7 +81,7 @@ def test_pinocchio_finds_positive_mass_matrices_and_possible_bodies(result: Stor
             assert np.linalg.eigvalsh(M)[0] > 0
 
 
-def test_robots_have_the_torques_of_their_samples(result: StoredResult, ensemble: Path) -> None:
+def test_robots_have_the_torques_of_their_samples(result: Identification, ensemble: Path) -> None:
     """MuJoCo's static torques of the moving joints are those of the sample's base parameters."""
     samples = excite.load_posterior(ensemble / "samples.npz")
     target = torque_target(result)
@@ -102,7 +101,7 @@ def test_robots_have_the_torques_of_their_samples(result: StoredResult, ensemble
             np.testing.assert_allclose(data.qfrc_inverse[1:3], expected, atol=1e-9 * np.abs(expected).max())
 
 
-def test_the_list_names_everything(ensemble: Path, result: StoredResult) -> None:
+def test_the_list_names_everything(ensemble: Path, result: Identification) -> None:
     content = json.loads((ensemble / "ensemble.json").read_text())
     assert content["schema"] == "excite.ensemble/1"
     assert (content["seed"], content["samples"], content["level"]) == (3, COUNT, LEVEL)
@@ -116,13 +115,13 @@ def test_the_list_names_everything(ensemble: Path, result: StoredResult) -> None
     assert {one.name for one in samples.ranges(LEVEL)} == set(ranges["parameters"])
 
 
-def test_the_same_seed_gives_the_same_bytes(result: StoredResult, ensemble: Path, tmp_path: Path) -> None:
+def test_the_same_seed_gives_the_same_bytes(result: Identification, ensemble: Path, tmp_path: Path) -> None:
     excite.export_ensemble(result, "mjcf", tmp_path / "again", samples=COUNT, seed=3, level=LEVEL)
     for path in ensemble.iterdir():
         assert (tmp_path / "again" / path.name).read_bytes() == path.read_bytes()
 
 
-def test_an_older_ensemble_is_replaced_as_a_whole(result: StoredResult, tmp_path: Path) -> None:
+def test_an_older_ensemble_is_replaced_as_a_whole(result: Identification, tmp_path: Path) -> None:
     folder = tmp_path / "e"
     excite.export_ensemble(result, "mjcf", folder, samples=4, level=LEVEL)
     (folder / "mine.txt").write_text("mine")
@@ -133,7 +132,7 @@ def test_an_older_ensemble_is_replaced_as_a_whole(result: StoredResult, tmp_path
     assert (folder / "mine.txt").exists()
 
 
-def test_what_is_written_stays_after_an_interruption(result: StoredResult, tmp_path: Path) -> None:
+def test_what_is_written_stays_after_an_interruption(result: Identification, tmp_path: Path) -> None:
     def interrupt(done: int, total: int) -> None:
         if done == total - 2:
             raise KeyboardInterrupt
@@ -146,7 +145,7 @@ def test_what_is_written_stays_after_an_interruption(result: StoredResult, tmp_p
     assert set(content["files"]) == {path.name for path in (tmp_path / "e").iterdir()} - {"ensemble.json"}
 
 
-def test_an_interruption_before_the_first_robot_leaves_nothing(result: StoredResult, tmp_path: Path) -> None:
+def test_an_interruption_before_the_first_robot_leaves_nothing(result: Identification, tmp_path: Path) -> None:
     def interrupt(done: int, total: int) -> None:
         raise KeyboardInterrupt
 
@@ -165,13 +164,13 @@ def test_an_interruption_before_the_first_robot_leaves_nothing(result: StoredRes
         ({"robot_file": "arm.urdf"}, "takes one that ends in .xml, .mjcf"),
     ],
 )
-def test_bad_options_are_refused(options: dict[str, Any], message: str, result: StoredResult, tmp_path: Path) -> None:
+def test_bad_options_are_refused(options: dict[str, Any], message: str, result: Identification, tmp_path: Path) -> None:
     with pytest.raises(excite.InputError, match=message):
         excite.export_ensemble(result, "mjcf", tmp_path / "e", **options)
     assert not (tmp_path / "e").exists()
 
 
-def test_a_file_is_no_folder(result: StoredResult, tmp_path: Path) -> None:
+def test_a_file_is_no_folder(result: Identification, tmp_path: Path) -> None:
     (tmp_path / "e").write_text("")
     with pytest.raises(excite.InputError, match="it is a file; name a folder"):
         excite.export_ensemble(result, "mjcf", tmp_path / "e")
@@ -184,8 +183,7 @@ def test_mujoco_takes_every_robot_of_whole_arms(name: str, tmp_path: Path) -> No
     result = result_of(excite.load_robot(name), tmp_path)
     beta = result.coefficients
     size = np.maximum(np.abs(beta), 0.003 * np.abs(beta).max())
-    content = {"covariance": np.diag((0.1 * size) ** 2).tolist(), "degrees_of_freedom": 100}
-    result = replace(result, content={**result.content, **content})
+    result = with_estimate(result, covariance=np.diag((0.1 * size) ** 2), degrees_of_freedom=100)
     excite.export_ensemble(result, "mjcf", tmp_path / "e", samples=200)
     assert len(robots(tmp_path / "e")) == 200
     for path in robots(tmp_path / "e"):

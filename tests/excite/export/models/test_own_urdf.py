@@ -15,8 +15,8 @@ from reloaded import by_pinocchio
 import excite
 from excite.export.models.exported_model import model_of_result
 from excite.export.models.nearest_bodies import states_of
+from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target
-from excite.identification.result import StoredResult
 from regressors.readers.urdf_tree import parse_tree
 from regressors.robot.inertia import pseudo_inertia
 
@@ -57,7 +57,7 @@ PARTS = re.compile(
 )
 
 
-def result_for(text: str | bytes, folder: Path) -> tuple[StoredResult, Path]:
+def result_for(text: str | bytes, folder: Path) -> tuple[Identification, Path]:
     path = folder / "own.urdf"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return result_of(excite.load_robot(str(path), snap_angles=False), folder), path

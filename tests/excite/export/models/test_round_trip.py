@@ -14,8 +14,8 @@ from reloaded import by_mujoco, by_pinocchio
 import excite
 from excite.export.models.exported_model import model_of_result
 from excite.export.models.nearest_bodies import states_of
+from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target
-from excite.identification.result import StoredResult
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array, Samples
 
@@ -40,13 +40,13 @@ NOT_POSSIBLE = (  # their descriptions state inertias that no body has: the near
 )  # fmt: skip
 
 
-def case(name: str, options: dict[str, Any], folder: Path) -> tuple[StoredResult, IdentificationTarget, Samples]:
+def case(name: str, options: dict[str, Any], folder: Path) -> tuple[Identification, IdentificationTarget, Samples]:
     result = result_of(excite.load_robot(name), folder, **options)
     target = instantaneous_target(result.robot, result.task, result.recipe)
     return result, target, states_of(target, COUNT)
 
 
-def bodies_alone(result: StoredResult, target: IdentificationTarget, samples: Samples) -> Array:
+def bodies_alone(result: Identification, target: IdentificationTarget, samples: Samples) -> Array:
     """Torques of the bodies without rotors, by Pinocchio's recursion over our description."""
     import pinocchio as pin
     from pinocchio_chains import chain_model
