@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from excite.export.motions.motion_format import MotionFormat
     from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
-    from excite.files.posterior_file import load_posterior
     from excite.files.result_json import load_result
     from excite.files.world_file import read_world
     from excite.friction.fit.fit_friction import fit_friction
@@ -76,7 +75,7 @@ if TYPE_CHECKING:
     from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures
     from excite.plots.drawable import draw
-    from excite.posterior.posterior_samples import PosteriorSamples
+    from excite.posterior.posterior_samples import PosteriorSamples, load_posterior
     from excite.posterior.sample_posterior import sample_posterior
     from excite.precision.design_for_precision import design_for_precision
     from excite.precision.next_motion import NextMotion, PrecisionInHand, next_motion
@@ -224,7 +223,7 @@ _PLACES = {
     "identify": "excite.identification.identify",
     "load_campaign": "excite.campaigns.campaign_table",
     "load_design": "excite.files.design_json",
-    "load_posterior": "excite.files.posterior_file",
+    "load_posterior": "excite.posterior.posterior_samples",
     "load_result": "excite.files.result_json",
     "load_robot": "regressors.readers.library",
     "next_motion": "excite.precision.next_motion",

@@ -116,17 +116,13 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     "writer": {
         "design": "excite.files.design_folder:save_design",
         "result": "excite.files.result_json:save_result",
-        "posterior": "excite.files.posterior_file:save_posterior",
         "simulation": "excite.files.simulation_files:save_simulation",
-        "friction plan": "excite.files.friction_plan_folder:save_plan",
-        "friction plan content": "excite.files.friction_plan_folder:plan_content",
         "friction curves": "excite.files.friction_file:write_friction",
     },
     "reader": {
         "design": "excite.files.design_json:load_design",
         "earlier": "excite.files.earlier_files:earlier_information",
         "friction": "excite.files.friction_file:read_friction",
-        "friction plan": "excite.files.friction_plan_folder:read_plan",
         "kept friction": "excite.files.friction_file:kept_curves",
         "load": "excite.files.load_file:read_load",
         "motion": "excite.files.motion_source:read_source",

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from friction_truth_case import ENCODER, FORM, RATE, ROBOT, TRUTH, noise, shares, true_values
 
-from excite.files.friction_plan_folder import file_name, read_plan, stiction_file_name, write_plan
 from excite.files.motion_source import read_source
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.characteristics import characteristics
@@ -25,6 +24,7 @@ from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model
 from excite.friction.fit.stiction_points import mean_break_aways, rest_points
+from excite.friction.plan.friction_plan import load_friction_plan
 from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.logs.log import Log
@@ -62,9 +62,9 @@ def measured(drive: str) -> Measured:
     """What a drive's plan says, written, read, and played."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write_plan(friction_plan(ROBOT, SCHEDULE, drives=[drive]), folder)
-        runs = planned_runs(read_plan(folder)[1], "the plan")[drive]
-        files = [folder / file_name(drive), folder / stiction_file_name(drive)]
+        friction_plan(ROBOT, SCHEDULE, drives=[drive]).save(folder)
+        runs = planned_runs(load_friction_plan(folder), "the plan")[drive]
+        files = [folder / f"{drive}.csv", folder / f"{drive}.stiction.csv"]
         plays = [read_source(file) for file in files]
     friction, counts = FrictionCurves(TRUTH), replace(SETTINGS, encoder=(ENCODER,))
     found = [

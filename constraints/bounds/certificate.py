@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -53,6 +53,8 @@ class LimitUse:
     quantity : str
         What is limited, in a word.
     """
+
+    beside: ClassVar[Mapping[str, Callable[[LimitUse], bool]]] = {"holds": lambda use: use.holds}
 
     label: str
     unit: str

@@ -5,7 +5,9 @@ Lengths in m, angles in rad. A sphere is a capsule of length zero.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -88,6 +90,16 @@ class Obstacle:
             raise InputError(f"clearance of {self.name!r} must be greater than zero, given {self.clearance:g}")
 
 
+def _obstacle(name: str, plain: Mapping[str, Any]) -> Obstacle:
+    """The obstacle whose fields are plain values."""
+    names = {"from": "start", "to": "end"}
+    (kind,) = (kind for kind, word in _KINDS.items() if word in plain)
+    fields = {names.get(key, key): value for key, value in plain[_KINDS[kind]].items()}
+    shape = kind(**{key: tuple(map(float, v)) if isinstance(v, list) else float(v) for key, v in fields.items()})
+    clearance = plain.get("clearance")
+    return Obstacle(name, shape, None if clearance is None else float(clearance), plain.get("mounting") is True)
+
+
 @dataclass(frozen=True)
 class World:
     """Shape of a robot, its obstacles, and the clearance between them.
@@ -153,6 +165,18 @@ class World:
                 for obstacle in self.obstacles
             },
         }
+
+    @classmethod
+    def from_dict(cls, plain: Mapping[str, Any]) -> World:
+        """Inverse of `to_dict`."""
+        return cls(
+            tuple(Part.from_dict(part) for part in plain["robot"]),
+            tuple(_obstacle(name, each) for name, each in plain["objects"].items()),
+            float(plain["clearance"]),
+            bool(plain["self_collision"]),
+            tuple((str(one), str(other)) for one, other in plain["ignore"]),
+            float(plain["tolerance"]),
+        )
 
     def check(self, robot: Robot) -> None:
         """Check that the world fits a robot.

@@ -35,7 +35,7 @@ GROUPS = {
     "Verification": ("excite.verification",),
     "Friction": ("excite.friction", "excite.files.friction_file"),
     "Payloads": ("excite.payload",),
-    "Exports": ("excite.export", "excite.posterior", "excite.files.posterior_file"),
+    "Exports": ("excite.export", "excite.posterior"),
     "Figures and reports": ("excite.plots", "excite.report"),
     "Errors": ("excite.errors", "regressors.errors"),
 }

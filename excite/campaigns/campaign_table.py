@@ -5,39 +5,44 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from constraints.bounds.certificate import LimitUse
 from excite.campaigns.cell import Cell
-from excite.campaigns.cell_folder import CELLS, read_record, stored_design
+from excite.campaigns.cell_folder import CELLS, read_cell, stored_design
 from excite.design.motion_limits import RecomputedLimits, recomputed_limits
 from excite.files.design_json import load_design
-from excite.files.stored import stored_content
 from excite.registry import name_of
-from excite.storage.atomic import replacing, write_json
-from excite.storage.commit import read_settled
-from excite.storage.destination import Destination
-from excite.storage.manifest import check_files
-from excite.storage.records import complete
-from excite.storage.result_folder import replace_result
-from regressors.arguments import check_of, checked, fit, words
+from excite.storage.atomic import replacing
+from excite.storage.records import read_record, write_record
+from regressors.arguments import checked
 from regressors.errors import InputError
 
-SCHEMA = "excite.campaign/1"
 KIND = "campaign"
 TABLE, JSON = "campaign.csv", "campaign.json"
 DESIGNED, BROKEN, LEFT = "designed", "exceeds limits", "not run"
 STATUSES = (DESIGNED, BROKEN, LEFT, "infeasible", "failed")
-_FACTS: Mapping[str, Any] = {  # of a design, which tables and figures show
-    **dict.fromkeys(("robot", "model"), str),
-    **dict.fromkeys(("parameters", "duration"), float),
-    **dict.fromkeys(("criterion", "limit_use"), float | None),
-}
 
 
-@checked
+@dataclass(frozen=True, kw_only=True)
+class CellFacts:
+    """What is known of a cell's design."""
+
+    robot: str
+    model: str
+    trajectory: str = ""
+    parameters: int  # of the base
+    duration: float  # of all that is played [s]
+    minimised: str = ""
+    criterion: float | None  # least value that was reached
+    tightest_limit: str | None = None
+    limit_use: float | None  # of the tightest limit
+    starts: int = 0
+    cpu_seconds: float | None = None  # processor time [s]
+
+
 @dataclass(frozen=True)
 class CampaignRow:
     """One cell of a campaign in numbers.
@@ -54,9 +59,8 @@ class CampaignRow:
         comparable; 0 without a design.
     criteria : mapping of str to float
         Of ``design.json``, see `excite.information.metrics.CONVENTIONS`; each at the rate and noise of its own task.
-    facts : mapping of str to object
-        Robot, model, parameters, duration [s], what was minimised, its value, the tightest limit and its use, the
-        number of starts and processor time [s].
+    facts : CellFacts, optional
+        Of the design.
     reason : str
         Why there is no design, or why its limits could not be computed.
     """
@@ -66,8 +70,15 @@ class CampaignRow:
     status: str
     group: int = 0
     criteria: Mapping[str, float | None] = field(default_factory=dict)
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    facts: CellFacts | None = None
     reason: str = ""
+
+    def __post_init__(self) -> None:
+        """Check that there is such an end, and facts of a design."""
+        if self.status not in STATUSES:
+            raise InputError(f"no cell ends {self.status!r}")
+        if self.group and self.facts is None:
+            raise InputError(f"cell {self.cell!r} has a design, but no facts of it")
 
     @property
     def condition(self) -> float:
@@ -78,7 +89,7 @@ class CampaignRow:
 
 @dataclass(frozen=True)
 class CampaignTable:
-    """The table of a campaign.
+    """The table of a campaign; the same when it is loaded.
 
     Parameters
     ----------
@@ -87,6 +98,11 @@ class CampaignTable:
     """
 
     rows: tuple[CampaignRow, ...]
+
+    def __post_init__(self) -> None:
+        """Check that there are cells."""
+        if not self.rows:
+            raise InputError("it has no cells")
 
     def __repr__(self) -> str:
         told = ", ".join(f"{count} {status}" for status, count in self.counts.items())
@@ -132,13 +148,11 @@ class CampaignTable:
         InputError
             The folder cannot be written to.
         """
-        folder = Path(folder)
-        with replace_result(folder, KIND) as staged:
-            with replacing(staged / TABLE) as stream:
-                header, *lines = _lines(self)
-                csv.writer(stream, lineterminator="\n").writerows([header, *lines])
-            write_json(staged / JSON, {"schema": SCHEMA, "rows": [asdict(row) for row in self.rows]})
-        return [folder / TABLE, folder / JSON]
+        return write_record(self, KIND, Path(folder), KIND, further={TABLE: self._write_lines})
+
+    def _write_lines(self, path: Path) -> None:
+        with replacing(path) as stream:
+            csv.writer(stream, lineterminator="\n").writerows(_lines(self))
 
 
 @checked
@@ -156,24 +170,7 @@ def load_campaign(folder: str | Path) -> CampaignTable:
         It cannot be read, or is of another kind.
     """
     path = Path(folder)
-    path = path if path.suffix == ".json" else path / JSON
-    return read_settled(Destination(path.parent), lambda: _loaded(path))
-
-
-def _loaded(path: Path) -> CampaignTable:
-    content = stored_content(path, SCHEMA)
-    if path.name == JSON:
-        check_files(path.parent, KIND, (JSON,))
-    with complete(path, "campaign"):
-        rows = tuple(CampaignRow(**row) for row in content["rows"])
-        if not rows:
-            raise ValueError("it has no cells")
-        for row in rows:
-            if row.status not in STATUSES:
-                raise ValueError(f"no cell ends {row.status!r}")
-            for name, kind in _FACTS.items() if row.group else ():
-                fit(name, row.facts[name], (check_of(kind), words(kind)))
-        return CampaignTable(rows)
+    return read_record(path if path.suffix == ".json" else path / JSON, CampaignTable, KIND)
 
 
 def campaign_table(cells: Iterable[Cell], folder: Path) -> CampaignTable:
@@ -183,7 +180,7 @@ def campaign_table(cells: Iterable[Cell], folder: Path) -> CampaignTable:
 
 
 def _row(cell: Cell, folder: Path, groups: dict[Any, int]) -> CampaignRow:
-    record, options = read_record(folder), dict(cell.options)
+    record, options = read_cell(folder), dict(cell.options)
     if record is not None and record.status:
         return CampaignRow(cell.name, options, record.status, reason=record.reason)
     design = stored_design(folder)
@@ -208,29 +205,28 @@ def _comparable(design: Mapping[str, Any]) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def _facts(cell: Cell, design: Mapping[str, Any], uses: Sequence[LimitUse]) -> dict[str, Any]:
+def _facts(cell: Cell, design: Mapping[str, Any], uses: Sequence[LimitUse]) -> CellFacts:
     tightest = max(uses, key=lambda use: use.use, default=None)
-    return {
-        "robot": design["robot"]["name"],
-        "model": name_of(cell.task.model.model),
-        "trajectory": design["trajectory"]["family"],
-        "parameters": design["base"]["rank"],
-        "duration": design["played"]["duration"],
-        "minimised": design["minimised"],
-        "criterion": min(
-            (start["value"] for start in design["solver"]["starts"] if start["value"] is not None), default=None
-        ),
-        "tightest_limit": None if tightest is None else tightest.label,
-        "limit_use": None if tightest is None else tightest.use,
-        "starts": len(design["solver"]["starts"]) + design["solver"].get("further_starts", 0),
-        "cpu_seconds": design["provenance"]["cpu_seconds"],
-    }
+    solver = design["solver"]
+    return CellFacts(
+        robot=design["robot"]["name"],
+        model=name_of(cell.task.model.model),
+        trajectory=design["trajectory"]["family"],
+        parameters=design["base"]["rank"],
+        duration=design["played"]["duration"],
+        minimised=design["minimised"],
+        criterion=min((start["value"] for start in solver["starts"] if start["value"] is not None), default=None),
+        tightest_limit=None if tightest is None else tightest.label,
+        limit_use=None if tightest is None else tightest.use,
+        starts=len(solver["starts"]) + solver.get("further_starts", 0),
+        cpu_seconds=design["provenance"]["cpu_seconds"],
+    )
 
 
 def _lines(table: CampaignTable) -> list[Sequence[Any]]:
     """Header and lines of the CSV file."""
     criteria = list(dict.fromkeys(name for row in table.rows for name in row.criteria))
-    facts = list(dict.fromkeys(name for row in table.rows for name in row.facts))
+    facts = [each.name for each in fields(CellFacts)] if table.groups else []
     varied = table.varied
     header = ["cell", "status", "group", *(f"grid.{name}" for name in varied), *criteria, *facts, "reason"]
     return [
@@ -238,7 +234,8 @@ def _lines(table: CampaignTable) -> list[Sequence[Any]]:
         *(
             [
                 row.cell, row.status, row.group or "", *(row.options.get(name, "") for name in varied),
-                *(row.criteria.get(name) for name in criteria), *(row.facts.get(name) for name in facts), row.reason,
+                *(row.criteria.get(name) for name in criteria), *(getattr(row.facts, name, None) for name in facts),
+                row.reason,
             ]
             for row in table.rows
         ),

@@ -10,7 +10,7 @@ from pathlib import Path
 import cloudpickle
 
 from constraints.feasibility.diagnosis import ContradictionError
-from excite.campaigns.cell_folder import FAILED, INFEASIBLE, CellRecord, packed, write_record
+from excite.campaigns.cell_folder import FAILED, INFEASIBLE, CellRecord, packed, write_cell
 from excite.design.formulation import formulate
 from excite.design.optimisation import solve
 from excite.errors import NoFeasibleMotionError
@@ -60,12 +60,12 @@ def design_cell(versions: Mapping[str, str], work: CellWork) -> CellResult:
 
 def _design_in(folder: Path, task: Task, work: CellWork) -> CellRecord:
     with result_folder(folder):
-        write_record(folder, work.record)
+        write_cell(folder, work.record)
         try:
             _design(folder, task, fresh=work.fresh)
         except Exception as error:  # whatever it is, the other cells run
             record = replace(work.record, status=_status(error), reason=_reason(error))
-            write_record(folder, record)
+            write_cell(folder, record)
             return record
     return work.record
 

@@ -6,18 +6,19 @@ import os
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from excite.files.design_folder import DESIGN, KIND, TRAJECTORY
 from excite.storage.atomic import read_json, replacing, write_json, writing
+from excite.storage.codec import content_of, record_of
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
 from excite.storage.manifest import check_files
+from excite.storage.migrations import schema_of
 from regressors.errors import InputError
 
-SCHEMA = "excite.cell/1"
 CELL, CELLS = "cell.json", "cells"
 INFEASIBLE, FAILED = "infeasible", "failed"
 _NEW, _OLD = ".new-", ".old-"
@@ -33,18 +34,16 @@ class CellRecord:
     reason: str = ""  # why there is no design
 
 
-def read_record(folder: Path) -> CellRecord | None:
+def read_cell(folder: Path) -> CellRecord | None:
     """The record of a cell's folder; None where there is none that can be read."""
-    with suppress(InputError, KeyError, TypeError):
-        if (folder / CELL).exists():
-            content = read_json(folder / CELL)
-            return CellRecord(content["sha256"], str(content["search"]), str(content["status"]), str(content["reason"]))
+    with suppress(InputError):
+        return record_of(CellRecord, read_json(folder / CELL), {}) if (folder / CELL).exists() else None
     return None
 
 
-def write_record(folder: Path, record: CellRecord) -> None:
+def write_cell(folder: Path, record: CellRecord) -> None:
     """Write the record of a cell into its folder."""
-    write_json(folder / CELL, {"schema": SCHEMA, **asdict(record)})
+    write_json(folder / CELL, {"schema": schema_of("cell"), **content_of(record)[0]})
 
 
 def stored_design(folder: Path) -> dict[str, Any] | None:

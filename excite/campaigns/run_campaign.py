@@ -19,9 +19,9 @@ from excite.campaigns.cell_folder import (
     CellRecord,
     clear_cells,
     place,
-    read_record,
+    read_cell,
     stored_design,
-    write_record,
+    write_cell,
 )
 from excite.campaigns.cell_identity import cell_identities
 from excite.design.problem_identity import PACKAGES
@@ -167,7 +167,7 @@ def cells_left(cells: Sequence[Cell], folder: Path, *, replace: bool = False, sh
     done, others, work = [], [], []
     for cell in cells:
         place_of_cell = folder / CELLS / cell.name
-        before = read_record(place_of_cell)
+        before = read_cell(place_of_cell)
         wanted = CellRecord(identities[cell.name], cell.task.search.extent)
         same = before is not None and before.sha256 == wanted.sha256 and wanted.sha256 is not None
         if before is not None and same and _is_done(before, wanted, place_of_cell):
@@ -210,7 +210,7 @@ def _ended(
     if isinstance(result, LostUnit):
         record = CellRecord(work.record.sha256, work.record.search, FAILED, result.reason)
         with result_folder(folder):
-            write_record(folder, record)
+            write_cell(folder, record)
     else:
         record = result.record
         if result.files:

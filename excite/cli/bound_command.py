@@ -12,11 +12,8 @@ from excite.cli.command import Command
 from excite.cli.options import Number, own_parts
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from excite.cli.summary import Summary
-    from excite.optimality.design_bound import CriterionBound, DesignBound
-    from excite.optimality.sensitivity import Sensitivity
+    from excite.views.view import View
 
 _CRITERIA = ("condition", "logdet", "sigma-min")
 _FEW = 5  # changes that the summary shows
@@ -56,9 +53,11 @@ def command(folder: Path, criteria: tuple[str, ...], seed: float, force: bool, p
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
+    from excite.cli.view_text import print_view
     from excite.optimality.design_bound import NAME, stored_bound
     from excite.optimality.sensitivity import sensitivity
     from excite.storage.records import json_of
+    from excite.views.prediction_view import bound_view
 
     design = excite.load_design(folder, parts)
     wanted, place = criteria or _CRITERIA[:1], folder if folder.suffix != ".json" else folder.parent
@@ -74,85 +73,23 @@ def command(folder: Path, criteria: tuple[str, ...], seed: float, force: bool, p
         others = () if known is None else (each for each in known.criteria if each.name not in wanted)
         result = replace(result, criteria=(*result.criteria, *others))
         files = result.save(place)
-    summary = _summary(result, files, None if files else NAME)
-    show(summary, lambda: json_of(result), lambda: _print(result))
+    view = bound_view(result)
+    show(_summary(view, files, None if files else NAME), lambda: json_of(result), lambda: print_view(view))
 
 
-def _summary(result: DesignBound, files: list[Path], read_from: str | None) -> Summary:
-    from excite.cli.summary import Summary, compact_table
+def _summary(view: View, files: list[Path], read_from: str | None) -> Summary:
+    from excite.cli.summary import Summary
+    from excite.cli.view_text import brief_table
 
-    rows = [
-        (each.described, f"{each.value:.4g}", f"{each.reached:.4g}", f"{each.efficiency:.0%}", _basis(each))
-        for each in result.criteria
-    ]
+    criteria, *changes = view.tables
     return Summary(
-        verdict=verdict_of(result.criteria[0]),
+        verdict=view.verdict,
         facts=[
-            f"{result.name}: bounds over all motions of the family within the limits; smaller criteria are better",
-            *compact_table("criterion", "bound", "design", "efficiency", "bound is", rows=rows),
-            *_changes(result.sensitivity),
+            view.summary[0],
+            *brief_table(criteria),
+            *(each for table in changes for each in brief_table(table, most=_FEW)),
+            *view.summary[1:],
         ],
-        notes=[*([f"read from {read_from}; --force computes it again"] if read_from else []), *result.assumptions],
+        notes=[*([f"read from {read_from}; --force computes it again"] if read_from else []), *view.remarks],
         files=files,
     )
-
-
-def _changes(result: Sensitivity | None) -> list[str | Table]:
-    """The changes that would bring most, and what their gains are."""
-    from excite.cli.summary import compact_table
-
-    if result is None or not result.rows:
-        return []
-    table = compact_table("change of the problem", result.criterion, "gain", rows=_rows(result), most=_FEW)
-    return [*table, f"{result.meaning}; without a change it is {result.reference:.4g}"]
-
-
-def _rows(result: Sensitivity) -> list[tuple[str, str, str]]:
-    return [(row.change, f"{row.value:.4g}", f"{row.gain:.1%}") for row in result.rows]
-
-
-def _basis(bound: CriterionBound) -> str:
-    return f"proven (estimated: {bound.estimate:.4g})" if bound.proven else bound.basis
-
-
-def verdict_of(bound: CriterionBound) -> str:
-    """One sentence on how far a design is from the best possible."""
-    times = bound.reached / bound.value
-    how = "is proven" if bound.proven else f"is {bound.basis}"
-    return (
-        f"The design's {bound.described}, {bound.reached:.4g}, is at most {times:.3g} times the best possible: "
-        f"no motion within the limits has less than {bound.value:.4g}, which {how}."
-    )
-
-
-def _print(result: DesignBound) -> None:
-    from rich.table import Table
-
-    from excite.cli.literal_console import console
-
-    table = Table()
-    for heading in ("criterion", "bound", "design", "efficiency", "basis", "estimate", "CPU [s]"):
-        table.add_column(heading, justify="left" if heading in ("criterion", "basis") else "right", overflow="fold")
-    for each in result.criteria:
-        row = (each.described, f"{each.value:.4g}", f"{each.reached:.4g}", f"{each.efficiency:.1%}", each.basis)
-        table.add_row(*row, f"{each.estimate:.4g}", f"{each.cpu_seconds:.1f}")
-    console().print(table)
-    if result.sensitivity is not None:
-        _print_changes(result.sensitivity)
-    for note in result.assumptions:
-        console().print(f"note: {note}", soft_wrap=True)
-
-
-def _print_changes(result: Sensitivity) -> None:
-    from rich.table import Table
-
-    from excite.cli.literal_console import console
-
-    table = Table()
-    for number, heading in enumerate(("change of the problem", result.criterion, "gain")):
-        table.add_column(heading, justify="right" if number else "left", overflow="fold")
-    table.add_row("none", f"{result.reference:.4g}", "")
-    for row in _rows(result):
-        table.add_row(*row)
-    console().print(table)
-    console().print(f"note: {result.meaning} ({result.cpu_seconds:.1f} s CPU)", soft_wrap=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,9 +10,6 @@ from excite.cli.command import Command
 from excite.cli.figure_options import FigureChoice, figure_options
 from excite.cli.options import Folder, Number, PartName
 from excite.registry import EXECUTORS
-
-if TYPE_CHECKING:
-    from excite.campaigns.campaign_table import CampaignTable
 
 _GROUPS = {"Execution": ("executor", "workers")}
 
@@ -68,24 +64,18 @@ def command(
     """Design every cell of the campaign FILE, or those that are left, and write all of them in one table."""
     import sys
 
-    from excite.cli.campaign_run import run_and_write
-    from excite.cli.campaign_text import campaign_summary, print_campaign
+    from excite.cli.campaign_run import campaign_summary, print_campaign, run_and_write
     from excite.cli.interrupts import interrupted_status
     from excite.cli.main import NOT_HELD
     from excite.cli.summary import show
+    from excite.storage.records import json_of
 
     ran = run_and_write(file, out, executor=executor, workers=workers, figures=figures, report=report, force=force)
     show(
         campaign_summary(ran.table, ran.files, out),
-        lambda: _content(ran.table, out),
+        lambda: {"out": str(out), "counts": ran.table.counts, **json_of(ran.table)},
         lambda: print_campaign(ran.table, ran.files),
     )
     if ran.interrupted:
         sys.exit(interrupted_status())
     sys.exit(0 if ran.table.holds else NOT_HELD)
-
-
-def _content(table: CampaignTable, out: Path) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    return {"out": str(out), "counts": table.counts, "rows": [asdict(row) for row in table.rows]}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,6 +12,10 @@ from excite.cli.command import Command
 from excite.cli.figure_options import figure_options
 from excite.cli.options import Folder, Names, Number, Numbers, Ranges, RobotName, reading_options
 from excite.cli.task_options import installation_of, task_options
+
+if TYPE_CHECKING:
+    from excite.cli.summary import Summary
+    from excite.views.view import View
 
 _NOT_HELD = 1
 
@@ -164,13 +169,14 @@ def command(
     tests. ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
     """
     import excite
-    from excite.cli.friction_plan_text import plan_summary, print_plan
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.files.friction_plan_folder import FIGURE, KIND, check_free, plan_content
+    from excite.friction.plan.friction_plan import FIGURE, KIND, check_no_plan
     from excite.storage.figure_names import figure_names
+    from excite.storage.records import json_of
     from excite.storage.result_folder import result_folder
     from excite.tasks.robot_of_task import installed_robot
+    from excite.views.friction_plan_view import friction_plan_view
 
     snapped = snap_angles is not False
     reading: dict[str, Any] = {"snap_angles": snapped, "xacro": bool(xacro), **installation_of(options)}
@@ -183,7 +189,7 @@ def command(
     chosen = {name: options[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
     tell("looking for poses and bounding torques")
     with result_folder(out):
-        check_free(out, figure_names([FIGURE], options["figures"].formats), replace=options["force"])
+        check_no_plan(out, figure_names([FIGURE], options["figures"].formats), replace=options["force"])
         plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
         files = plan.save(out, replace=options["force"])
         if figures := options["figures"]:
@@ -193,12 +199,37 @@ def command(
             tell("drawing")
             drawn = write_figure_files(lambda: {FIGURE: friction_plan_figure(plan)}, out, KIND, **figures.how)
             files = [*files, *drawn]
-    chosen_pose = options["pose"] is None
-    left_out = ("schema", "robot")
+    view = friction_plan_view(plan)
     show(
-        plan_summary(plan, files, chosen=chosen_pose),
-        lambda: {"out": str(out), **{k: v for k, v in plan_content(plan).items() if k not in left_out}},
-        lambda: print_plan(plan, files, chosen=chosen_pose),
+        _summary(view, files),
+        lambda: {"out": str(out), **{name: each for name, each in json_of(plan).items() if name != "robot"}},
+        lambda: _print(view, files),
     )
     if not plan.holds:
         ctx.exit(_NOT_HELD)
+
+
+def _summary(view: View, files: Sequence[Path]) -> Summary:
+    from excite.cli.summary import Summary
+    from excite.cli.view_text import brief_table
+
+    return Summary(
+        verdict=view.verdict,
+        holds=view.holds,
+        facts=[*view.summary, *brief_table(view.tables[0], left=2)],
+        notes=view.remarks,
+        files=files,
+        next_steps=[
+            "play each file and record positions and torques, then excite friction fit ROBOT LOG... --plan "
+            f"{files[0].parent} --out DIR"
+        ],
+        all_in="plan.json",
+    )
+
+
+def _print(view: View, files: Sequence[Path]) -> None:
+    from excite.cli.literal_console import console
+    from excite.cli.view_text import print_view
+
+    print_view(view)
+    console().print(f"written: {', '.join(map(str, files))}", soft_wrap=True)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from excite.cli.command import Command
 from excite.cli.options import Folder, Number, RobotName
 from excite.cli.payload_options import Share, frame_option, log_options, logs_of, robot_of, robot_options
+
+if TYPE_CHECKING:
+    from excite.cli.summary import Summary
+    from excite.views.view import View
 
 _CONTROLLERS = ("all", "none", "ur", "franka", "kuka", "abb", "urdf")
 
@@ -97,12 +102,12 @@ def command(
     """
     import excite
     from excite.cli.main import NOT_HELD
-    from excite.cli.payload_text import payload_summary, print_payload
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
     from excite.payload.payload_result import check_no_payload
     from excite.storage.records import json_of
     from excite.storage.result_folder import result_folder
+    from excite.views.payload_view import payload_view
 
     if bool(loaded) == bool(wrench):
         raise click.UsageError("give the logs of the motion with the load, as --with or as --wrench")
@@ -120,9 +125,38 @@ def command(
             **robot_of(given),
         )
         files = payload.save(out, controllers=chosen, replace=given["force"])
+    view = payload_view(payload)
     show(
-        payload_summary(payload, files),
+        _summary(view, files),
         lambda: {"out": str(out), **json_of(payload), "controllers": payload.texts(chosen)},
-        lambda: print_payload(payload, chosen, files),
+        lambda: _print(view, payload.texts(chosen), files),
     )
     sys.exit(NOT_HELD if payload.doubts else 0)
+
+
+def _summary(view: View, files: Sequence[Path]) -> Summary:
+    from excite.cli.summary import Summary
+    from excite.cli.view_text import brief_table
+
+    return Summary(
+        verdict=view.verdict,
+        holds=view.holds,
+        facts=[*view.summary, *brief_table(view.tables[0], most=len(view.tables[0].rows))],
+        notes=view.remarks,
+        files=files,
+        next_steps=["give mass and centre to the controller; the files hold them in its form"],
+        all_in="payload.json",
+    )
+
+
+def _print(view: View, texts: Mapping[str, Mapping[str, str]], files: Sequence[Path]) -> None:
+    """Print the numbers with their intervals, and the controllers' forms of them."""
+    from excite.cli.literal_console import console
+    from excite.cli.view_text import print_view
+
+    print_view(view)
+    out = console()
+    for name, each in texts.items():
+        out.print(f"\n{name}:", style="bold")
+        out.print(each["text"].rstrip(), soft_wrap=True)
+    out.print("written: " + ", ".join(map(str, files)), soft_wrap=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from excite.tasks.task import Task
 
 
+_NAMED = 6  # parameters of a motion that the summary names
 _OF_NEXT_MOTION = ("after", "noise", "of", "period", "starts", "task_file", "out", "force")
 
 
@@ -124,6 +125,7 @@ def command(
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
+    from excite.storage.records import json_of
 
     curves = None if friction_curves is None else excite.read_friction(Path(friction_curves))
     asked: dict[str, Any] = {
@@ -139,7 +141,7 @@ def command(
     tell("finding the parameters that each selection of drives identifies")
     campaign = excite.plan_campaign(task, at_once)
     design = _design_command(task, friction_curves)
-    show(_summary(campaign, design), lambda: asdict(campaign), lambda: _print(campaign, design))
+    show(_summary(campaign, design), lambda: json_of(campaign), lambda: _print(campaign, design))
 
 
 def _next_motion(
@@ -193,23 +195,15 @@ def _friction_words(name: str, chosen: bool | tuple[str, ...]) -> list[str]:
 
 
 def _summary(campaign: Campaign, design: str) -> Summary:
-    from excite.cli.summary import Summary, compact_table, some_of
+    from excite.cli.summary import Summary, some_of
+    from excite.cli.view_text import brief_table
+    from excite.views.campaign_view import campaign_view
 
-    rows = [
-        (str(number), ", ".join(step.drives), str(step.rank), some_of(step.parameters, 6))
-        for number, step in enumerate(campaign.steps, 1)
-    ]
-    most = max(len(step.drives) for step in campaign.steps)
-    count = len(campaign.steps)
+    view = campaign_view(campaign)
+    rows = tuple((*row[:-1], some_of(row[-1].split(", "), _NAMED)) for row in view.tables[0].rows)
     return Summary(
-        verdict=f"{count} motion{'s' * (count > 1)} of at most {most} drive{'s' * (most > 1)} identify all "
-        f"{campaign.rank} parameters of {campaign.robot} ({campaign.model} model)",
-        facts=[
-            f"joints {', '.join(campaign.joints)}; {len(campaign.subsets)} selections of drives were compared",
-            *compact_table(
-                "motion", "drives that move", "combinations", "then identified individually", rows=rows, left=4
-            ),
-        ],
+        verdict=view.verdict,
+        facts=[*view.summary, *brief_table(replace(view.tables[0], rows=rows), left=5)],
         next_steps=[_next_step(campaign, design)],
     )
 
@@ -219,30 +213,9 @@ def _next_step(campaign: Campaign, design: str) -> str:
 
 
 def _print(campaign: Campaign, design: str) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
     from excite.cli.literal_console import console
+    from excite.cli.view_text import print_view
+    from excite.views.campaign_view import campaign_view
 
-    out = console()
-    out.print(
-        Text(campaign.robot, style="bold"),
-        f": {len(campaign.steps)} motion(s) identify all {campaign.rank} parameters of the {campaign.model} "
-        f"model of joints {', '.join(campaign.joints)}",
-        sep="",
-        soft_wrap=True,
-    )
-    table = Table(title="campaign", title_justify="left", show_lines=True)
-    for heading in ("motion", "drives that move", "identifies", "newly identified individually"):
-        table.add_column(heading, overflow="fold")
-    for number, step in enumerate(campaign.steps, 1):
-        table.add_row(str(number), ", ".join(step.drives), "\n".join(step.expressions), ", ".join(step.parameters))
-    out.print(table)
-    out.print("parameters that each selection of drives identifies")
-    subsets = Table()
-    subsets.add_column("drives")
-    subsets.add_column("parameters", justify="right")
-    for drives, rank in campaign.subsets:
-        subsets.add_row(", ".join(drives), str(rank))
-    out.print(subsets)
-    out.print(f"next: {_next_step(campaign, design)}", soft_wrap=True)
+    print_view(campaign_view(campaign))
+    console().print(f"next: {_next_step(campaign, design)}", soft_wrap=True)

@@ -13,8 +13,8 @@ from excite.registry import ESTIMATORS, SIGNALS
 from excite.simulation.settings import AUTO
 
 if TYPE_CHECKING:
-    from excite.accuracy.accuracy_prediction import AccuracyPrediction
     from excite.cli.summary import Summary
+    from excite.views.view import View
 
 _MOST = 12  # parameters in the summary
 _GROUPS = {
@@ -84,69 +84,32 @@ def command(folder: Path, count: float, parts: tuple[str, ...], choose: bool, **
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
     from excite.storage.records import json_of
+    from excite.views.prediction_view import accuracy_view
 
     given = {name: value for name, value in options.items() if value is not None}
     design = excite.load_design(folder, parts)
     prediction = excite.predict_accuracy(design, choose=choose, count=int(count), progress=tell, **given)
     files = prediction.save(folder if folder.suffix != ".json" else folder.parent)
-    show(_summary(prediction, files), lambda: json_of(prediction), lambda: _print(prediction, files))
+    view = accuracy_view(prediction)
+    show(_summary(view, files), lambda: json_of(prediction), lambda: _print(view, files))
 
 
-def _summary(prediction: AccuracyPrediction, files: list[Path]) -> Summary:
-    from excite.cli.summary import Summary, compact_table
+def _summary(view: View, files: list[Path]) -> Summary:
+    from excite.cli.summary import Summary
+    from excite.cli.view_text import brief_table
 
-    worst = max(prediction.parameters, key=_relative)
     return Summary(
-        verdict=f"Repeats scatter most, in relation to its value, in {worst.name}: {_shown(worst)}",
-        facts=[
-            f"{len(prediction.parameters)} parameters of {prediction.robot}, {prediction.model} model; deviations to "
-            f"{100 * prediction.precision:.2g} % ({prediction.count} samples)",
-            *compact_table(*_HEAD, rows=_rows(prediction), most=_MOST),
-        ],
-        notes=prediction.notes,
+        verdict=view.verdict,
+        facts=[*view.summary, *brief_table(view.tables[0], most=_MOST)],
+        notes=view.remarks,
         files=files,
         all_in=files[0].name,
     )
 
 
-_HEAD = ("parameter", "unit", "expected", "by torques", "by motion", "deviation", "bias")
-
-
-def _relative(parameter: Any) -> float:
-    return float(parameter.deviation / abs(parameter.value)) if parameter.value else 0.0
-
-
-def _shown(parameter: Any) -> str:
-    return f"{parameter.deviation:.2g} {parameter.unit} of {parameter.value:.4g}"
-
-
-def _rows(prediction: AccuracyPrediction) -> list[tuple[str, ...]]:
-    return [
-        (
-            p.name,
-            p.unit,
-            f"{p.value:.4g}",
-            f"{p.by_torques:.2g}",
-            f"{p.by_motion:.2g}",
-            f"{p.deviation:.2g}",
-            "-" if p.bias is None else f"{p.bias:.2g}",
-        )
-        for p in prediction.parameters
-    ]
-
-
-def _print(prediction: AccuracyPrediction, files: list[Path]) -> None:
-    from rich.table import Table
-
+def _print(view: View, files: list[Path]) -> None:
     from excite.cli.literal_console import console
-    from excite.cli.messages import in_options
+    from excite.cli.view_text import print_view
 
-    table = Table(title="predicted accuracy of repeats", title_justify="left")
-    for heading in _HEAD:
-        table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")
-    for row in _rows(prediction):
-        table.add_row(*row)
-    console().print(table)
-    for note in prediction.notes:
-        console().print(f"note: {in_options(note)}", soft_wrap=True)
+    print_view(view)
     console().print(f"written: {', '.join(map(str, files))}", soft_wrap=True)

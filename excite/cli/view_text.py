@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     import rich.table
 
 _NUMBERS = (Format.NUMBER, Format.PERCENT)
-_BRIEF, _WHOLE = 3, 6  # significant digits of numbers
+_WHOLE = 6  # significant digits of numbers
 
 
-def brief_table(table: ViewTable, left: int = 1) -> list[str | rich.table.Table]:
+def brief_table(table: ViewTable, left: int = 1, most: int = 8) -> list[str | rich.table.Table]:
     """The brief columns of a table, for a summary; numbers stand with their unit."""
     short = table.brief
     units = [column.format is Format.UNIT for column in short.columns]
     headings = [column.heading for column, is_unit in zip(short.columns, units, strict=True) if not is_unit]
-    return compact_table(*headings, rows=[_with_units(short.columns, row) for row in short.rows], left=left)
+    return compact_table(*headings, rows=[_with_units(short.columns, row) for row in short.rows], left=left, most=most)
 
 
 def _with_units(columns: tuple[Column, ...], row: tuple[Any, ...]) -> list[str]:
@@ -32,13 +32,15 @@ def _with_units(columns: tuple[Column, ...], row: tuple[Any, ...]) -> list[str]:
         if column.format is Format.UNIT:
             texts[-1] = f"{texts[-1]} {value}"
         else:
-            texts.append(_text(column, value, _BRIEF))
+            texts.append(_text(column, value, column.digits))
     return texts
 
 
 def _text(column: Column, value: Any, digits: int) -> str:
+    if column.format is Format.KEPT:
+        return "yes" if value else "NO"
     if column.format not in _NUMBERS:
-        return str(value)
+        return in_options(str(value))
     if value is None or not math.isfinite(value):
         return column.missing or "-"
     return f"{value:.{digits}g}" if column.format is Format.NUMBER else f"{100 * value:.3g} %"
@@ -56,12 +58,14 @@ def print_verdict(view: View) -> None:
 def print_view(view: View) -> None:
     """Print all of a view but its verdict, which stands above, and its figures."""
     from rich.table import Table
+    from rich.text import Text
 
     out = console()
     for sentence in (*view.summary, *(f"note: {remark}" for remark in view.remarks)):
         out.print(in_options(sentence), soft_wrap=True)
     for table in (each for each in view.tables if not each.folded):
-        drawn = Table(title=table.title, title_justify="left")
+        out.print(Text(table.title, style="italic"), soft_wrap=True)
+        drawn = Table()
         for column in table.columns:
             drawn.add_column(column.heading, justify="right" if column.format in _NUMBERS else "left")
         for row in table.rows:

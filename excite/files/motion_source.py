@@ -9,10 +9,10 @@ from excite.design.designed_motion import DesignedMotion
 from excite.files.design_folder import DESIGN, TRAJECTORY
 from excite.files.design_folder import KIND as OF_DESIGN
 from excite.files.design_json import load_design
-from excite.files.friction_plan_folder import KIND as OF_PLAN
-from excite.files.friction_plan_folder import PLAN, read_plan
 from excite.files.sampled_motion import read_motion
 from excite.files.torque_ramp_columns import read_torque
+from excite.friction.plan.friction_plan import KIND as OF_PLAN
+from excite.friction.plan.friction_plan import PLAN, load_friction_plan
 from excite.simulation.source import MotionSource
 from excite.storage.commit import read_settled
 from excite.storage.content_hash import sha256_of
@@ -63,7 +63,7 @@ def _of_plan(file: Path) -> MotionSource:
             f"{file}: there is no {PLAN} of a friction plan in its folder; to play a file with a design, give the "
             f"folder of the design and `trajectory={str(file)!r}`"
         )
-    robot, _ = read_plan(file.parent)
+    robot = load_friction_plan(file.parent).robot
     check_files(file.parent, OF_PLAN, (PLAN, file.name))
     plan = {"folder": file.parent.resolve().name, "sha256": sha256_of(file.parent / PLAN)}
     return MotionSource(
@@ -77,5 +77,4 @@ def _of_plan(file: Path) -> MotionSource:
 
 
 def _some_file(folder: Path) -> str:
-    _, content = read_plan(folder)
-    return str(folder / str(content["trajectories"][0]["file"]))
+    return str(folder / load_friction_plan(folder).coordinates[0].file)

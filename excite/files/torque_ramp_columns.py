@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.files.sampled_motion import read_table
-from excite.files.trajectory_csv import SEGMENT
+from excite.logs.csv_motion import SEGMENT
 from excite.simulation.ramps import GivenTorque
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import drives_with_friction

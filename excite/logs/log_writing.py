@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.logs.csv_header import header_text
+from excite.logs.csv_motion import header_text
 from excite.logs.layout import CHANNELS
 from excite.logs.log import WRENCH, Log
 from excite.storage.atomic import replacing

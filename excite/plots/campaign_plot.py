@@ -97,5 +97,6 @@ def _colour(group: int) -> str:
 
 
 def _handle(row: CampaignRow, group: int) -> Line2D:
-    label = f"group {group}: {row.facts['robot']}, {row.facts['model']}, {row.facts['parameters']} parameters"
+    assert row.facts is not None
+    label = f"group {group}: {row.facts.robot}, {row.facts.model}, {row.facts.parameters} parameters"
     return Line2D([], [], color=_colour(group), marker=".", markersize=6.0, linestyle="", label=plain(label))

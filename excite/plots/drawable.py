@@ -14,10 +14,10 @@ from excite.campaigns.campaign_table import KIND as CAMPAIGN
 from excite.campaigns.campaign_table import CampaignTable
 from excite.design.design import Design
 from excite.design.stored_design import StoredDesign
-from excite.files.friction_plan_folder import KIND as PLAN
 from excite.friction.fit.friction_fit import KIND as FIT
 from excite.friction.fit.friction_fit import FrictionFit
-from excite.friction.plan.measurements import FrictionPlan
+from excite.friction.plan.friction_plan import KIND as PLAN
+from excite.friction.plan.friction_plan import FrictionPlan
 from excite.identification.identification import Identification
 from excite.payload.payload_motion import PayloadMotion
 from excite.plots import design_figures

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.style import BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, typeset
 from regressors.samples import Array
@@ -56,7 +56,7 @@ def _draw_position(ax: Axes, c: CoordinatePlan) -> None:
         ax.axvspan(*_span(c), color=_TEST, linewidth=0.0, zorder=0.5)
     value_axis(ax, f"position [{c.unit}]")
     ax.set_xlim(0.0, c.runs.duration)
-    head(ax, c.label, _GRAVITY[c.place.gravity])
+    head(ax, c.label, _GRAVITY.get(c.gravity, c.gravity))
 
 
 def _draw_velocity(ax: Axes, c: CoordinatePlan) -> None:
@@ -69,7 +69,7 @@ def _draw_velocity(ax: Axes, c: CoordinatePlan) -> None:
         ax.axhline(sign * c.pace.velocity, color=VERMILLION, linewidth=0.9, linestyle="--", zorder=1.5)
     value_axis(ax, f"velocity [{c.unit}/s]")
     ax.set_xlim(0.0, c.runs.duration)
-    left_out = ", ".join(f"{percent:g}" for percent in c.left_out)
+    left_out = ", ".join(f"{each.percent:g}" for each in c.left_out)
     head(ax, c.label, f"left out: {left_out} %" if left_out else "")
 
 

@@ -8,22 +8,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from excite.campaigns import campaign_table
+from excite.campaigns.campaign_table import JSON as CAMPAIGN_TABLE
+from excite.campaigns.campaign_table import KIND as CAMPAIGN
 from excite.campaigns.campaign_table import CampaignTable, load_campaign
 from excite.design.campaign import Campaign
 from excite.design.designed_motion import DesignedMotion
-from excite.files import (
-    design_folder,
-    friction_plan_folder,
-    result_json,
-)
+from excite.files import design_folder, result_json
 from excite.files.design_json import load_design
 from excite.files.result_json import load_result
 from excite.friction.fit.friction_fit import FIT, FrictionFit, load_friction_fit
 from excite.friction.fit.friction_fit import KIND as FRICTION_FIT
+from excite.friction.plan.friction_plan import KIND as FRICTION_PLAN
+from excite.friction.plan.friction_plan import PLAN, FrictionPlan, load_friction_plan
 from excite.identification.identification import Identification
 from excite.report.campaign_section import campaign_of
-from excite.report.restored_friction_plan import StoredFrictionPlan, load_friction_plan
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
@@ -35,12 +33,14 @@ from excite.verification.verification import Verification, load_verification
 from regressors.arguments import check_of, fit
 from regressors.errors import InputError
 
+Record = Verification | TimeStudy | FrictionPlan | FrictionFit | CampaignTable
+
 
 @dataclass(frozen=True)
 class Filed:
     """A record, and the file that it was read from."""
 
-    record: Verification | TimeStudy | FrictionFit
+    record: Record
     path: Path
 
 
@@ -51,12 +51,12 @@ Subject = (
     | Verification
     | Campaign
     | CampaignTable
-    | StoredFrictionPlan
+    | FrictionPlan
     | FrictionFit
     | TimeStudy
 )
 _KINDS = get_args(Subject)
-_RECORDS = (FIT, "study.json", "verification*.json")
+_RECORDS = (PLAN, CAMPAIGN_TABLE, FIT, "study.json", "verification*.json")
 
 
 def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Subject]:
@@ -85,10 +85,8 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
     readers: dict[str, Callable[[Path], Subject]] = {
         design_folder.DESIGN: partial(load_design, part=part),
         result_json.RESULT: partial(load_result, part=part),
-        friction_plan_folder.PLAN: load_friction_plan,
-        campaign_table.JSON: load_campaign,
     }
-    found = [read(folder) for name, read in readers.items() if _is_own(folder / name)]
+    found = [read(folder) for name, read in readers.items() if (folder / name).exists()]
     found += [read for path in _files(folder) if (read := _record(path, read_json(path).get("schema"))) is not None]
     if not found:
         raise InputError(
@@ -106,21 +104,14 @@ def _files(folder: Path) -> list[Path]:
 
 def _record(path: Path, schema: object) -> Filed | None:
     """The record that a file holds; None where it is of another kind."""
-    readers: dict[str, Callable[[Path], Verification | TimeStudy | FrictionFit]] = {
+    readers: dict[str, Callable[[Path], Record]] = {
         VERIFICATION: load_verification,
         STUDY: load_time_study,
+        FRICTION_PLAN: load_friction_plan,
+        CAMPAIGN: load_campaign,
         FRICTION_FIT: load_friction_fit,
     }
     return next((Filed(read(path), path) for kind, read in readers.items() if is_of_kind(kind, schema)), None)
-
-
-def _is_own(path: Path) -> bool:
-    """Whether a file is there; of a name that others have too, whether it is ours."""
-    schemas = {
-        friction_plan_folder.PLAN: friction_plan_folder.SCHEMA,
-        campaign_table.JSON: campaign_table.SCHEMA,
-    }
-    return path.exists() and (path.name not in schemas or read_json(path).get("schema") == schemas[path.name])
 
 
 def _of_file(path: Path, part: Collection[str]) -> Subject:
@@ -133,10 +124,6 @@ def _of_file(path: Path, part: Collection[str]) -> Subject:
         return load_result(path, part)
     if (record := _record(path, schema)) is not None:
         return record
-    if schema == friction_plan_folder.SCHEMA:
-        return load_friction_plan(path.parent)
-    if schema == campaign_table.SCHEMA:
-        return load_campaign(path)
     if schema is None and {"steps", "subsets"} <= set(content):
         return campaign_of(content, path)
     raise InputError(

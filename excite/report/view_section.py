@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from excite.report.provenance_facts import facts
-from excite.report.sections import ReportCell, ReportFigure, ReportSection, ReportTable, number, percent, unit
+from excite.report.sections import ReportCell, ReportFigure, ReportSection, ReportTable, kept, number, percent, unit
 from excite.views.view import Column, Format, View, ViewTable
 
 _CELLS: dict[Format, Callable[[Any], ReportCell]] = {
@@ -15,6 +15,7 @@ _CELLS: dict[Format, Callable[[Any], ReportCell]] = {
     Format.UNIT: unit,
     Format.NUMBER: number,
     Format.PERCENT: percent,
+    Format.KEPT: kept,
 }
 
 

@@ -14,9 +14,9 @@ from excite.design.stored_design import StoredDesign
 from excite.errors import TakenError
 from excite.files.world_file import world_of
 from excite.friction.fit.friction_fit import FrictionFit
+from excite.friction.plan.friction_plan import FrictionPlan
 from excite.identification.identification import Identification
-from excite.report.campaign_section import campaign_section, designs_of
-from excite.report.campaign_table_section import campaign_table_section
+from excite.report.campaign_section import campaign_section, cells_section
 from excite.report.comparison_section import comparison_section, parameters_section
 from excite.report.design_section import design_section
 from excite.report.friction_fit_section import friction_fit_section
@@ -24,7 +24,6 @@ from excite.report.friction_plan_section import friction_plan_section
 from excite.report.page_text import page_text
 from excite.report.player_log import Appearance
 from excite.report.player_shapes import matches
-from excite.report.restored_friction_plan import StoredFrictionPlan
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
 from excite.report.subjects import Filed, Subject, subjects_of
@@ -34,6 +33,7 @@ from excite.storage.atomic import replacing
 from excite.storage.records import complete
 from excite.storage.result_file import replace_files, result_file
 from excite.timecourse.time_study import TimeStudy
+from excite.views.campaign_view import designs_of
 from regressors.arguments import checked
 from regressors.errors import ExciteError, InputError
 
@@ -163,8 +163,6 @@ def _source(subject: Subject) -> tuple[Path, str] | None:
         return subject.folder, "design"
     if isinstance(subject, Identification):
         return None if subject.folder is None else (subject.folder, "result")
-    if isinstance(subject, StoredFrictionPlan):
-        return subject.folder, "friction plan"
     return (subject.path, type(subject.record).__name__.lower()) if isinstance(subject, Filed) else None
 
 
@@ -175,11 +173,11 @@ def _built(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[S
         return result_section(subject, prefix, looks)
     if isinstance(subject, Campaign):
         return campaign_section(subject, [each for each in of_page if isinstance(each, DesignedMotion)])
-    if isinstance(subject, CampaignTable):
-        return campaign_table_section(subject, prefix)
-    if isinstance(subject, StoredFrictionPlan):
-        return friction_plan_section(subject, prefix, looks)
     record, path = (subject.record, subject.path) if isinstance(subject, Filed) else (subject, None)
+    if isinstance(record, CampaignTable):
+        return cells_section(record, prefix)
+    if isinstance(record, FrictionPlan):
+        return friction_plan_section(record, prefix, looks, path)
     if isinstance(record, FrictionFit):
         return friction_fit_section(record, prefix, path)
     if isinstance(record, TimeStudy):

@@ -28,8 +28,10 @@ from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import cattrs
 import numpy as np
+from cattrs.cols import homogenous_tuple_structure_factory
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
+from constraints.collision.geometry import World
 from regressors.errors import InputError
 from regressors.robot.archive import robot_from_description
 from regressors.robot.robot import Robot
@@ -46,6 +48,7 @@ def named(entry: str) -> Mapping[str, str]:
 _ARRAY = "array"
 _WORDS = {"inf": np.inf, "-inf": -np.inf, "nan": np.nan}
 Arrays = dict[str, Any]
+Beside = Mapping[str, Callable[[Any], Any]]
 Record = TypeVar("Record")
 
 
@@ -101,12 +104,15 @@ def _converter() -> cattrs.Converter:
         made.register_structure_hook(kind, _exactly)
     made.register_unstructure_hook(float, lambda value: float(value) if np.isfinite(value) else str(float(value)))
     made.register_structure_hook(float, _number)
+    made.register_structure_hook_factory(_is_tuple, lambda kind: _tuple(homogenous_tuple_structure_factory(kind, made)))
     made.register_unstructure_hook_func(lambda kind: _is(kind, np.ndarray), lambda array: array)
     made.register_structure_hook_func(lambda kind: _is(kind, np.ndarray), _numbers)
     made.register_unstructure_hook_func(lambda kind: _is(kind, Enum), lambda member: member.name)
     made.register_structure_hook_func(lambda kind: _is(kind, Enum), lambda name, kind: kind[_exactly(name, str)])
     made.register_unstructure_hook(Robot, _described)
     made.register_structure_hook(Robot, _robot)
+    made.register_unstructure_hook(World, lambda world: world.to_dict())
+    made.register_structure_hook(World, lambda content, _: World.from_dict(content))
     made.register_unstructure_hook_factory(_is_record, lambda kind: _writer(kind, made))
     made.register_structure_hook_factory(_is_record, lambda kind: _reader(kind, made))
     return made
@@ -118,7 +124,22 @@ def _is(kind: Any, base: type) -> bool:
 
 
 def _is_record(kind: Any) -> bool:
-    return isinstance(kind, type) and is_dataclass(kind) and kind is not Robot
+    return isinstance(kind, type) and is_dataclass(kind) and kind not in (Robot, World)
+
+
+def _is_tuple(kind: Any) -> bool:
+    return get_origin(kind) is tuple and get_args(kind)[-1] is Ellipsis
+
+
+def _tuple(read: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Reader of tuples from lists alone: a text is no list of letters."""
+
+    def checked(value: Any, kind: Any) -> Any:
+        if not isinstance(value, list | tuple):
+            raise TypeError(f"expected a list, given {value!r:.40}")
+        return read(value, kind)
+
+    return checked
 
 
 def _exactly(value: Any, kind: type) -> Any:
@@ -178,7 +199,7 @@ def _writer(kind: type, converter: cattrs.Converter) -> Callable[[Any], dict[str
         kind, converter, **cast("Any", _overrides(kind) | objects)
     )
     inline, listed = _inline(kind), getattr(kind, "listed", False)
-    beside: Mapping[str, Callable[[Any], Any]] = getattr(kind, "beside", {})
+    beside: Beside = getattr(kind, "beside", {})
 
     def write(record: Any) -> dict[str, Any]:
         record = record.stored() if hasattr(record, "stored") else record
@@ -237,7 +258,10 @@ def _first(error: BaseException, place: str = "") -> str:
     if isinstance(error, cattrs.BaseValidationError):
         part, kind = error.exceptions[0], getattr(error, "cl", object)
         step = _step(part)
-        return _first(part, place if _is_record(kind) and step[1:] in _inline(kind) else place + step)
+        if _is_record(kind) and step.startswith("."):
+            inline = step[1:] in _inline(kind)
+            step = "" if inline else f".{_entries(kind).get(step[1:], step[1:])}"
+        return _first(part, place + step)
     if isinstance(error, KeyError):
         inside = place.removesuffix(f".{error.args[0]}").lstrip(".")
         return f"{inside}: {error} is missing" if inside else f"{error} is missing"

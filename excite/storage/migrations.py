@@ -15,7 +15,10 @@ import numpy as np
 from excite.storage.atomic import read_json
 from regressors.errors import InputError
 
-SCHEMAS = {"accuracy": 2, "bound": 2, "friction-fit": 2, "payload": 2, "result": 2, "study": 2, "verification": 2}
+SCHEMAS = {
+    "accuracy": 2, "bound": 2, "campaign": 2, "cell": 1, "friction-fit": 2, "friction-plan": 2, "payload": 2,
+    "posterior": 2, "result": 2, "study": 2, "verification": 2,
+}  # fmt: skip
 Content = dict[str, Any]
 Migration = Callable[[Content, Content, Path], tuple[Content, Content]]
 
@@ -360,11 +363,53 @@ def _unknown(value: Any) -> Any:
     return "nan" if value is None else value
 
 
+def _friction_plan_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """The schedule stood once, a place had no range beyond its stroke, and null was infinite or not known."""
+    schedule = _entries_infinite(content["schedule"])
+    return {**content, "trajectories": [_coordinate_2(each, schedule) for each in content["trajectories"]]}, arrays
+
+
+def _coordinate_2(each: Content, schedule: Content) -> Content:
+    stroke, ramps = each["stroke"], each["torque_ramps"]
+    if ramps is not None:
+        steps = round(ramps["duration"] * schedule["rate"])
+        ramps = {**_gravity_2(ramps), "steps": steps, "rate": schedule["rate"]}
+    return {
+        **each,
+        **{"low": -stroke, "high": stroke, "below": "", "above": "", "schedule": schedule, "torque_ramps": ramps},
+        "largest_gravity": "nan" if each["largest_gravity"] is None else each["largest_gravity"],
+        "windows": [_gravity_2(window) for window in each["windows"]],
+    }
+
+
+def _gravity_2(each: Content) -> Content:
+    return {**each, "gravity": "nan" if each["gravity"] is None else each["gravity"]}
+
+
+def _posterior_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """Names were arrays alone where the values are, and what is not a number was null."""
+    names: Content = {
+        name: arrays[name].tolist() for name in ("names", "units", "base_names", "base_units") if name in arrays
+    }
+    numbers = {name: content[name] for name in ("prior", "distance", "effective", "split_deviation")}
+    floats = {name: "nan" if value is None else value for name, value in numbers.items()}
+    references = {name: {"array": name} for name in ("values", "base_matrix")}
+    return {**content, **names, **floats, **references}, arrays
+
+
+def _campaign_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """Cells without a design had empty facts."""
+    return {**content, "rows": [{**row, "facts": row["facts"] or None} for row in content["rows"]]}, arrays
+
+
 _MIGRATIONS: dict[tuple[str, int], Migration] = {
     ("accuracy", 1): _accuracy_2,
     ("bound", 1): _bound_2,
+    ("campaign", 1): _campaign_2,
     ("friction-fit", 1): _friction_fit_2,
+    ("friction-plan", 1): _friction_plan_2,
     ("payload", 1): _payload_2,
+    ("posterior", 1): _posterior_2,
     ("result", 1): _result_2,
     ("study", 1): _study_2,
     ("verification", 1): _verification_2,

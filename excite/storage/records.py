@@ -32,6 +32,7 @@ def write_record(
     figures: Collection[str] = (),  # stems of its figures: those of the record that is replaced leave
     further: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),  # what writes each further file, by name
     entry: str = "",  # of the manifest; the stem if not given
+    older: Collection[str] = (),  # files of an earlier version that leave
     objects: Mapping[str, Any] = MappingProxyType({}),  # entries of the fields that the codec leaves to the caller
 ) -> list[Path]:
     """Write a record into a folder, made if it does not exist; one of the same stem is replaced."""
@@ -40,8 +41,8 @@ def write_record(
     curves = curves_file(stem)
     names = [*further, file, *([curves] if arrays else ())]
     with result_folder(folder) as run:
-        older = figure_names(figures) if (folder / file).exists() else []
-        with replace_result(folder, entry or stem, run=run, older=older) as staged:
+        drawn = figure_names(figures) if (folder / file).exists() else []
+        with replace_result(folder, entry or stem, run=run, older=[*older, *drawn]) as staged:
             for name, write in further.items():
                 write(staged / name)
             if arrays:

@@ -15,6 +15,7 @@ class Format(Enum):
     UNIT = "unit"  # of the numbers beside it
     NUMBER = "number"
     PERCENT = "percent"  # of a fraction
+    KEPT = "kept"  # whether a limit holds
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Column:
     format: Format = Format.NUMBER
     brief: bool = False  # True for the few columns that a short summary shows
     missing: str = ""  # stands for None and for what is not finite, such as ``never``; a dash if not given
+    digits: int = 3  # significant digits of its numbers in a short summary
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from excite.campaigns.cell import Cell
-from excite.campaigns.cell_folder import CELLS, SCHEMA
+from excite.campaigns.cell_folder import CELLS
 from excite.campaigns.cell_identity import cell_identities
 from excite.design.formulation import formulate
 from excite.design.optimisation import solve
 from excite.files.design_folder import design_content
+from excite.storage.migrations import schema_of
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 
@@ -44,6 +45,6 @@ def copies(cells: Sequence[Cell], root: Path, change: Callable[[int, dict[str, A
         folder.mkdir(parents=True)
         content = json.loads(_content(str(starts)))
         change(number, content)
-        record = {"schema": SCHEMA, "sha256": identities[cell.name], "status": "", "reason": ""}
+        record = {"schema": schema_of("cell"), "sha256": identities[cell.name], "status": "", "reason": ""}
         (folder / "design.json").write_text(json.dumps(content))
         (folder / "cell.json").write_text(json.dumps({**record, "search": cell.task.search.extent}))

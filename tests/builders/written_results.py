@@ -34,12 +34,12 @@ from excite.design.multistart import write_start
 from excite.design.problem_identity import ProblemIdentity
 from excite.files.design_json import load_design
 from excite.files.friction_file import read_friction
-from excite.files.friction_plan_folder import read_plan
 from excite.files.result_json import load_result
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.friction.fit.points import Point
+from excite.friction.plan.friction_plan import load_friction_plan
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.logs.sidecar import read_sidecar
@@ -351,7 +351,7 @@ COMMANDS = {
     "verify": Command(
         _same("verify any run.csv --out OUT"), _stub_verify, _settled("verification-run.json"), forced=False
     ),
-    "friction plan": Command(_same("friction plan irp6 --out OUT"), _stub_plan, lambda folder: read_plan(folder)),
+    "friction plan": Command(_same("friction plan irp6 --out OUT"), _stub_plan, load_friction_plan),
     "friction fit": Command(_same("friction fit irp6 run.csv --out OUT"), _stub_fit, _read_fit),
     "export": Command(
         _same("export designs/any --format ros2-yaml --out OUT"), _stub_export, _read_export, out="play/goal.yaml"

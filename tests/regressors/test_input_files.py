@@ -11,7 +11,6 @@ from excite.campaigns.campaign_file import read_campaign_file
 from excite.files.friction_file import read_friction
 from excite.files.load_file import read_load
 from excite.files.mesh import MeshError, mesh_corners
-from excite.files.posterior_file import load_posterior
 from excite.files.precision_target_file import read_precision_target
 from excite.files.prior_file import read_prior
 from excite.files.sampled_motion import read_motion
@@ -22,6 +21,7 @@ from excite.files.world_file import read_world
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.payload.gains_file import read_gains
+from excite.posterior.posterior_samples import load_posterior
 from excite.storage.atomic import read_json
 from regressors import input_files
 from regressors.errors import InputError

@@ -14,11 +14,10 @@ from excite.export.models.export_model import chosen_format, chosen_result, comm
 from excite.export.models.exported_model import model_of_result, model_of_sample
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_format import ModelFormat
-from excite.files.posterior_file import NPZ, posterior_content
 from excite.files.ranges_yaml import ranges_text
 from excite.identification.identification import Identification
 from excite.posterior.chains import path_count
-from excite.posterior.posterior_samples import LEVEL, PosteriorSamples
+from excite.posterior.posterior_samples import LEVEL, NPZ, PosteriorSamples
 from excite.posterior.sample_posterior import PRIOR, sample_posterior
 from excite.registry import name_of
 from excite.storage.atomic import read_json, replacing, write_json
@@ -142,7 +141,7 @@ class _Ensemble:
         """Samples, ranges and robots; True if Ctrl-C ended that early."""
         origin = comment_of(self.model, (f"ranges of {100 * level:g} % of the posterior", *self.drawn.notes))
         try:
-            self._add(SAMPLES, posterior_content(self.drawn, NPZ))
+            self._add(SAMPLES, self.drawn.file_content(NPZ))
             self._add(RANGES, ranges_text(self.drawn, level, origin).encode("utf-8"))
             for number in range(count):
                 self._add_robot(number, count)

@@ -16,7 +16,7 @@ from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model, identified_model
-from excite.friction.plan.measurements import FrictionPlan
+from excite.friction.plan.friction_plan import FrictionPlan, load_friction_plan
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
 from excite.logs.gaps import segments
@@ -120,13 +120,10 @@ def _plan(robot: Robot, plan: PlanLike | None) -> Mapping[str, PlannedRuns] | No
     """Planned runs of each drive."""
     if plan is None:
         return None
-    if isinstance(plan, FrictionPlan):
-        planned, content = plan.robot, built_in("writer", "friction plan content")(plan)
-    else:
-        planned, content = built_in("reader", "friction plan")(_folder(plan))
-    if planned.sha256() != robot.sha256():
-        raise InputError(f"{_name(plan)} is a plan for {planned.name}, not for {robot.name} as given here")
-    return planned_runs(content, _name(plan))
+    planned = plan if isinstance(plan, FrictionPlan) else load_friction_plan(_folder(plan))
+    if planned.robot.sha256() != robot.sha256():
+        raise InputError(f"{_name(plan)} is a plan for {planned.robot.name}, not for {robot.name} as given here")
+    return planned_runs(planned, _name(plan))
 
 
 def _folder(plan: MotionSource | Simulation | str | Path) -> Path:

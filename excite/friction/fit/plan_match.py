@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.signal
 
 from excite.friction.fit.points import DriveLog
+from excite.friction.plan.friction_plan import FrictionPlan
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -106,29 +106,22 @@ class PlanMatch:
         return self.astray <= FAR
 
 
-def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns]:
-    """Runs of every drive of a plan."""
+def planned_runs(plan: FrictionPlan, name: str) -> dict[str, PlannedRuns]:
+    """Runs of every drive of a plan, which has this name in messages."""
     runs_of = {}
-    for each in content["trajectories"]:
-        drive, *more = each["turns"]
+    for c in plan.coordinates:
+        drive, *more = c.turns
         if more:
             raise InputError(
-                f"{plan}: {each['coordinate']} moves the drives {', '.join(each['turns'])} together, so the friction "
-                "of each cannot be separated; give `plan_friction` the `drives`"
+                f"{name}: {c.label} moves the drives {', '.join(c.turns)} together, so the friction of each cannot be "
+                "separated; give `plan_friction` the `drives`"
             )
-        centre = float(each["centre"])
-        windows = tuple(
-            PlannedWindow(float(w["start"]), float(w["end"]), float(w["first"]) - centre, float(w["last"]) - centre)
-            for w in each["windows"]
-        )
-        creeps = tuple((float(part["start"]), float(part["end"])) for part in each["stiction"])
-        place = each["pose"], each["direction"], each["gravity"]
-        ramps = tuple(
-            PlannedRamp(float(ramp["start"]), float(ramp["end"]), float(ramp["rate"]))
-            for ramp in (each.get("torque_ramps") or {"ramps": []})["ramps"]
-        )
-        creep = float(content["schedule"]["creep"]) / 100.0 * float(each["velocity"])
-        runs_of[str(drive)] = PlannedRuns(plan, str(drive), *place, windows, creeps, ramps, creep)
+        windows = tuple(PlannedWindow(w.start, w.end, w.first - c.centre, w.last - c.centre) for w in c.windows)
+        creeps = tuple((test["start"], test["end"]) for test in c.tests)
+        ramps = () if c.ramps is None else c.ramps.ramps
+        rises = tuple(PlannedRamp(ramp.start, ramp.end, ramp.rate) for ramp in ramps)
+        creep = c.schedule.creep / 100.0 * c.pace.velocity
+        runs_of[drive] = PlannedRuns(name, drive, c.pose, c.direction, c.gravity, windows, creeps, rises, creep)
     return runs_of
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from constraints.collision.geometry import World
 from constraints.linear import LinearConstraint, linear_limits
 from excite.friction.plan.clearances import CollisionChecks
-from excite.friction.plan.measurements import CoordinatePlan, Distance, FrictionPlan, Passage, Window
+from excite.friction.plan.friction_plan import CoordinatePlan, Distance, FrictionPlan, Passage, SkippedSpeed, Window
 from excite.friction.plan.plan_memory import plan_prediction
 from excite.friction.plan.pose import Gravity, Place, found_place, given_place
 from excite.friction.plan.run_sequence import RunSequence, run_sequence_of
@@ -64,10 +64,9 @@ def friction_plan(
     collision_checks = None if world is None else CollisionChecks(robot, world)
     about = _About(robot, schedule, limits, Gravity(robot), collision_checks, pose, balanced, seed)
     planned = [_coordinate_plan(about, motion, torque) for motion, torque in zip(motions, largest, strict=True)]
-    if collision_checks is None:
-        return FrictionPlan(robot, schedule, tuple(planned))
-    passages = _passages(robot, planned, collision_checks)
-    return FrictionPlan(robot, schedule, tuple(planned), world, passages, collision_checks.notes)
+    passages = () if collision_checks is None else _passages(robot, planned, collision_checks)
+    notes = () if collision_checks is None else collision_checks.notes
+    return FrictionPlan(robot, tuple(planned), world, passages, notes, pose is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,21 +131,27 @@ def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None)
     checks = about.collision_checks
     distances = None if checks is None else _distances(checks, sequence.runs, pose, line, centre)
     return CoordinatePlan(
-        label,
-        motion.units[0],
-        tuple(name for _, name, _ in turning_drives(robot, line)),
-        motion,
-        place,
-        centre,
-        float(np.abs(g).max()),
-        pace,
-        sequence,
-        tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in sequence.windowed),
-        (*certificates(sequence.runs, pose, motion, about.limits), *uses),
-        unchecked,
-        distances,
-        ramps,
-        no_ramps,
+        label=label,
+        unit=motion.units[0],
+        turns=tuple(name for _, name, _ in turning_drives(robot, line)),
+        pose=dict(zip(robot.joint_names, pose.tolist(), strict=True)),
+        direction=dict(zip(robot.joint_names, line.tolist(), strict=True)),
+        centre=centre,
+        low=place.low,
+        high=place.high,
+        gravity=place.gravity,
+        below=place.below,
+        above=place.above,
+        largest_gravity=float(np.abs(g).max()),
+        pace=pace,
+        schedule=schedule,
+        windows=tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in sequence.windowed),
+        left_out=tuple(SkippedSpeed(percent, reason) for percent, reason in sequence.left_out.items()),
+        limits=(*certificates(sequence.runs, pose, motion, about.limits), *uses),
+        torques_unchecked=unchecked,
+        distances=distances,
+        ramps=ramps,
+        no_ramps=no_ramps,
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from constraints.collision.geometry import World
-from excite.friction.plan.measurements import FrictionPlan
+from excite.friction.plan.friction_plan import FrictionPlan
 from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.registry import built_in

@@ -7,16 +7,20 @@ friction: the controller adds the gravity torque of the pose.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from excite.friction.plan.runs import REST
 from excite.friction.plan.schedule import Schedule
+from excite.storage.codec import Beside
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
+STICTION = ".stiction"  # of the file with the ramps
 STATED = 1.5  # times the friction that the robot's description states
 CAP = 0.5  # of the torque limit, unless a torque is given
 
@@ -36,6 +40,9 @@ class Ramp:
 class TorqueRamps:
     """Ramps of one drive's torque."""
 
+    beside: ClassVar[Beside] = {"duration": lambda ramps: ramps.duration}
+
+    file: str  # name of their file, such as ``z1.stiction.csv``
     drive: str  # the drive, and the unit of its torque: ``Nm`` or ``N``
     unit: str
     largest: float  # torque at the end of each [Nm or N]
@@ -97,7 +104,13 @@ def torque_ramps(
     if largest is None:
         return None, origin
     ramps, steps = _schedule(schedule, label, largest, 1.0 if slope > 0 else -1.0)
-    return TorqueRamps(drive, unit, largest, origin, gravity, ramps, steps, schedule.rate), ""
+    file = file_name(label, STICTION)
+    return TorqueRamps(file, drive, unit, largest, origin, gravity, ramps, steps, schedule.rate), ""
+
+
+def file_name(label: str, ending: str = "") -> str:
+    """Name of a coordinate's trajectory file, such as ``z1.csv``, or of that with its ramps, ``z1.stiction.csv``."""
+    return re.sub(r"[^\w.-]", "_", label) + ending + ".csv"
 
 
 def turning_drives(robot: Robot, line: Array) -> list[tuple[int, str, float]]:

@@ -15,9 +15,9 @@ from campaign_cells import copies
 import excite
 from excite.campaigns.campaign_table import CampaignTable, campaign_table
 from excite.campaigns.cell import Cell
-from excite.campaigns.cell_folder import CELLS, read_record, write_record
+from excite.campaigns.cell_folder import CELLS, read_cell, write_cell
 from excite.campaigns.run_campaign import cells_left
-from excite.cli.campaign_text import campaign_summary
+from excite.cli.campaign_run import campaign_summary
 from excite.cli.summary import show
 from excite.files.task_file import task_content
 from excite.tasks.task import Task
@@ -47,9 +47,9 @@ def root(cells: list[Cell], tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     copies(cells, root, change)
     broken = root / CELLS / cells[5].name
-    before = read_record(broken)
+    before = read_cell(broken)
     assert before is not None
-    write_record(broken, replace(before, status="infeasible", reason="no \x1b[31mway"))
+    write_cell(broken, replace(before, status="infeasible", reason="no \x1b[31mway"))
     return root
 
 
@@ -80,12 +80,12 @@ def test_where_a_cell_runs_changes_nothing(changed: dict[str, Any], cells: list[
 
 
 def test_failed_cells_run_again_and_infeasible_ones_do_not(cells: list[Cell], root: Path, tmp_path: Path) -> None:
-    record = read_record(root / CELLS / cells[0].name)
+    record = read_cell(root / CELLS / cells[0].name)
     assert record is not None
     for status, work in (("failed", 1), ("infeasible", 0), ("", 1)):  # the last without a design
         folder = tmp_path / CELLS / cells[0].name
         folder.mkdir(parents=True, exist_ok=True)
-        write_record(folder, replace(record, status=status, reason="why"))
+        write_cell(folder, replace(record, status=status, reason="why"))
         assert len(cells_left([cells[0]], tmp_path).work) == work
 
 
@@ -118,7 +118,7 @@ def test_summary_fits_thirty_lines(table: CampaignTable, root: Path, capsys: pyt
     show(campaign_summary(table, [root / "campaign.csv"], root), dict, lambda: None)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) <= 30
-    assert lines[0] == "58 of 60 cells designed within their limits; 1 exceeds limits, 1 infeasible"
+    assert lines[0] == "58 of 60 cells have a design within their limits; 1 exceeds limits; 1 infeasible."
     assert "48 more cells" in "\n".join(lines)
     assert not any("\x1b" in line for line in lines)
 

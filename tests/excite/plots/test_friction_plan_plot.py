@@ -11,7 +11,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from excite.friction.plan.measurements import FrictionPlan
+from excite.friction.plan.friction_plan import FrictionPlan
 from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.plots.friction_plan_plot import friction_plan_figure
@@ -43,7 +43,7 @@ def test_break_away_tests_fill_their_panel(k: int) -> None:
     drawn = curve(ax, GREEN)
     samples, segments = c.samples()
     own = [i for i, segment in enumerate(segments) if "stiction" in segment]
-    s = 1e3 * (samples.q @ np.linalg.pinv(c.motion.matrix)[0] - c.place.pose @ np.linalg.pinv(c.motion.matrix)[0])
+    s = 1e3 * (samples.q @ np.linalg.pinv(c.line[:, None])[0] - c.place.pose @ np.linalg.pinv(c.line[:, None])[0])
     way = np.interp(samples.time[own], *drawn.T)
     np.testing.assert_allclose(way, s[own], rtol=0, atol=2e-3 * np.ptp(s[own]))
     bottom, top = ax.get_ylim()

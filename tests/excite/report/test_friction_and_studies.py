@@ -15,11 +15,11 @@ from written_results import design, plan, result
 import excite
 from excite.files.friction_file import write_friction
 from excite.friction.fit.friction_fit import load_friction_fit
+from excite.friction.plan.friction_plan import load_friction_plan
 from excite.identification.result import RepeatedParameter, RepetitionSummary
 from excite.report.campaign_section import campaign_section
 from excite.report.page_text import page_text
 from excite.report.player_log import Appearance
-from excite.report.restored_friction_plan import load_friction_plan
 from excite.report.result_section import result_section
 from excite.report.write_report import report_text
 from excite.timecourse.time_study import load_time_study
@@ -69,16 +69,17 @@ def test_limits_of_a_plan_are_those_of_its_files(planned: Path, tmp_path: Path) 
 
 
 def test_the_motion_of_a_stored_plan_is_the_planned_one(planned: Path) -> None:
-    (coordinate,), (runs,) = plan("old").coordinates, load_friction_plan(planned).runs
-    s, ds, *_ = coordinate.runs.values(runs.time)[0]
-    np.testing.assert_allclose(runs.s, s + coordinate.centre, atol=1e-9)
-    np.testing.assert_allclose(runs.ds, ds, atol=1e-9)
+    (coordinate,), (stored,) = plan("old").coordinates, load_friction_plan(planned).coordinates
+    (runs, segments), (known, same) = coordinate.samples(), stored.samples()
+    assert segments == same
+    for one, other in ((runs.time, known.time), (runs.q, known.q), (runs.dq, known.dq), (runs.ddq, known.ddq)):
+        np.testing.assert_array_equal(one, other)
     motion = json.loads(
         next("".join(e.text) for e in ParsedPage(report_text(planned)).of("script") if "id" in e.attributes)
     )
     shown = np.array(motion["q"])
-    known = np.column_stack([np.interp(motion["time"], runs.time - runs.time[0], column) for column in runs.q.T])
-    np.testing.assert_allclose(shown, known, atol=1e-8)
+    played = np.column_stack([np.interp(motion["time"], runs.time - runs.time[0], column) for column in runs.q.T])
+    np.testing.assert_allclose(shown, played, atol=1e-8)
 
 
 @pytest.mark.slow
@@ -153,7 +154,7 @@ def test_a_campaign_lists_its_designs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "change", "message"),
     [
-        ("plan.json", {"trajectories": [{}]}, "not a complete friction plan"),
+        ("plan.json", {"trajectories": [{}]}, r"not a complete friction plan: trajectories\[0\]: .* is missing"),
         ("plan.json", {"trajectories": []}, "not a complete friction plan"),
         ("fit.json", {"drives": [{"name": "z9"}]}, "not a complete friction fit"),
         ("study.json", {"courses": [{}]}, "not a complete study"),

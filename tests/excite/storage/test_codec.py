@@ -147,6 +147,26 @@ def test_an_entry_that_is_missing_is_named(name: str) -> None:
         record_of(Whole, content, arrays)
 
 
+@dataclass(frozen=True)
+class Entries:
+    """A record whose entries have other names than its fields."""
+
+    parts: tuple[Part, ...] = field(metadata=named("pieces"))
+    weights: tuple[float, ...] = field(default=(), metadata=named("heavy"))
+
+
+def test_entries_may_have_names_of_their_own() -> None:
+    content, _ = content_of(Entries((Part(),), (1.0,)))
+    assert content == {"pieces": [{"against": [], "weight": 1.0}], "heavy": [1.0]}
+    assert record_of(Entries, content, {}) == Entries((Part(),), (1.0,))
+    with pytest.raises(InputError, match="pieces: expected a list, given 'a b'"):
+        record_of(Entries, {"pieces": "a b"}, {})
+    with pytest.raises(InputError, match="'pieces' is missing"):
+        record_of(Entries, {}, {})
+    with pytest.raises(InputError, match=r"pieces\[0\].weight: expected a number, given 'a'"):
+        record_of(Entries, {"pieces": [{"weight": "a"}]}, {})
+
+
 def test_an_array_of_text_is_refused() -> None:
     content, arrays = content_of(Whole("a", 1.0, 1, Colour.RED, Part(), curve=Curve(("j",), np.zeros((2, 1)))))
     with pytest.raises(InputError, match="expected an array of numbers"):

@@ -14,7 +14,11 @@ import pytest
 from written_results import result, verification
 
 from excite.accuracy.accuracy_prediction import load_accuracy
+from excite.campaigns.campaign_table import load_campaign
 from excite.friction.fit.friction_fit import load_friction_fit
+from excite.friction.plan.friction_plan import load_friction_plan
+from excite.friction.plan.plan_friction import plan_friction
+from excite.friction.plan.schedule import Schedule
 from excite.optimality.design_bound import DesignBound
 from excite.payload.payload_result import load_payload
 from excite.storage.curves_file import read_curves, write_curves
@@ -22,6 +26,7 @@ from excite.storage.records import json_of, read_record
 from excite.timecourse.time_course import TimeCourse
 from excite.timecourse.time_study import TimeStudy, load_time_study
 from excite.verification.verification import Verification, load_verification
+from excite.views.friction_plan_view import friction_plan_view
 from regressors.errors import InputError
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
@@ -199,6 +204,66 @@ def test_a_friction_fit_of_schema_1_is_the_same(tmp_path: Path) -> None:
     assert [dataclasses.asdict(point) for point in one.points] == drive["points"]
     assert [dataclasses.asdict(mean) for mean in one.means] == drive["break_away"]
     assert isinstance(one.curve.torque(0.5), float | np.ndarray)
+
+
+def test_a_friction_plan_of_schema_1_is_the_same(tmp_path: Path) -> None:
+    path = shutil.copytree(SAMPLES / "friction-plan-1", tmp_path / "plan") / "plan.json"
+    content, read = json.loads(path.read_text()), load_friction_plan(path.parent)
+    assert read.world is not None
+    assert (read.world.to_dict(), read.robot.sha256()) == (content["world"], content["robot"]["sha256"])
+    assert [dataclasses.asdict(passage) for passage in read.passages] == content["passages"]
+    for c, known in zip(read.coordinates, content["trajectories"], strict=True):
+        assert (c.label, c.place.pose.tolist()) == (known["coordinate"], list(known["pose"].values()))
+        assert (c.runs.duration, c.stroke, c.order) == (known["duration"], known["stroke"], known["order"])
+        assert c.tests == known["stiction"]
+        assert [dataclasses.asdict(each) for each in c.left_out] == known["left_out"]
+        assert [use.to_dict() for use in c.limits] == known["limits"]
+        assert [{**d.use.to_dict(), "at": d.at} for d in c.distances or ()] == known["distances"]
+        assert c.ramps is not None
+        assert (c.ramps.duration, c.ramps.file) == (known["torque_ramps"]["duration"], known["torque_ramps"]["file"])
+    read.save(tmp_path / "again")
+    again = json.loads((tmp_path / "again" / "plan.json").read_text())
+    assert again["schedule"] == {**content["schedule"], "longest": "inf", "stroke": "inf"}
+    for known, new in zip(content["trajectories"], again["trajectories"], strict=True):
+        assert {name: new[name] for name in known if name != "torque_ramps"} == {
+            name: value for name, value in known.items() if name != "torque_ramps"
+        }
+
+
+def test_a_campaign_table_of_schema_1_is_the_same(tmp_path: Path) -> None:
+    path = shutil.copytree(SAMPLES / "campaign-1", tmp_path / "campaign") / "campaign.json"
+    content, read = json.loads(path.read_text()), load_campaign(path.parent)
+    assert [dataclasses.asdict(row) for row in read.rows] == content["rows"]
+    rows = [*content["rows"], {**content["rows"][0], "cell": "c", "status": "failed", "group": 0, "facts": {}}]
+    path.write_text(json.dumps({**content, "rows": rows}))
+    read = load_campaign(path)
+    assert (read.rows[2].facts, read.counts) == (None, {"designed": 2, "failed": 1})
+    read.save(tmp_path / "again")
+    assert load_campaign(tmp_path / "again") == read
+
+
+def test_gravity_that_is_not_known_is_read_from_null(tmp_path: Path) -> None:
+    content = json.loads((SAMPLES / "friction-plan-1" / "plan.json").read_text())
+    first = content["trajectories"][0]
+    first["largest_gravity"] = first["torque_ramps"]["gravity"] = first["windows"][0]["gravity"] = None
+    (tmp_path / "plan.json").write_text(json.dumps(content))
+    c = load_friction_plan(tmp_path).coordinates[0]
+    assert c.ramps is not None
+    assert np.isnan([c.largest_gravity, c.ramps.gravity, c.windows[0].gravity]).all()
+
+
+@pytest.mark.parametrize("drives", [("2", "3"), ("5",)])
+def test_a_friction_plan_is_read_as_written(drives: tuple[str, ...], tmp_path: Path) -> None:
+    schedule = Schedule(percent=(20.0, 100.0), warm_up=1.0, breakaways=1, creeping=1.0, rate=50.0)
+    new = plan_friction("irp6", schedule, drives=drives)
+    new.save(tmp_path / "a")
+    read = load_friction_plan(tmp_path / "a")
+    assert (json_of(read), repr(read), read.holds) == (json_of(new), repr(new), new.holds)
+    read.save(tmp_path / "b")
+    for each in (tmp_path / "a").iterdir():
+        if each.name != "manifest.json":
+            assert each.read_bytes() == (tmp_path / "b" / each.name).read_bytes(), each.name
+    assert friction_plan_view(read).tables == friction_plan_view(new).tables
 
 
 def test_a_payload_of_schema_1_is_refused_with_the_reason() -> None:

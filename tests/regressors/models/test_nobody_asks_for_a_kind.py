@@ -30,7 +30,7 @@ READ_BY_PATTERNS = {
     "excite/design/start_results.py",
     "excite/files/design_folder.py",
     "excite/files/friction_file.py",
-    "excite/files/friction_plan_folder.py",
+    "excite/friction/plan/torque_ramps.py",
     "excite/cli/messages.py",
     "excite/plots/style.py",
     "excite/storage/destination.py",

@@ -382,7 +382,11 @@ def test_the_command_takes_the_windows_of_a_plan(here: Here) -> None:
     time, z = measured.log.time, measured.z[:, 1]
     chosen = [w for w in windows_of(measured, "z2", WindowSearch(0.3, 0.02, 0.01)).windows if abs(w.speed) < 0.25]
     trajectory["windows"] = [
-        {"start": time[w.start], "end": time[w.stop - 1], "first": z[w.start], "last": z[w.stop - 1]} for w in chosen
+        {
+            **{"start": time[w.start], "end": time[w.stop - 1], "first": z[w.start], "last": z[w.stop - 1]},
+            **{"segment": "z2", "percent": 1.0, "speed": w.speed, "gravity": 0.0},
+        }
+        for w in chosen
     ]
     plan.write_text(json.dumps(content))
     plan.with_name("manifest.json").unlink()

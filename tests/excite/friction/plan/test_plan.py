@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -15,12 +16,12 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import chain_model
 
-from excite.cli.friction_plan_text import print_plan
-from excite.files.friction_plan_folder import read_plan, write_plan
+from excite.cli.view_text import print_verdict, print_view
 from excite.files.sampled_motion import read_motion
-from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan, load_friction_plan
 from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule, alternating
+from excite.views.friction_plan_view import friction_plan_view
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.readers.urdf import parse_urdf
@@ -50,7 +51,7 @@ def gravity(robot: Robot, q: Array) -> Array:
 
 
 def along(robot: Robot, plan: CoordinatePlan, s: Array) -> Array:
-    line = plan.motion.matrix[:, 0]
+    line = plan.line
     return gravity(robot, plan.place.pose + s[:, None] * line) @ line
 
 
@@ -64,13 +65,13 @@ def test_speed_is_constant_in_windows_and_symmetric_about_the_pose(name: str) ->
     plan = plan_of(name)
     for c in plan.coordinates:
         samples, segments = c.samples()
-        moved = samples.q @ np.linalg.pinv(c.motion.matrix)[0]
-        centre = c.place.pose @ np.linalg.pinv(c.motion.matrix)[0]
+        moved = samples.q @ np.linalg.pinv(c.line[:, None])[0]
+        centre = c.place.pose @ np.linalg.pinv(c.line[:, None])[0]
         for window in c.windows:
             inside = (samples.time >= window.start) & (samples.time <= window.end)
             assert np.count_nonzero(inside) > 50
             assert {segments[k] for k in np.flatnonzero(inside)} == {window.segment}
-            speed = samples.dq[inside] @ np.linalg.pinv(c.motion.matrix)[0]
+            speed = samples.dq[inside] @ np.linalg.pinv(c.line[:, None])[0]
             np.testing.assert_allclose(speed, window.speed, rtol=1e-12)
             assert abs(window.speed) == pytest.approx(c.pace.velocity * window.percent / 100, rel=1e-9)
             np.testing.assert_allclose(samples.ddq[inside], 0.0, atol=1e-9)
@@ -242,8 +243,8 @@ def test_windows_may_be_as_long_as_the_range_allows(tmp_path: Path) -> None:
     for window in c.windows:  # the range of 2 x 0.69813 less its reserve, less both ramps
         ramps = 2 * c.pace.ramp(abs(window.speed))
         assert abs(window.last - window.first) == pytest.approx(2 * 0.98 * 0.69813 - ramps, abs=1e-9)
-    write_plan(plan, tmp_path)
-    assert read_plan(tmp_path)[1]["schedule"]["longest"] is None
+    plan.save(tmp_path)
+    assert load_friction_plan(tmp_path).schedule.longest == float("inf")
 
 
 def test_long_plans_say_what_shorter_windows_would_make_of_them(capfd: pytest.CaptureFixture[str]) -> None:
@@ -253,9 +254,10 @@ def test_long_plans_say_what_shorter_windows_would_make_of_them(capfd: pytest.Ca
     shorter = friction_plan(robot, replace(schedule, longest=1.5), drives=("1", "2"), pose=np.zeros(5)).duration
     assert plan.lasting(1.5) == pytest.approx(shorter)
     assert plan.duration > 2 * shorter
-    print_plan(plan, [], chosen=True)
+    print_verdict(friction_plan_view(plan))
+    print_view(friction_plan_view(plan))
     told = " ".join(capfd.readouterr().out.split())
-    assert f"2 friction measurement(s), {plan.duration / 60:.1f} min" in told
+    assert f"friction of z1, z2 in 44 windows of constant speed; it lasts {plan.duration / 60:.1f} min" in told
     assert f"windows are as long as the range allows; --longest 1.5 shortens the plan to {shorter / 60:.1f} min" in told
 
 
@@ -310,8 +312,9 @@ def test_speeds_and_windows_are_those_of_the_paper() -> None:
     assert min(w.end - w.start for w in three.windows) >= 0.2
     (shorter,) = friction_plan(built_in("irp6"), Schedule(shortest=0.3, rate=100.0), drives=("3",)).coordinates
     assert sorted(shorter.order) == PAPER[:-1]
-    assert list(shorter.left_out) == [100.0]
-    assert "the shortest window of 0.3 s" in shorter.left_out[100.0]
+    (left_out,) = shorter.left_out
+    assert left_out.percent == 100.0
+    assert "the shortest window of 0.3 s" in left_out.reason
 
 
 def test_order_of_the_runs() -> None:
@@ -383,12 +386,12 @@ def test_a_given_pose_is_the_middle_of_every_run() -> None:
 
 def test_files_hold_what_was_planned(tmp_path: Path) -> None:
     plan = plan_of("irp6")
-    files = write_plan(plan, tmp_path)
+    files = plan.save(tmp_path)
     motions, ramps = ["z1.csv", "z2.csv", "z3.csv"], ["z1.stiction.csv", "z2.stiction.csv", "z3.stiction.csv"]
     assert [path.name for path in files] == ["plan.json", *motions, *ramps]
-    robot, content = read_plan(tmp_path)
+    robot, content = load_friction_plan(tmp_path).robot, json.loads((tmp_path / "plan.json").read_text())
     assert robot.sha256() == plan.robot.sha256() == content["robot"]["sha256"]
-    assert content["schema"] == "excite.friction-plan/1"
+    assert content["schema"] == "excite.friction-plan/2"
     for c, written in zip(plan.coordinates, content["trajectories"], strict=True):
         assert written["coordinate"] == c.label
         assert list(written["pose"].values()) == c.place.pose.tolist()

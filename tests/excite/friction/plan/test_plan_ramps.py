@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,9 +14,8 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import chain_model
 
-from excite.files.friction_plan_folder import read_plan, write_plan
 from excite.files.sampled_motion import read_motion
-from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
 from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import torque_ramps
@@ -152,15 +152,15 @@ def test_there_are_none_where_friction_is_not_known_or_several_drives_turn() -> 
 
 
 def test_files_hold_the_ramps(tmp_path: Path) -> None:
-    write_plan(plan(), tmp_path)
-    robot, content = read_plan(tmp_path)
+    plan().save(tmp_path)
+    robot, content = plan().robot, json.loads((tmp_path / "plan.json").read_text())
     for c, written in zip(plan().coordinates, content["trajectories"], strict=True):
         told = written["torque_ramps"]
         assert c.ramps is not None
         assert (told["file"], told["drive"], told["unit"]) == (f"{c.label}.stiction.csv", c.label, "Nm")
         assert told["largest"] == c.ramps.largest
         assert told["gravity"] == c.ramps.gravity
-        held = along(robot, c.place.pose, c.motion.matrix[:, 0])
+        held = along(robot, c.place.pose, c.line)
         assert told["gravity"] == pytest.approx(held, abs=1e-9)
         assert [(r["start"], r["end"], r["rate"], r["direction"]) for r in told["ramps"]] == [
             (r.start, r.end, r.rate, r.direction) for r in c.ramps.ramps

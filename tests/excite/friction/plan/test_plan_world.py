@@ -13,10 +13,9 @@ from commands import Here
 from slow_dynamics import random_chain
 
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
-from excite.files.friction_plan_folder import read_plan, write_plan
 from excite.files.world_file import world_of
 from excite.friction.plan.clearances import CollisionChecks
-from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
 from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.runs import Pace, Runs
 from excite.friction.plan.schedule import Schedule
@@ -48,8 +47,8 @@ def among_all() -> FrictionPlan:
 def passed(c: CoordinatePlan, count: int) -> Array:
     """Poses from end to end of all that a coordinate's samples pass."""
     q = c.samples()[0].q
-    s = (q - c.place.pose) @ np.linalg.pinv(c.motion.matrix)[0]
-    return c.place.pose + np.linspace(s.min(), s.max(), count)[:, None] * c.motion.matrix[:, 0]
+    s = (q - c.place.pose) @ np.linalg.pinv(c.line[:, None])[0]
+    return c.place.pose + np.linspace(s.min(), s.max(), count)[:, None] * c.line
 
 
 @pytest.mark.slow
@@ -66,7 +65,7 @@ def test_every_run_keeps_the_distances_that_coal_measures() -> None:
             assert d.use.extreme <= nearest + 1e-6
             if nearest < 0.1:
                 assert d.use.extreme >= nearest - world.tolerance - 5e-3
-            there = c.place.pose + (d.at - c.centre) * c.motion.matrix[:, 0]
+            there = c.place.pose + (d.at - c.centre) * c.line
             here = clearance(plan.robot, world, d.use.label, there)
             assert here == pytest.approx(d.use.extreme, abs=world.tolerance + 2e-3)
             moved = c.runs.values(np.array([d.use.time]))[0][0, 0]
@@ -96,8 +95,8 @@ def test_a_stroke_ends_where_something_comes_too_near() -> None:
     assert plan.holds
     assert c.place.obstacle == c.place.below == "forearm to crate"
     assert c.stroke == pytest.approx(c.place.half)
-    assert "beyond it, forearm to crate is too near" in c.left_out[100.0]
-    line, end = c.motion.matrix[:, 0], c.place.pose + c.place.low * c.motion.matrix[:, 0]
+    assert "beyond it, forearm to crate is too near" in c.left_out[0].reason
+    line, end = c.line, c.place.pose + c.place.low * c.line
     there = clearance(plan.robot, world, "forearm to crate", end)
     assert world.clearance <= there <= world.clearance + world.tolerance + 1e-3
     assert clearance(plan.robot, world, "forearm to crate", end - 0.02 * line) < world.clearance
@@ -175,8 +174,8 @@ def test_straight_lines_from_pose_to_pose_are_judged() -> None:
 
 def test_distances_are_stored(tmp_path: Path) -> None:
     plan = among_all()
-    write_plan(plan, tmp_path)
-    content = read_plan(tmp_path)[1]
+    plan.save(tmp_path)
+    content = json.loads((tmp_path / "plan.json").read_text())
     assert world_of(content["world"]) == plan.world
     for c, written in zip(plan.coordinates, content["trajectories"], strict=True):
         assert c.distances is not None

@@ -15,6 +15,7 @@ import excite
 from excite.files.ranges_yaml import ranges_text
 from excite.posterior.posterior_samples import PosteriorSamples
 
+SAMPLES = Path(__file__).resolve().parents[2] / "samples" / "posterior-1"
 FIELDS = ("robot", "result_sha256", "seed", "prior", "names", "units", "base_names", "base_units", "distance", "notes")
 
 
@@ -51,6 +52,20 @@ def test_samples_read_back_to_the_same_bits(suffix: str, tmp_path: Path) -> None
     first = path.read_bytes()
     written.save(path, replace=True)
     assert path.read_bytes() == first
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_files_of_schema_1_are_the_same_samples(suffix: str) -> None:
+    read, known = excite.load_posterior(SAMPLES / f"samples{suffix}"), samples(12)
+    np.testing.assert_array_equal(read.values, known.values)
+    np.testing.assert_array_equal(read.base_matrix, known.base_matrix)
+    assert [getattr(read, name) for name in FIELDS] == [getattr(known, name) for name in FIELDS]
+    assert np.isnan(read.split_deviation)
+
+
+def test_other_programs_read_the_names(tmp_path: Path) -> None:
+    with np.load(samples().save(tmp_path / "samples.npz"), allow_pickle=False) as file:
+        assert [tuple(file[name]) for name in FIELDS[4:8]] == [getattr(samples(), name) for name in FIELDS[4:8]]
 
 
 def test_other_programs_read_the_table(tmp_path: Path) -> None:

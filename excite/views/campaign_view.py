@@ -1,0 +1,183 @@
+"""What is shown of campaigns: the cells of a campaign file in one table, and motions that identify in parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from excite.campaigns.campaign_table import DESIGNED, CampaignRow, CampaignTable
+from excite.design.campaign import Campaign, Step
+from excite.design.designed_motion import DesignedMotion
+from excite.registry import name_of
+from excite.views.view import Column, Format, View, ViewTable
+from regressors.models.partial import drive_names
+
+_LEADING = 12  # rows of a summary
+_MOST_OPTIONS = 5  # as columns of a summary; of more, the name of the cell
+
+
+def cells_view(table: CampaignTable) -> View:
+    """View of the cells of a campaign file."""
+    counts = table.counts
+    others = "".join(f"; {count} {status}" for status, count in counts.items() if status != DESIGNED)
+    groups = len(table.groups)
+    alike = "all have the same robot, model and parameters"
+    apart = f"{groups} groups; only cells of the same group have comparable numbers, at the top the best of each"
+    return View(
+        title=f"{len(table.rows)} cells of a campaign",
+        verdict=f"{counts.get(DESIGNED, 0)} of {len(table.rows)} cells have a design within their limits{others}.",
+        holds=table.holds,
+        summary=(alike if groups == 1 else apart,) if groups else (),
+        against=tuple(f"{row.cell}: {row.status}: {row.reason}" for row in table.rows if row.reason),
+        remarks=(
+            "numbers are comparable within a group: the same robot, model, moving joints and base parameters",
+            "criteria are in the reference base of each cell's own task, at its own rate",
+            "limits of positions, velocities, accelerations and jerks were computed from the coefficients of each "
+            "design when the table was made; criteria and other limits are those that the file of each design states",
+        ),
+        tables=(_best(table), _cells(table)),
+        figures={"Condition numbers by each option": lambda: _drawn(table)},
+        endings=("campaign",),
+    )
+
+
+def leading_cells(table: CampaignTable) -> ViewTable:
+    """The rows of a summary: the best cells of each group."""
+    groups = table.groups
+    chosen = [row for rows in groups.values() for row in rows[: max(1, _LEADING // len(groups))]][:_LEADING]
+    return replace(_cells(table), rows=tuple(_cell(row, table.varied) for row in chosen))
+
+
+def _drawn(table: CampaignTable) -> Any:
+    from excite.plots.campaign_plot import campaign_figure
+
+    return campaign_figure(table)
+
+
+def _best(table: CampaignTable) -> ViewTable:
+    columns = (
+        Column("group"),
+        Column("best cell", Format.TEXT),
+        Column("its condition number"),
+        Column("that of the worst"),
+        Column("cells"),
+    )
+    rows = tuple(
+        (group, rows[0].cell, rows[0].condition, rows[-1].condition, len(rows)) for group, rows in table.groups.items()
+    )
+    return ViewTable("campaign-best", "The best of each group", columns, rows)
+
+
+def _cells(table: CampaignTable) -> ViewTable:
+    often = table.often_varied if len(table.often_varied) <= _MOST_OPTIONS else ()
+    columns = (
+        Column("cell", Format.TEXT, brief=not often),
+        *(Column(name, Format.TEXT, brief=name in often) for name in table.varied),
+        Column("status", Format.TEXT, brief=True),
+        Column("group", brief=True),
+        Column("condition number", brief=True, digits=4),
+        Column("criterion", brief=True, digits=4),
+        Column("duration [s]", brief=True),
+        Column("tightest limit", Format.TEXT),
+        Column("its use", Format.PERCENT, brief=True),
+        Column("CPU [s]"),
+        Column("reason", Format.TEXT),
+    )
+    return ViewTable("campaign-cells", "All cells", columns, tuple(_cell(row, table.varied) for row in table.rows))
+
+
+def _cell(row: CampaignRow, varied: Sequence[str]) -> tuple[Any, ...]:
+    options, facts = (row.options.get(name, "") for name in varied), row.facts
+    begin = (row.cell, *options, row.status, row.group or None, row.condition)
+    if facts is None:
+        return (*begin, None, None, "-", None, None, row.reason)
+    return (
+        *begin, facts.criterion, facts.duration, facts.tightest_limit or "-", facts.limit_use, facts.cpu_seconds,
+        row.reason,
+    )  # fmt: skip
+
+
+def campaign_view(campaign: Campaign, designs: Sequence[DesignedMotion] = ()) -> View:
+    """View of a campaign of partial motions, and of those designs that move the drives of one of them."""
+    made = [[each for each in designs if _is_of(each, campaign, step)] for step in campaign.steps]
+    count, joints = len(campaign.steps), ", ".join(campaign.joints)
+    most = max(len(step.drives) for step in campaign.steps)
+    motions = f"{count} motion{'s' * (count != 1)} of at most {most} drive{'s' * (most != 1)}"
+    return View(
+        title=f"campaign for {campaign.robot}",
+        verdict=f"{motions} identif{'y' if count != 1 else 'ies'} all {campaign.rank} parameters of the "
+        f"{campaign.model} model of joints {joints} of {campaign.robot}.{_designed(made) if designs else ''}",
+        holds=all(_holds(each) for each in made if each) if any(made) else True,
+        summary=(f"{len(campaign.subsets)} selections of drives were compared",),
+        remarks=("drives that do not move hold their own coordinate, as brakes and position control do",),
+        asked=(("robot", campaign.robot), ("model", campaign.model), ("joints", joints)),
+        tables=(_steps(campaign), *_designs(campaign, made), _selections(campaign)),
+    )
+
+
+def designs_of(campaign: Campaign, designs: Sequence[DesignedMotion]) -> list[DesignedMotion]:
+    """Designs of the motions of a campaign."""
+    return [each for each in designs if any(_is_of(each, campaign, step) for step in campaign.steps)]
+
+
+def _is_of(design: DesignedMotion, campaign: Campaign, step: Step) -> bool:
+    """Whether a design is for the robot, the model and the drives of a motion."""
+    model = design.task.model
+    alike = design.robot.name == campaign.robot and name_of(model.model) == campaign.model
+    return alike and {_drive(design, each) for each in model.drives or ()} == set(step.drives)
+
+
+def _drive(design: DesignedMotion, given: str) -> str:
+    """Name of a drive that is given by its name or its number."""
+    names = drive_names(design.robot)
+    return names[int(given) - 1] if given not in names and given.isdigit() and 0 < int(given) <= len(names) else given
+
+
+def _holds(designs: Sequence[DesignedMotion]) -> bool:
+    return any(not design.broken for design in designs)
+
+
+def _designed(made: Sequence[Sequence[DesignedMotion]]) -> str:
+    count = sum(bool(each) for each in made)
+    broken = sum(not _holds(each) for each in made if each)
+    end = f", of which {broken} break{'s' * (broken == 1)} limits" if broken else ""
+    return f" {count} of them {'is' if count == 1 else 'are'} designed here{end}."
+
+
+def _steps(campaign: Campaign) -> ViewTable:
+    columns = (
+        Column("motion", brief=True),
+        Column("drives that move", Format.TEXT, brief=True),
+        Column("combinations", brief=True),
+        Column("identifies", Format.TEXT),
+        Column("newly identified individually", Format.TEXT, brief=True),
+    )
+    rows = tuple(
+        (k, ", ".join(step.drives), step.rank, "; ".join(step.expressions), ", ".join(step.parameters))
+        for k, step in enumerate(campaign.steps, 1)
+    )
+    return ViewTable("steps", "Motions", columns, rows)
+
+
+def _designs(campaign: Campaign, made: Sequence[Sequence[DesignedMotion]]) -> tuple[ViewTable, ...]:
+    columns = (
+        Column("motion"),
+        Column("drives that move", Format.TEXT),
+        Column("design", Format.TEXT),
+        Column("condition number"),
+        Column("duration [s]"),
+        Column("limits hold", Format.KEPT),
+    )
+    rows = tuple(
+        (k, ", ".join(step.drives), d.name, d.condition_number, d.trajectory.duration, not d.broken)
+        for k, (step, designs) in enumerate(zip(campaign.steps, made, strict=True), 1)
+        for d in designs
+    )
+    return (ViewTable("motions-designed", "Designs of the motions", columns, rows),) if rows else ()
+
+
+def _selections(campaign: Campaign) -> ViewTable:
+    columns = (Column("drives", Format.TEXT), Column("combinations"))
+    rows = tuple((", ".join(drives), rank) for drives, rank in campaign.subsets)
+    return ViewTable("subsets", "What each selection of drives identifies", columns, rows)
