@@ -1,4 +1,4 @@
-"""List every option of a task as a Markdown table: ``python docs/list_task_options.py --out docs/task_options.md``."""
+"""List every option of every kind of settings: ``python docs/list_task_options.py --out docs/task_options.md``."""
 
 from __future__ import annotations
 
@@ -6,30 +6,45 @@ import argparse
 from pathlib import Path
 
 from excite.cli.task_options import flag_of
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.plan.schedule import Schedule
+from excite.identification.recipe import Recipe
 from excite.registry import ADDRESS_FORMS, BUILT_IN
+from excite.simulation.degradation.degradation import Degradation
+from excite.simulation.settings import SimulationSettings
 from excite.tasks.limit_choice import OF_JOINTS
 from excite.tasks.option import Option, options_of
 from excite.tasks.task import PARTS
 from excite.tasks.values import EXPECTED
+from excite.verification.tolerances import Tolerances
+
+OTHERS = {
+    SimulationSettings: "excite simulate",
+    Degradation: "excite simulate",
+    Recipe: "excite identify",
+    Tolerances: "excite verify",
+    Schedule: "excite friction plan",
+    FitSettings: "excite friction fit",
+}
 
 HEAD = """# Options of a task
 
 Each option is a field of one of the seven parts of `excite.Task`, an option of `excite design`, and a key of a task
-file.
+file. Those of other commands follow: fields of the settings that the Python functions take.
+`excite COMMAND --help-all` lists every option of a command, and each can be given as `--set NAME=VALUE` too.
 Limits of joints stand below `limits` in a task file. Where a name is expected, `module:Name` names a part of your own.
 """
 
 
-def table(part: str) -> str:
-    """Options of one part."""
+def table(settings: type, where: str) -> str:
+    """Options of one kind of settings."""
     rows = ["| option | on the command line | value | default | meaning |", "|---|---|---|---|---|"]
-    for field, option in options_of(PARTS[part]):
-        key = f"limits: {field.name}" if field.name in OF_JOINTS and part == "limits" else field.name
-        meaning = option.help.split("  [default")[0].replace("; see below", "").rstrip(".")
-        rows.append(
-            f"| `{key}` | {flag(field.name, option)} | {values(option)} | {default(field.default)} | {meaning} |"
-        )
-    return f"## `{PARTS[part].__name__}` (`task.{part}`)\n\n" + "\n".join(rows) + "\n"
+    for field, option in options_of(settings):
+        key = f"limits: {field.name}" if field.name in OF_JOINTS and settings is PARTS["limits"] else field.name
+        meaning = option.help.split("  [default")[0].replace("; see below", "").rstrip(".").replace("|", "or")
+        cells = (f"`{key}`", flag(field.name, option), values(option), default(field.default, option), meaning)
+        rows.append(f"| {' | '.join(cells)} |")
+    return f"## `{settings.__name__}` (`{where}`)\n\n" + "\n".join(rows) + "\n"
 
 
 def flag(name: str, option: Option) -> str:
@@ -43,8 +58,10 @@ def values(option: Option) -> str:
     return ", ".join(f"`{name}`" for name in names) if names else EXPECTED[option.kind].replace("|", "or")
 
 
-def default(value: object) -> str:
+def default(value: object, option: Option) -> str:
     """A default as it is typed."""
+    if option.unset is not None:
+        return option.unset
     if value is None or value == ():
         return ""
     if isinstance(value, tuple):
@@ -54,7 +71,8 @@ def default(value: object) -> str:
 
 def text() -> str:
     """The whole page."""
-    return "\n".join([HEAD, *map(table, PARTS)])
+    parts = [table(settings, f"task.{part}") for part, settings in PARTS.items()]
+    return "\n".join([HEAD, *parts, *(table(settings, command) for settings, command in OTHERS.items())])
 
 
 if __name__ == "__main__":

@@ -109,7 +109,7 @@ if TYPE_CHECKING:
     from excite.trajectories.linear import LinearFamily
     from excite.trajectories.sines import Sines
     from excite.trajectories.waypoints import Waypoints
-    from excite.verification.verdict import Tolerances
+    from excite.verification.tolerances import Tolerances
     from excite.verification.verification import Verification
     from excite.verification.verify import verify
     from regressors.errors import ExciteError, InputError, NumericalError
@@ -197,7 +197,7 @@ _PLACES = {
     "Terms": "regressors.models.columns",
     "TimeCourse": "excite.timecourse.time_course",
     "TimeStudy": "excite.timecourse.time_study",
-    "Tolerances": "excite.verification.verdict",
+    "Tolerances": "excite.verification.tolerances",
     "TooLargeError": "excite.errors",
     "TorqueNoise": "excite.accuracy.torque_noise",
     "ToolBox": "constraints.limits.tool",

@@ -35,7 +35,7 @@ from excite.friction.fit.friction_equations import forms
 from excite.friction.fit.points import drive_log, points_of
 from excite.friction.fit.rigid_torques import described_model
 from excite.friction.plan.friction_plan import CoordinatePlan
-from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.plan_friction import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.recursive import recursive

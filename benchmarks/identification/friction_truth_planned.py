@@ -25,7 +25,7 @@ from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model
 from excite.friction.fit.stiction_points import mean_break_aways, rest_points
 from excite.friction.plan.friction_plan import load_friction_plan
-from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.plan_friction import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.logs.log import Log
 from excite.simulation.measured import joint_log

@@ -10,20 +10,22 @@ from pathlib import Path
 
 from excite.campaigns.campaign_file import read_campaign_file
 from excite.campaigns.campaign_table import CampaignTable, campaign_table
-from excite.campaigns.cell import Cell, is_cell_name
-from excite.campaigns.cell_design import CellResult, CellWork, design_cell, pickled_task
+from excite.campaigns.cell import Cell, cell_identities, is_cell_name
 from excite.campaigns.cell_folder import (
     CELLS,
     FAILED,
     INFEASIBLE,
     CellRecord,
+    CellResult,
+    CellWork,
     clear_cells,
+    design_cell,
+    pickled_task,
     place,
     read_cell,
     stored_design,
     write_cell,
 )
-from excite.campaigns.cell_identity import cell_identities
 from excite.design.problem_identity import PACKAGES
 from excite.errors import LostWorkersError
 from excite.executors.unit_executor import LostUnit, UnitExecutor

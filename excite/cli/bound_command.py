@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Number, own_parts
+from excite.cli.option_types import Number
+from excite.cli.options import own_parts
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -24,7 +25,6 @@ _GROUPS = {"Bound": ("criteria", "seed", "force")}
     cls=Command,
     groups=_GROUPS,
     name="bound",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Example:
   excite bound designs/irp6

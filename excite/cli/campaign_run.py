@@ -9,9 +9,9 @@ from pathlib import Path
 from excite.campaigns.campaign_file import read_campaign_file
 from excite.campaigns.campaign_table import JSON, TABLE, CampaignTable, load_campaign
 from excite.campaigns.run_campaign import CellsLeft, run_campaign
-from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import one_interrupt
 from excite.cli.literal_console import console
+from excite.cli.options import FigureChoice
 from excite.cli.progress import progress_of_cells
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark, say

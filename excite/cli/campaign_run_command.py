@@ -7,9 +7,8 @@ from pathlib import Path
 import click
 
 from excite.cli.command import Command
-from excite.cli.figure_options import FigureChoice, figure_options
-from excite.cli.options import Folder, Number, PartName
-from excite.registry import EXECUTORS
+from excite.cli.option_types import Folder
+from excite.cli.options import FigureChoice, executor_options, figure_options
 
 _GROUPS = {"Execution": ("executor", "workers")}
 
@@ -18,7 +17,6 @@ _GROUPS = {"Execution": ("executor", "workers")}
     cls=Command,
     groups=_GROUPS,
     name="run",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite campaign run campaign.yaml --out campaigns/arms
@@ -49,12 +47,7 @@ Exit status: 0 every cell has a design within its limits; 1 at least one has not
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option(
-    "--executor", type=PartName("executor", EXECUTORS, own=False), default="process", help="Where the cells run."
-)
-@click.option(
-    "--workers", type=Number(), metavar="N", help="Number of processes.  [default: one per core]", show_default=False
-)
+@executor_options("Where the cells run.", "Number of processes.  [default: one per core]")
 @figure_options()
 @click.option("--report", is_flag=True, help="Write campaign.html too: table and figure as one page.")
 @click.option("--force", is_flag=True, help="Replace cells of the same names that have other options.")

@@ -1,43 +1,209 @@
-"""A command whose help lists its options in groups, and which has the options that every command has."""
+"""A command whose help fits a screen, and whose every option can be given by ``--set NAME=VALUE`` too.
+
+``--help`` lists the options that most uses need, ``--help-all`` every one, both below the same headings. What is not
+needed by most states so where it is defined: as a `FurtherOption`, or as a field of settings that is not essential.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 import click
 
-from excite.cli.option_groups import heading_of, in_order
 from excite.cli.verbosity import form_options, loudness_options
+from excite.tasks.task import PLACE
+from regressors.quoting import shortened
 
-_WIDEST = 30  # characters of an option before its text begins on the next line, as click has it
+LINES = 60  # of a help
+_WIDEST = 27  # characters of an option before its text begins on the next line
+_SET, _HELP_ALL = "set_options", "help_all"
+_CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
+OUTPUT, OTHER = "Output", "Other"
+_OF_PARTS: Mapping[str, str] = {
+    "installation": "Robot",
+    "model": "Model",
+    "trajectory": "Motion",
+    "objective": "Criterion",
+    "limits": "Limits",
+    "search": "Search",
+    "output": "Home and rehearsal",
+}
+_SHARED: Mapping[str, tuple[str, ...]] = {
+    "Robot": ("base_link", "tip", "snap_angles", "xacro"),
+    "Limits": ("world",),
+    "Logs": ("mapping", "drop", "rows", "without_rows", "loaded", "without"),
+    OUTPUT: ("out", "rate"),
+    OTHER: ("parts", _SET, _HELP_ALL),
+}
+_ORDER = (*_OF_PARTS.values(), OUTPUT, OTHER)
+
+
+class FurtherOption(click.Option):
+    """An option that only ``--help-all`` lists."""
 
 
 class Command(click.Command):
-    """Command with ``--quiet``, ``--verbose`` and ``--json``, whose options are listed below headings."""
+    """Command with the options that every command has, listed below headings."""
 
     def __init__(self, *args: Any, groups: Mapping[str, Sequence[str]] | None = None, **options: Any) -> None:
-        super().__init__(*args, **options)
+        super().__init__(*args, **{"context_settings": _CONTEXT, **options})
         self.groups = dict(groups or {})
         taken = {name for param in self.params for name in param.opts}
-        self.params += [*form_options(taken), *loudness_options()]
+        self.params += [*form_options(taken), *loudness_options(), *_options_of_options()]
 
-    def grouped_options(self, ctx: click.Context) -> dict[str, list[click.Option]]:
-        """Options that the help shows, by heading, in its order."""
-        found: dict[str, list[click.Option]] = {}
-        for param in self.get_params(ctx):
-            if isinstance(param, click.Option) and not param.hidden:
-                found.setdefault(heading_of(str(param.name), self.groups), []).append(param)
-        return {heading: found[heading] for heading in in_order(found, self.groups)}
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the words of the command, those that ``--set`` stands for before the others."""
+        return super().parse_args(ctx, args if ctx.resilient_parsing else [*self._set_words(ctx, args), *args])
+
+    def full_help(self, ctx: click.Context) -> str:
+        """Help with every option and all notes."""
+        ctx.meta[_HELP_ALL] = True
+        return self.get_help(ctx)
+
+    def visible_options(self, ctx: click.Context) -> list[click.Option]:
+        """Every option that is not hidden."""
+        return [each for each in self.get_params(ctx) if isinstance(each, click.Option) and not each.hidden]
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options below their headings, their texts in one column."""
-        records = {
-            heading: [record for option in options if (record := option.get_help_record(ctx)) is not None]
-            for heading, options in self.grouped_options(ctx).items()
-        }
-        names = [name for rows in records.values() for name, _ in rows]
-        column = max((len(name) for name in names if len(name) <= _WIDEST), default=0)
-        for heading, rows in records.items():
+        found: dict[str, list[tuple[str, str]]] = {}
+        whole = _HELP_ALL in ctx.meta
+        for option in self.visible_options(ctx):
+            record = option.get_help_record(ctx)
+            if record is not None and (whole or not isinstance(option, FurtherOption)):
+                shown = record if whole else _shortened(*record, option)
+                found.setdefault(heading_of(str(option.name), self.groups), []).append(shown)
+        names = [name for rows in found.values() for name, _ in rows]
+        column = max((min(len(name), _WIDEST) for name in names), default=0)
+        for heading in in_order(found, self.groups):
             with formatter.section(heading):
-                formatter.write_dl([(f"{name:<{column}}", text) for name, text in rows], col_max=_WIDEST)
+                formatter.write_dl([(f"{name:<{column}}", text) for name, text in found[heading]], col_max=_WIDEST)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write examples and notes, in the short help as many as there is room for, and where the rest is."""
+        if _HELP_ALL in ctx.meta:
+            super().format_epilog(ctx, formatter)
+            return
+        room = LINES - formatter.getvalue().count("\n") - 2
+        for paragraph in inspect.cleandoc(self.epilog or "").split("\n\n"):
+            lines = ["", *_written(ctx, paragraph).splitlines()]
+            rows = [1 + len(line) // (formatter.width + 2) for line in lines]
+            kept = sum(sum(rows[: k + 1]) <= room for k in range(len(lines)))
+            if kept < 3 and kept < len(lines):
+                break
+            formatter.write("\n".join([*lines[:kept], ""]))
+            room -= sum(rows[:kept])
+        count = len(self.visible_options(ctx))
+        formatter.write(f"\nAll {count} options: {ctx.command_path} --help-all\n")
+
+    def _set_words(self, ctx: click.Context, args: Sequence[str]) -> list[str]:
+        """The options that ``--set`` names, as they are typed otherwise."""
+        given, _, _ = self.make_parser(ctx).parse_args(list(args))
+        if any(given.get(str(each.name)) for each in self._of_help(ctx)):
+            return []
+        settings = [self._setting(ctx, text) for text in given.get(_SET) or ()]
+        for option in {each for each, _, _ in settings}:
+            own = [value for each, _, value in settings if each is option]
+            typed = [given[str(option.name)]] if option.name in given else []
+            values = [*typed, *([own] if option.multiple else own)]
+            if len(values) > 1 and len({repr(_converted(ctx, option, each)) for each in values}) > 1:
+                raise click.UsageError(f"{option.opts[-1]} is given twice, with different values; give one", ctx)
+        return [word for option, word, _ in settings if option.name not in given]
+
+    def _setting(self, ctx: click.Context, text: str) -> tuple[click.Option, str, Any]:
+        """Option, word and unconverted value of ``NAME=VALUE``."""
+        name, equals, value = text.partition("=")
+        names = dict(self._names(ctx))
+        if not equals:
+            raise click.UsageError(f"--set: expected NAME=VALUE, given {shortened(text)}", ctx)
+        if (key := name.strip().replace("-", "_")) not in names:
+            near = get_close_matches(key, names, 3)
+            meant = f"; did you mean {', '.join(near)}?" if near else ""
+            raise click.UsageError(f"--set: no option named {shortened(name)}{meant}", ctx)
+        option, word = names[key]
+        if not option.is_flag:
+            return option, f"{word}={value}", value
+        chosen = click.BOOL.convert(value, option, ctx) == (word in option.opts)
+        forms = option.opts if chosen else option.secondary_opts
+        if not forms:
+            raise click.UsageError(f"--set: {key} can only be switched on; leave it out", ctx)
+        return option, forms[-1], chosen
+
+    def _names(self, ctx: click.Context) -> Iterator[tuple[str, tuple[click.Option, str]]]:
+        """Names of the options with underscores, each with the word that gives it; those on the command line last."""
+        left_out = self._of_help(ctx)
+        options = [each for each in self.visible_options(ctx) if each not in left_out and each.name != _SET]
+        for option in options:
+            yield str(option.name), (option, option.opts[-1])
+        for option in options:
+            for word in (*option.opts, *option.secondary_opts):
+                yield word.lstrip("-").replace("-", "_"), (option, word)
+
+    def _of_help(self, ctx: click.Context) -> list[click.Parameter]:
+        """``--help`` and ``--help-all``."""
+        own = self.get_help_option(ctx)
+        return [each for each in self.get_params(ctx) if each is own or each.name == _HELP_ALL]
+
+
+def heading_of(name: str, own: Mapping[str, Iterable[str]]) -> str:
+    """Heading of an option by its parameter; what nothing is known of is about the output."""
+    for table in (own, _SHARED):
+        for heading, names in table.items():
+            if name in names:
+                return heading
+    return _OF_PARTS[PLACE[name]] if name in PLACE else OUTPUT
+
+
+def in_order(headings: Iterable[str], own: Iterable[str]) -> list[str]:
+    """Headings in the order of the help: the robot, the command's own, those of a design, and the output last."""
+    last = (OUTPUT, OTHER)
+    ranked = ["Robot", *(name for name in own if name not in last), *_ORDER[:-2], "Logs", *last]
+    return sorted(headings, key=ranked.index)
+
+
+def _options_of_options() -> list[click.Option]:
+    """``--set`` and ``--help-all``."""
+    text = "Set any of these options by its name, here or in a task file, such as torque_margin=0.2; repeatable."
+    named: dict[str, Any] = {"multiple": True, "metavar": "NAME=VALUE", "expose_value": False, "help": text}
+    return [
+        FurtherOption(["--set", _SET], **named),
+        FurtherOption(
+            ["--help-all"],
+            is_flag=True,
+            is_eager=True,
+            expose_value=False,
+            callback=_show_all,
+            help="Show every option and exit.",
+        ),
+    ]
+
+
+def _show_all(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not ctx.resilient_parsing:
+        assert isinstance(ctx.command, Command)
+        click.echo(ctx.command.full_help(ctx), color=ctx.color)
+        ctx.exit()
+
+
+def _shortened(names: str, text: str, option: click.Option) -> tuple[str, str]:
+    """Names and text of an option in the short help: no long lists of names, and the first clause with the default."""
+    sentence, gap, default = text.rpartition("  [") if "  [" in text else (text, "", "")
+    clause = re.split(r"; |\. ", sentence)[0].rstrip(".")
+    return re.sub(r"\[.{25,}\]", "NAME", names), f"{clause}." if option.is_flag else f"{clause}.{gap}{default}"
+
+
+def _written(ctx: click.Context, paragraph: str) -> str:
+    """A paragraph of the notes as the help prints it."""
+    formatter = ctx.make_formatter()
+    with formatter.indentation():
+        formatter.write_text(paragraph)
+    return formatter.getvalue()
+
+
+def _converted(ctx: click.Context, option: click.Option, value: Any) -> Any:
+    consumed, _ = option.consume_value(ctx, {str(option.name): value})
+    return option.type_cast_value(ctx, consumed)

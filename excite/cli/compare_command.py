@@ -49,7 +49,6 @@ _GROUPS = {"Model": ("model", "window")}
     cls=Command,
     groups=_GROUPS,
     name="compare",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Example:
   excite compare designs/irp6 designs/irp6-long --json

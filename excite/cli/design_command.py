@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.command import Command
-from excite.cli.figure_options import FigureChoice, figure_options
-from excite.cli.options import Folder, RobotName, own_parts, reading_options, split_base
+from excite.cli.command import Command, FurtherOption
+from excite.cli.option_types import Folder, RobotName
+from excite.cli.options import FigureChoice, figure_options, own_parts, robot_file_options, split_base
 from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CONVENTIONS
@@ -35,7 +35,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="design",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite design irp6 --out designs/irp6
@@ -49,6 +48,10 @@ Examples:
   excite design irp6 --home 0,0.2,-0.2,0,0 --speed 0.1,0.5 --out designs/irp6-home
   excite design irp6 --precision 5% --noise 2 --out designs/irp6-5-percent
   excite design irp6 --task task.yaml --out designs/irp6     (options given here win over the file's)
+
+Limits hold at all times, not only at samples: those of joints and torques, and distances of the links from each other
+and from what the robot is mounted on, where the description has them; those of the tool and from obstacles, if asked
+for.
 
 \b
 Families of motions (--trajectory):
@@ -117,16 +120,14 @@ What is written to DIR:
     multiple=True,
     default=("gautier",),
     metavar="NAME",
-    help="Base columns of the criterion: gautier, pivoted or orthonormal.",
+    help="Base columns of the criterion; gautier, pivoted or orthonormal.",
 )
-@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
-@reading_options
+@robot_file_options()
 @task_options(PARTS, without=("base",))
 @own_parts
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
-@click.option("--fresh", is_flag=True, help="Remove the starts that an earlier run has left in DIR.")
+@click.option("--fresh", cls=FurtherOption, is_flag=True, help="Remove the starts that an earlier run has left in DIR.")
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -143,9 +144,7 @@ def command(
     """Find the motion that identifies ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
 
     ROBOT is a built-in name (see 'excite robots'), a robot YAML, a URDF or an MJCF. The motion is at rest at both
-    ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times, not
-    only at samples: those of joints and torques, and distances of the links from each other and from what the robot is
-    mounted on, where the description has them; those of the tool and from obstacles, if asked for.
+    ends; it minimises the condition number of the regressor, or another --criterion, within limits at all times.
     """
     from excite.cli.design_run import design_and_write
 

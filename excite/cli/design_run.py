@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
-from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import one_interrupt
 from excite.cli.messages import in_options
+from excite.cli.options import FigureChoice
 from excite.cli.progress import progress_of_starts
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark

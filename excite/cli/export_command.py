@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, Number, PartName, own_parts
+from excite.cli.option_types import Folder, Number, PartName
+from excite.cli.options import own_parts
 from excite.registry import MODEL_FORMATS, MOTION_FORMATS, built_in
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ _OF_ENSEMBLES = ("seed", "level", "prior")
     cls=Command,
     groups=_GROUPS,
     name="export",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite export designs/ur10e --format ros2-yaml --out play/goal.yaml

@@ -8,10 +8,10 @@ from typing import Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.figure_options import figure_options
-from excite.cli.options import Folder, Names, Number, RobotName, own_parts, reading_options
-from excite.cli.task_options import task_options
-from excite.registry import DROPPABLE
+from excite.cli.option_types import Folder, Names, RobotName
+from excite.cli.options import drop_option, figure_options, mapping_option, own_parts, robot_file_options
+from excite.cli.task_options import settings_options, task_options
+from excite.friction.fit.fit_settings import FitSettings
 
 _GROUPS = {
     "Logs": ("drives", "plan", "mapping", "drop"),
@@ -25,7 +25,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="fit",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite friction fit irp6 joint2.csv --drives z2 --out friction/z2
@@ -63,10 +62,8 @@ What is written to DIR:
 @click.argument("robot", type=RobotName())
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
+@robot_file_options("--base")
 @task_options(("installation",), without=("gravity",))
-@reading_options
 @click.option(
     "--drives",
     "--joints",
@@ -76,71 +73,11 @@ What is written to DIR:
     help="Drives, or joints of a robot without drives, by name or number.  [default: all]",
 )
 @click.option("--plan", type=Folder(), metavar="DIR", help="Plan that was played; its windows are found in the logs.")
-@click.option(
-    "--mapping",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="YAML file with the columns and units of a log in another format.",
-)
-@click.option("--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out.")
-@click.option(
-    "--gravity",
-    type=click.Choice(["auto", "model", "symmetric", "none"]),
-    default="auto",
-    help="How gravity is removed; see below.",
-)
+@mapping_option
+@drop_option
 @click.option("--parameters", type=Folder(), metavar="RESULT", help="Result of 'excite identify' for the model.")
 @own_parts
-@click.option(
-    "--model",
-    type=click.Choice(["auto", "coulomb-viscous", "stribeck", "table"]),
-    default="auto",
-    help="Equation of the curve; auto: the one with the smallest criterion.",
-)
-@click.option(
-    "--exponent",
-    type=Number(),
-    metavar="D",
-    help="Exponent of the Stribeck term.  [default: 1 or 2, whichever fits better]",
-)
-@click.option(
-    "--criterion",
-    type=click.Choice(["bic", "aicc"]),
-    default="bic",
-    help="Information criterion that chooses the equation.",
-)
-@click.option(
-    "--window",
-    type=Number(),
-    metavar="S",
-    help="Length of a window [s].  [default: the plan's whole windows; 0.3 without]",
-)
-@click.option("--tolerance", type=Number(), default=0.03, metavar="X", help="Change of speed allowed over a window.")
-@click.option(
-    "--speed",
-    type=click.Choice(["auto", "constant", "averaged"]),
-    default="auto",
-    help="averaged: also use windows of changing speed, with a model that subtracts the torque of acceleration; auto: "
-    "only if constant speeds are too few and the drive moves alone.",
-)
-@click.option(
-    "--temperature",
-    type=click.Choice(["auto", "linear", "none"]),
-    default="auto",
-    help="Whether friction is linear in the log's temperature.",
-)
-@click.option(
-    "--load",
-    type=click.Choice(["auto", "linear", "none"]),
-    default="auto",
-    help="Whether friction grows with the torque that the drive carries.",
-)
-@click.option(
-    "--stiction",
-    type=click.Choice(["fit", "report"]),
-    default="fit",
-    help="fit: torques at which a drive broke away are points of its curve at speed zero.",
-)
+@settings_options(FitSettings)
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a fit that is already in DIR.")
 def command(robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:

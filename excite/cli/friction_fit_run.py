@@ -8,8 +8,10 @@ from typing import Any
 
 import excite
 from excite.cli.literal_console import console
+from excite.cli.options import robot_file_of
 from excite.cli.sign_of_life import tell
 from excite.cli.summary import Summary, show
+from excite.cli.task_options import chosen_of
 from excite.cli.view_text import brief_table, print_view
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_fit import FIGURE, FRICTION, check_no_fit
@@ -19,35 +21,14 @@ from excite.storage.result_folder import result_folder
 from excite.tasks.robot_of_task import installed_robot
 from excite.views.friction_fit_view import friction_fit_view
 
-_SETTINGS = (
-    "window",
-    "tolerance",
-    "speed",
-    "gravity",
-    "model",
-    "exponent",
-    "criterion",
-    "temperature",
-    "load",
-    "stiction",
-)
-
 
 def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, Any]) -> None:
     """Fit curves to logs and write their folder."""
-    settings = FitSettings(**{key: given[key] for key in _SETTINGS})
+    settings = FitSettings(**chosen_of(FitSettings, given))
     tell("reading the logs")
     with result_folder(out):
         check_no_fit(out, (FRICTION, *figure_names([FIGURE], given["figures"].formats)), replace=given["force"])
-        task = excite.Task(
-            name,
-            base_link=given["base_link"],
-            tip=given["tip"],
-            snap_angles=given["snap_angles"] is not False,
-            xacro=bool(given["xacro"]),
-            mount=given["mount"],
-            payload=given["payload"],
-        )
+        task = excite.Task(name, **robot_file_of(given), mount=given["mount"], payload=given["payload"])
         robot = installed_robot(task)
         asked = {key: given[key] for key in ("plan", "drives", "mapping", "drop")}
         if given["parameters"] is not None:

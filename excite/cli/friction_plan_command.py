@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.command import Command
-from excite.cli.figure_options import figure_options
-from excite.cli.options import Folder, Names, Number, Numbers, Ranges, RobotName, reading_options
-from excite.cli.task_options import installation_of, task_options
+from excite.cli.command import Command, FurtherOption
+from excite.cli.option_types import Folder, Names, Number, Numbers, PoseOrFound, RobotName
+from excite.cli.options import figure_options, robot_file_of, robot_file_options
+from excite.cli.task_options import chosen_of, settings_options, task_options
+from excite.friction.plan.schedule import Schedule
+from excite.tasks.task import PARTS
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -20,27 +22,12 @@ if TYPE_CHECKING:
 _NOT_HELD = 1
 
 
-class PoseOrFound(click.ParamType[tuple[float, ...] | None]):
-    """A number for every joint, separated by commas, or ``found``."""
-
-    name = "pose"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...] | None:
-        """Convert the text of the option."""
-        return None if value == "found" else Numbers("pose").convert(value, param, ctx)
-
-
 _LIMITED = ("position", "velocity", "acceleration", "jerk")
-_SCHEDULE = (
-    "percent", "rate", "shortest", "longest", "stroke", "warm_up", "repeats", "creep", "creeping", "breakaways",
-    "pause", "ramping",
-)  # fmt: skip
 
 _GROUPS = {
-    "Drives and poses": ("drives", "joints", "pose", "balanced", "world", "seed"),
+    "Drives and poses": ("drives", "joints", "pose", "balanced", "seed"),
     "Runs": ("percent", "shortest", "longest", "stroke", "warm_up", "repeats", "pause"),
     "Break-away tests": ("breakaways", "creep", "creeping", "torque_ramp", "ramping"),
-    "Limits": ("position_limit", "velocity_limit", "acceleration_limit", "jerk_limit"),
 }
 
 
@@ -48,7 +35,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="plan",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite friction plan irp6 --out friction/irp6
@@ -72,7 +58,7 @@ The middle of every run is a pose in which gravity does not act on the joint, or
 cancels over a window. Where there is no such pose, the model's gravity has to be subtracted, and the summary says so.
 
 \b
-Give obstacles with --world FILE, as for 'excite design' (see 'excite design --help'): then poses are chosen, and
+Give obstacles with --world FILE, as for 'excite design' (see 'excite design --help-all'): then poses are chosen, and
 strokes bounded, so that the robot's links keep their distance from each other and from obstacles in every position
 that a run passes. Without --world no collisions are checked: check the poses before you play anything. You move the
 robot from one pose to the next; with --world the summary lists the straight lines in joint space that are free.
@@ -82,73 +68,33 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 )
 @click.argument("robot", type=RobotName())
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
+@robot_file_options("--base")
 @task_options(("installation",))
-@reading_options
 @click.option("--drives", type=Names(), metavar="1,3", help="Drives to measure, by name or number.  [default: all]")
-@click.option("--joints", type=Names(), metavar="1,3", help="Instead: joints to measure, each moved on its own.")
 @click.option(
-    "--speeds", "percent", type=Numbers(), default="5,10,20,30,40,50,60,70,80,90,100", metavar="P,...",
-    help="Speeds, in percent of the largest.",
-)  # fmt: skip
+    "--joints",
+    cls=FurtherOption,
+    type=Names(),
+    metavar="1,3",
+    help="Instead: joints to measure, each moved on its own.",
+)
 @click.option("--pose", type=PoseOrFound(), default="found", metavar="Q,...", help="Middle of every run [rad or m].")
 @click.option(
-    "--balanced", is_flag=True, help="State that gravity cancels about --pose, for robots without known inertias."
+    "--balanced",
+    cls=FurtherOption,
+    is_flag=True,
+    help="State that gravity cancels about --pose, for robots without known inertias.",
 )
-@click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to avoid collisions; see below.")
-@click.option("--shortest", type=Number(), default=0.2, metavar="S", help="Shortest window of constant speed [s].")
+@task_options(("limits",), only=(*_LIMITED, "world"))
+@settings_options(Schedule)
 @click.option(
-    "--longest", type=Number(), default=1.5, metavar="S",
-    help="Longest window of constant speed [s]; inf: as long as the range allows.",
-)  # fmt: skip
-@click.option(
-    "--stroke", type=Number(), default=float("inf"), metavar="R",
-    help="Largest stroke to each side of the pose [rad or m].  [default: the range]", show_default=False,
-)  # fmt: skip
-@click.option("--warm-up", type=Number(), default=30.0, metavar="S", help="Warm-up of each joint [s]; 0 for none.")
-@click.option("--repeats", type=Number(), default=1, metavar="N", help="Number of times that every speed is played.")
-@click.option(
-    "--breakaways",
-    type=Number(),
-    default=3,
-    metavar="N",
-    help="Break-away tests per direction, of each kind.",
-)
-@click.option(
-    "--creep",
-    type=Number(),
-    default=0.1,
-    metavar="P",
-    help="Creeping speed of the break-away tests, in percent of the largest.",
-)
-@click.option(
-    "--creeping",
-    type=Number(),
-    default=10.0,
-    metavar="S",
-    help="Duration of each creeping break-away test [s].",
-)
-@click.option(
-    "--torque-ramp", type=Numbers(), metavar="T,...",
+    "--torque-ramp", cls=FurtherOption, type=Numbers(), metavar="T,...",
     help="Largest torque of the ramps in NAME.stiction.csv, one for all, or one each; 0 for none [Nm or N].  "
     "[default: 1.5 times the friction in the robot's file, at most half of the torque limit]",
 )  # fmt: skip
-@click.option("--ramping", type=Number(), default=5.0, metavar="S", help="Duration of each torque ramp [s].")
-@click.option("--pause", type=Number(), default=0.5, metavar="S", help="Rest between runs [s].")
-@click.option("--rate", type=Number(), default=500.0, metavar="HZ", help="Samples per second of the files.")
-@click.option("--position-limit", type=Ranges(), metavar="L:U,...", help="Position limits per joint [rad or m].")
 @click.option(
-    "--velocity-limit",
-    type=Numbers("velocity"),
-    metavar="V,...",
-    help="Velocity limits [rad/s], one for all joints, or one each.",
+    "--seed", cls=FurtherOption, type=Number(), default=0, metavar="N", help="Seed of the random poses that are tried."
 )
-@click.option(
-    "--acceleration-limit", type=Numbers("acceleration"), metavar="A,...", help="Acceleration limits [rad/s^2]."
-)
-@click.option("--jerk-limit", type=Numbers("jerk"), metavar="J,...", help="Jerk limits [rad/s^3].")
-@click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of the random poses that are tried.")
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a plan that is already in DIR.")
 @click.pass_context
@@ -157,10 +103,6 @@ def command(
     /,
     robot: str,
     out: Path,
-    base_link: str | None,
-    tip: str | None,
-    snap_angles: bool | None,
-    xacro: bool | None,
     **options: Any,
 ) -> None:
     """Plan runs that measure the friction of ROBOT's joints or drives, and write them to DIR.
@@ -178,14 +120,17 @@ def command(
     from excite.tasks.robot_of_task import installed_robot
     from excite.views.friction_plan_view import friction_plan_view
 
-    snapped = snap_angles is not False
-    reading: dict[str, Any] = {"snap_angles": snapped, "xacro": bool(xacro), **installation_of(options)}
-    task = excite.Task(robot, base_link=base_link, tip=tip, **reading)
+    read = robot_file_of(options)
+    task = excite.Task(robot, **read, **chosen_of(PARTS["installation"], options))
     described = installed_robot(task)
     file = options["world"]
-    world = None if file is None else excite.read_world(Path(file), robot, base_link, tip, snap_angles=snapped)
-    limits = excite.LimitChoice(**{what: options[f"{what}_limit"] for what in _LIMITED})
-    schedule = excite.Schedule(**{name: options[name] for name in _SCHEDULE})
+    world = (
+        None
+        if file is None
+        else excite.read_world(Path(file), robot, read["base_link"], read["tip"], snap_angles=read["snap_angles"])
+    )
+    limits = excite.LimitChoice(**{what: options[what] for what in _LIMITED})
+    schedule = Schedule(**chosen_of(Schedule, options))
     chosen = {name: options[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
     tell("looking for poses and bounding torques")
     with result_folder(out):

@@ -11,8 +11,8 @@ from typing import Any
 import excite
 from excite.cli.design_of_mapping import design_folder
 from excite.cli.estimate_text import estimate_summary, print_estimate
-from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import one_interrupt
+from excite.cli.options import FigureChoice
 from excite.cli.repetition_text import repeat_and_write
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark

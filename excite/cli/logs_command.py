@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import RobotName, reading_options
+from excite.cli.option_types import RobotName
+from excite.cli.options import robot_file_of, robot_file_options
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -24,7 +25,6 @@ _GROUPS = {"Robot": ("robot",), "Output": ("write_mapping",)}
     cls=Command,
     groups=_GROUPS,
     name="logs",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite logs run.mcap
@@ -44,9 +44,7 @@ answers, with the questions as comments: correct it before you use it.""",
 @click.option(
     "--robot", type=RobotName(), metavar="ROBOT", help="Robot that moved, for the names and the ranges of its joints."
 )
-@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
-@reading_options
+@robot_file_options("--base")
 @click.option(
     "--write-mapping", type=click.Path(path_type=Path), metavar="MAP.yaml", help="Mapping to write, for --mapping."
 )
@@ -54,12 +52,9 @@ answers, with the questions as comments: correct it before you use it.""",
 def command(
     file: Path,
     robot: str | None,
-    base_link: str | None,
-    tip: str | None,
-    snap_angles: bool | None,
-    xacro: bool | None,
     write_mapping: Path | None,
     force: bool,
+    **given: Any,
 ) -> None:
     """Show what FILE holds, what was recognised, and what it does not say; write the mapping that reads it.
 
@@ -73,8 +68,8 @@ def command(
     if write_mapping is not None:
         check_mapping_free(write_mapping, replace=force)
     tell(f"reading {file}")
-    read = {"snap_angles": snap_angles is not False, "xacro": bool(xacro)}
-    moved = None if robot is None else excite.load_robot(robot, base_link, tip, **read)
+    read = robot_file_of(given)
+    moved = None if robot is None else excite.load_robot(robot, read.pop("base_link"), **read)
     guess = excite.guess_mapping(file, moved)
     if write_mapping is not None:
         write_mapping_file(guess, write_mapping, replace=force)

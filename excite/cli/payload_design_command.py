@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.figure_options import figure_options
 from excite.cli.messages import in_options
-from excite.cli.options import Folder, Number, Numbers, RobotName
-from excite.cli.payload_options import BoxOrSides, frame_option, robot_of, robot_options
+from excite.cli.option_types import BoxOrSides, Folder, Number, Numbers, RobotName
+from excite.cli.options import figure_options
+from excite.cli.payload_options import frame_option, robot_of, robot_options
 from excite.cli.streams import remark
 from excite.cli.task_options import task_options
 
@@ -35,7 +35,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="design",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite payload design ur10e --box 0.2 --pose 0,-1.2,1.6,-1.2,-1.57,0 --period 5 --out motion
@@ -82,10 +81,9 @@ Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
 @click.option("--period", type=Number(), default=5.0, metavar="S", help="Duration of the motion [s].")
 @click.option("--harmonics", type=Number(), default=3, metavar="N", help="Harmonics of its Fourier series.")
 @click.option("--starts", type=Number(), default=1, metavar="N", help="Random starts; the best one is taken.")
-@click.option("--seed", type=Number(), default=0, metavar="N", help="The same seed gives the same motion.")
-@click.option("--rate", type=Number(), default=100.0, metavar="HZ", help="Samples per second of trajectory.csv.")
-@task_options(("limits",), only=_LIMITS)
-@click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, as for 'excite design'.")
+@task_options(("search",), only=("seed",))
+@task_options(("output",), only=("rate",))
+@task_options(("limits",), only=(*_LIMITS, "world"))
 @figure_options("none")
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 def command(robot: str, out: Path, **given: Any) -> None:

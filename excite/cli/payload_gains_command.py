@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Number, RobotName
+from excite.cli.option_types import Number, RobotName
 from excite.cli.payload_options import log_options, logs_of, robot_of, robot_options
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="gains",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite payload gains ur10e --without bare.csv --with weight.csv --mass 2.805 --out gains.yaml

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, Number, RobotName
-from excite.cli.payload_options import Share, frame_option, log_options, logs_of, robot_of, robot_options
+from excite.cli.option_types import Folder, Number, RobotName, Share
+from excite.cli.payload_options import frame_option, log_options, logs_of, robot_of, robot_options
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -31,7 +31,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="identify",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite payload identify ur10e --without bare.csv --with load.csv --gains gains.yaml --out payload

@@ -12,10 +12,12 @@ import click
 from click.core import ParameterSource
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, Names, Number, RobotName, reading_options
-from excite.cli.task_options import task_options, typed_options
+from excite.cli.option_types import Folder, Number, RobotName
+from excite.cli.options import robot_file_of, robot_file_options
+from excite.cli.task_options import chosen_of, task_options, typed_options
 from excite.registry import MODELS
 from excite.tasks.model_choice import FURTHER_FRICTION
+from excite.tasks.task import PARTS
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 
 _NAMED = 6  # parameters of a motion that the summary names
+_OF_MODEL = ("joints", "friction", "friction_curves", "rotor", *FURTHER_FRICTION, "stribeck_speed")
 _OF_NEXT_MOTION = ("after", "noise", "of", "period", "starts", "task_file", "out", "force")
 
 
@@ -31,7 +34,6 @@ _OF_NEXT_MOTION = ("after", "noise", "of", "period", "starts", "task_file", "out
     cls=Command,
     groups={"Next motion": ("precision", *_OF_NEXT_MOTION[:-2])},
     name="plan",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite plan irp6
@@ -54,11 +56,9 @@ where it is enough, 1 where another motion is needed, which --out writes.
   --task task.yaml                 limits, home, search and all other options of a design""",
 )
 @click.argument("robot", type=RobotName())
-@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
+@robot_file_options()
 @task_options(("installation",))
-@reading_options
-@click.option("--joints", type=Names(), metavar="1,2,3", help="Joints whose parameters to identify.")
+@task_options(("model",), only=_OF_MODEL, help={"joints": "Joints whose parameters to identify."})
 @click.option(
     "--model", type=click.Choice(MODELS), default="energy", help="Model whose equations identify the parameters."
 )
@@ -68,12 +68,6 @@ where it is enough, 1 where another motion is needed, which --out writes.
     metavar="N",
     help="Largest number of drives that move at the same time.  [default: 2]",
 )
-@click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
-@click.option(
-    "--friction-curves", metavar="FILE", help="Known friction curves; friction of the other drives is identified."
-)
-@click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
-@task_options(("model",), only=(*FURTHER_FRICTION, "stribeck_speed"))
 @task_options(("objective",), only=("precision", "after", "noise"))
 @task_options(("search",), only=("starts",))
 @click.option(
@@ -93,26 +87,15 @@ def command(
     ctx: click.Context,
     /,
     robot: str,
-    base_link: str | None,
-    tip: str | None,
-    snap_angles: bool | None,
-    xacro: bool | None,
-    joints: tuple[str, ...] | None,
     model: str,
     at_once: int | None,
-    friction: bool,
     friction_curves: str | None,
-    rotor: bool,
     precision: float | dict[str, Any] | None,
-    after: tuple[str, ...],
-    noise: tuple[float, ...] | None,
-    starts: int | None,
     of: str,
-    period: float | None,
     task_file: Path | None,
     out: Path | None,
     force: bool,
-    **further: Any,
+    **given: Any,
 ) -> None:
     """Propose the shortest campaign: few motions of few drives of ROBOT that together identify every parameter.
 
@@ -128,16 +111,8 @@ def command(
     from excite.storage.records import json_of
 
     curves = None if friction_curves is None else excite.read_friction(Path(friction_curves))
-    asked: dict[str, Any] = {
-        "joints": joints,
-        "model": model,
-        "friction": friction,
-        "friction_curves": curves,
-        "rotor": rotor,
-    }
-    described: dict[str, Any] = {"base_link": base_link, "tip": tip, "snap_angles": snap_angles is not False}
-    described["xacro"] = bool(xacro)
-    task = excite.Task(robot, **described, **asked, **further)
+    asked = {**chosen_of(PARTS["installation"], given), **chosen_of(PARTS["model"], given)}
+    task = excite.Task(robot, **robot_file_of(given), **asked, model=model, friction_curves=curves)
     tell("finding the parameters that each selection of drives identifies")
     campaign = excite.plan_campaign(task, at_once)
     design = _design_command(task, friction_curves)

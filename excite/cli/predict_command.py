@@ -8,15 +8,22 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Number, NumberOr, Numbers, PartName, own_parts
-from excite.registry import ESTIMATORS, SIGNALS
-from excite.simulation.settings import AUTO
+from excite.cli.option_types import Number
+from excite.cli.options import own_parts
+from excite.cli.task_options import settings_options
+from excite.identification.recipe import Recipe
+from excite.simulation.degradation.degradation import Degradation
+from excite.simulation.settings import SimulationSettings
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
     from excite.views.view import View
 
 _MOST = 12  # parameters in the summary
+_OF_SIMULATION = (
+    "torque_noise", "encoder", "position_noise", "velocity_noise", "rate", "periods", "model_error", "breakaway",
+    "seed",
+)  # fmt: skip
 _GROUPS = {
     "Noise": ("torque_noise", "coloured_noise", "noise_corner", "encoder", "position_noise", "velocity_noise"),
     "Experiment": ("rate", "periods", "model_error", "friction", "breakaway", "torque_gain", "friction_drift"),
@@ -29,7 +36,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="predict",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite predict designs/irp6 --torque-noise 0.5
@@ -53,27 +59,12 @@ at a random phase in each sample.
 Repeats are taken to have the settings that are chosen for the simulated log. Written to DIR: accuracy.json.""",
 )
 @click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
-@click.option("--torque-noise", type=Numbers(), default="0", metavar="S,...", help="Deviation of white noise [Nm].")
-@click.option("--coloured-noise", type=Numbers(), default="0", metavar="S,...", help="Deviation of slow noise [Nm].")
-@click.option("--noise-corner", type=Number(), default=5.0, metavar="HZ", help="Frequency up to which that goes.")
-@click.option("--encoder", type=Numbers(), metavar="COUNTS", help="Counts per motor revolution, one for all, or each.")
-@click.option("--position-noise", type=Numbers(), default="0", metavar="S,...", help="Deviation of positions [rad].")
-@click.option("--velocity-noise", type=Numbers(), default="0", metavar="S,...", help="Of velocities [rad/s].")
-@click.option("--rate", type=Number(), default=2000.0, metavar="HZ", help="Samples per second of the log.")
-@click.option("--periods", type=Number(), default=1, metavar="N", help="Number of times that the motion is played.")
-@click.option("--model-error", type=Number(), default=0.0, metavar="E", help="Of the controller's model, 0.1 = 10 %.")
+@settings_options(SimulationSettings, only=_OF_SIMULATION, unset={"breakaway": "none"})
+@settings_options(Degradation, only=("coloured_noise", "noise_corner", "torque_gain", "friction_drift"))
 @click.option("--friction", type=click.Path(path_type=Path), metavar="FILE", help="True friction curves.")
-@click.option("--breakaway", type=NumberOr(AUTO), metavar="D|auto", help="True presliding distance of drives.")
-@click.option("--torque-gain", type=Numbers(), default="1", metavar="G,...", help="Measured over true torque.")
-@click.option("--friction-drift", type=Number(), default=0.0, metavar="E", help="Change of friction over the log.")
-@click.option("--signals", type=click.Choice(SIGNALS), help="From positions to accelerations.  [default: chosen]")
-@click.option("--cutoff", type=Number(), metavar="HZ", help="Of the positions' low-pass.  [default: chosen]")
-@click.option("--low-pass", type=Number(), metavar="HZ", help="The same low-pass on both sides of the equations.")
-@click.option("--every", type=Number(), metavar="N", help="Keep every N-th instant.")
-@click.option("--estimator", type=PartName("estimator", ESTIMATORS), help="How to estimate.  [default: chosen]")
+@settings_options(Recipe, only=("signals", "cutoff", "low_pass", "every", "estimator"))
 @click.option("--choose/--no-choose", default=True, help="Choose what is not given, as 'excite identify' does.")
 @click.option("--count", type=Number(), default=400, metavar="K", help="Samples of the noise.")
-@click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of noise and model error.")
 @own_parts
 def command(folder: Path, count: float, parts: tuple[str, ...], choose: bool, **options: Any) -> None:
     """Predict how much the parameters of the design in DIR will scatter from repeat to repeat, and their bias.

@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from excite.cli.figure_options import FigureChoice
 from excite.cli.interrupts import deferred_interrupt, interrupted_status, one_interrupt
 from excite.cli.literal_console import console_of_progress
 from excite.cli.messages import in_options
+from excite.cli.options import FigureChoice
 from excite.cli.sign_of_life import something_is_shown
 from excite.cli.streams import remark, say
 from excite.cli.terminal import can_move

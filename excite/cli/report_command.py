@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from excite.cli.command import Command
-from excite.cli.options import Folder, own_parts
+from excite.cli.option_types import Folder
+from excite.cli.options import own_parts
 
 _GROUPS = {"Robot": ("robot_file",)}
 
@@ -16,7 +17,6 @@ _GROUPS = {"Robot": ("robot_file",)}
     cls=Command,
     groups=_GROUPS,
     name="report",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b
 Examples:
   excite report designs/irp6 --out irp6.html

@@ -10,10 +10,12 @@ import click
 
 from excite.cli.command import Command
 from excite.cli.messages import in_options
-from excite.cli.options import Names, RobotName, reading_options
+from excite.cli.option_types import RobotName
+from excite.cli.options import robot_file_of, robot_file_options
 from excite.cli.streams import remark
-from excite.cli.task_options import task_options
+from excite.cli.task_options import chosen_of, task_options
 from excite.cli.verbosity import verbosity
+from excite.tasks.task import PARTS
 from regressors.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     from regressors.robot.robot import Robot
 
 _GROUPS = {
-    "Robot": ("base",),
     "Output": ("capsules",),
 }
 
@@ -33,7 +34,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="robots",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite robots
@@ -44,29 +44,21 @@ Examples:
   excite robots arm.xml --tip hand --out arm.yaml""",
 )
 @click.argument("robot", type=RobotName(), required=False)
-@click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
+@robot_file_options("--base")
 @task_options(("installation",))
-@reading_options
-@click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others are locked.")
-@click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
-@click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
+@task_options(("model",), only=("joints", "friction", "rotor"), essential=("joints", "friction", "rotor"))
 @click.option("--capsules", is_flag=True, help="Print a URDF's shape as capsules, to begin a world file with.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the robot as robot YAML.")
 @click.option("--force", is_flag=True, help="Replace a FILE that is already there.")
 def command(
     robot: str | None,
-    base: str | None,
-    tip: str | None,
-    snap_angles: bool | None,
-    xacro: bool | None,
     joints: tuple[str, ...] | None,
     friction: bool,
     rotor: bool,
     capsules: bool,
     out: Path | None,
     force: bool,
-    **installation: Any,
+    **given: Any,
 ) -> None:
     """List the built-in robots; with ROBOT (a built-in name, a robot YAML, a URDF or an MJCF) show one.
 
@@ -84,11 +76,11 @@ def command(
             raise click.UsageError("--out writes one robot; name it: excite robots ROBOT --out FILE")
         _list()
         return
-    snapped = snap_angles is not False
+    read = robot_file_of(given)
     if capsules:
         from excite.files.world_file import capsules_text, urdf_capsules
 
-        parts, left_out = urdf_capsules(robot, base, tip, snap_angles=snapped)
+        parts, left_out = urdf_capsules(robot, read["base_link"], read["tip"], snap_angles=read["snap_angles"])
         if not parts:
             more = f" ({len(left_out) - 1} more like it)" if len(left_out) > 1 else ""
             raise InputError(f"{left_out[0][1]}{more}, and no other shape is left; put the meshes there")
@@ -101,8 +93,8 @@ def command(
         else:
             click.echo(capsules_text(parts), nl=False)
         return
-    described: dict[str, Any] = {"base_link": base, "tip": tip, "snap_angles": snapped, "xacro": bool(xacro)}
-    task = Task(robot, joints=joints, friction=friction, rotor=rotor, **described, **installation)
+    installation = chosen_of(PARTS["installation"], given)
+    task = Task(robot, joints=joints, friction=friction, rotor=rotor, **read, **installation)
     whole = installed_robot(task)
     if out is not None:
         from excite.files.robot_yaml import write_robot

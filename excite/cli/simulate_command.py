@@ -3,38 +3,25 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.command import Command
-from excite.cli.degradation_options import degradation_options
-from excite.cli.options import Folder, Number, NumberOr, Numbers, own_parts
+from excite.cli.command import Command, FurtherOption
+from excite.cli.option_types import Folder
+from excite.cli.options import own_parts
 from excite.cli.streams import remark, say
-from excite.simulation.settings import AUTO, CONTROLLERS
+from excite.cli.task_options import settings_options
+from excite.simulation.degradation.degradation import Degradation
+from excite.simulation.settings import SimulationSettings
 from regressors.quantities import number_of
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
     from excite.simulation.simulation import Simulation
 
-Decorated = TypeVar("Decorated", bound=Callable[..., Any])
-
-
 _NEGLIGIBLE = 1e-4  # tracking error over the range of motion
-
-
-def _noise(of: str, what: str, default: str = "0", metavar: str = "S,...") -> Callable[[Decorated], Decorated]:
-    """Option for the standard deviation of one noise."""
-    named: dict[str, Any] = {
-        "type": Numbers(),
-        "default": default,
-        "metavar": metavar,
-        "help": f"Standard deviation of {what}.",
-    }
-    return click.option(f"--{of}-noise", **named)
 
 
 _GROUPS = {
@@ -55,7 +42,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="simulate",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite simulate designs/irp6 --out logs/clean.csv
@@ -117,83 +103,27 @@ limits.""",
 )
 @click.option(
     "--approach-and-return/--no-approach-and-return",
+    cls=FurtherOption,
     default=True,
     help="Also play the approach from home and the return, if the design has them.",
 )
-@click.option("--beyond-limits", is_flag=True, help="Play a motion that breaks a limit, which is refused otherwise.")
+@click.option(
+    "--beyond-limits",
+    cls=FurtherOption,
+    is_flag=True,
+    help="Play a motion that breaks a limit, which is refused otherwise.",
+)
 @click.option("--ways/--no-ways", default=None, hidden=True, help="Former name of --approach-and-return.")
-@click.option("--rate", type=Number(), default=2000.0, metavar="HZ", help="Samples per second of joints.")
-@click.option("--wrench-rate", type=Number(), default=250.0, metavar="HZ", help="Samples per second of the wrench.")
-@click.option("--periods", type=Number(), default=1, metavar="N", help="Number of times that the motion is played.")
-@click.option(
-    "--controller",
-    type=click.Choice(CONTROLLERS),
-    default="computed-torque",
-    help="computed-torque compensates friction too; pd compensates gravity only.",
-)
-@click.option(
-    "--bandwidth",
-    type=Number(),
-    default=5.0,
-    metavar="HZ",
-    help="Natural frequency of the controlled joints.",
-)
-@click.option(
-    "--model-error",
-    type=Number(),
-    default=0.0,
-    metavar="E",
-    help="Relative error of the controller's model, 0.1 = 10 %.",
-)
-@click.option("--torque-limits/--no-torque-limits", default=True, help="Torques saturate at the robot's limits.")
 @click.option(
     "--friction", type=click.Path(path_type=Path), metavar="FILE", help="Friction curves.  [default: the robot's file]"
-)
-@click.option(
-    "--temperature",
-    type=Numbers(),
-    metavar="T,...",
-    help="Temperature of the joints [deg C], one for all, or one each; friction depends on it, and the log states it.",
-)
-@click.option(
-    "--sign-width",
-    type=Number(),
-    metavar="V",
-    help="Drive velocity over which friction changes sign.  [default: chosen automatically]",
-)
-@click.option(
-    "--breakaway",
-    type=NumberOr(AUTO),
-    metavar="D|auto",
-    help="Presliding: distance of a drive over which friction changes direction and holds at rest [rad or m]; auto: "
-    "1e-5, or what the steps allow.  [default: auto for files of a friction plan]",
-)
-@click.option(
-    "--catch",
-    type=Number(),
-    default=2e-3,
-    metavar="R",
-    help="Distance of a drive that ends a ramp of its torque [rad or m].",
 )
 @click.option(
     "--load",
     metavar="M,MCX,...|FILE",
     help="Load at the sensor, in its frame: m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; or a YAML file of them.",
 )
-@click.option(
-    "--encoder",
-    type=Numbers(),
-    metavar="COUNTS",
-    help="Counts per motor revolution, one for all, or one each.",
-)
-@_noise("position", "position noise [rad]")
-@_noise("velocity", "velocity noise [rad/s]")
-@_noise("torque", "joint torque noise [Nm]")
-@_noise("wrench", "force and torque noise [N, Nm]", default="0,0", metavar="F,N")
-@degradation_options
-@click.option(
-    "--seed", type=Number(), default=0, metavar="N", help="Seed of noise, model error and what spoils the log."
-)
+@settings_options(SimulationSettings)
+@settings_options(Degradation)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
 def command(
@@ -223,7 +153,6 @@ def command(
     from excite.cli.summary import show
     from excite.errors import LostMotionError
     from excite.files.simulation_files import paths_of
-    from excite.simulation.settings import SimulationSettings
     from excite.simulation.simulate import changed_settings, motion_source
     from excite.storage.result_file import result_file
 

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.figure_options import FigureChoice, figure_options
-from excite.cli.options import Folder, Number, Numbers, PartName, RobotName, own_parts
-from excite.registry import EXECUTORS
+from excite.cli.option_types import Folder, Number, RobotName
+from excite.cli.options import FigureChoice, executor_options, figure_options, mapping_option, own_parts
+from excite.cli.task_options import settings_options
+from excite.identification.recipe import Recipe
+from excite.simulation.settings import SimulationSettings
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
@@ -27,7 +29,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="study",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite study irp6 --design designs/irp6 --design designs/short --repeats 30 --out studies/irp6
@@ -67,29 +68,22 @@ What is written to DIR:
 )
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--repeats", type=Number(), default=0, metavar="N", help="Measure each run N times, such as 30.")
-@click.option(
-    "--executor",
-    type=PartName("executor", EXECUTORS, own=False),
-    default="process",
-    help="Where repetitions run, with the same numbers; those of a study of less than 10 s stay in this process.",
+@executor_options(
+    "Where repetitions run, with the same numbers; those of a study of less than 10 s stay in this process.",
+    "Processes for the repetitions.  [default: one per core]",
 )
-@click.option("--workers", type=Number(), metavar="N", help="Processes for the repetitions.  [default: one per core]")
 @click.option("--below", type=Number(), default=5.0, metavar="%", help="Deviation that parameters are to fall below.")
 @click.option("--points", type=Number(), default=100, metavar="K", help="Number of instants.")
-@click.option("--mapping", type=click.Path(path_type=Path), metavar="FILE", help="Layout of logs in another format.")
+@mapping_option
 @click.option(
     "--estimator", type=click.Choice(["weighted", "least-squares"]), default="weighted", help="How to estimate."
 )
-@click.option("--cutoff", type=Number(), metavar="HZ", help="Of the positions' low-pass.  [default: chosen]")
-@click.option("--rate", type=Number(), default=2000.0, metavar="HZ", help="Samples per second of simulated logs.")
-@click.option(
-    "--torque-noise",
-    type=Numbers(),
-    metavar="S,...",
-    help="Standard deviation of simulated torque noise [Nm].  [default: 1 % of each joint's torque]",
+@settings_options(Recipe, only=("cutoff",))
+@settings_options(
+    SimulationSettings,
+    only=("rate", "torque_noise", "encoder", "seed"),
+    unset={"torque_noise": "1 % of each joint's torque"},
 )
-@click.option("--encoder", type=Numbers(), metavar="COUNTS", help="Simulated encoder counts per motor revolution.")
-@click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of simulated noise.")
 @own_parts
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a study that is already there.")

@@ -1,16 +1,20 @@
-"""Command-line options generated from the parts of a task, where each is described once."""
+"""Command-line options generated from the fields of settings, where each is described once."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import (
+from excite.cli.command import FurtherOption
+from excite.cli.option_types import (
     Box,
+    Delay,
     DriveNames,
+    ImpactOption,
     Margin,
     Mount,
     Names,
@@ -19,15 +23,17 @@ from excite.cli.options import (
     Numbers,
     PartName,
     PayloadOption,
+    Percent,
     Pose,
     PrecisionOption,
     PriorOption,
     Ranges,
     Triple,
+    Width,
 )
 from excite.registry import BUILT_IN
 from excite.tasks.option import Kind, Option, options_of
-from excite.tasks.task import PARTS, PLACE
+from excite.tasks.task import PARTS
 from excite.tasks.values import AUTO
 
 Command = Callable[..., Any]
@@ -38,7 +44,12 @@ _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
     "numbers": Numbers,
     "triple": Triple,
     "poses": Numbers,
+    "distance": lambda quantity: NumberOr(AUTO, quantity),
+    "time": lambda quantity: Delay(AUTO, quantity),
+    "size": Width,
+    "percent": Percent,
 }
+_SEVERAL = ("poses", "folders", "impacts")
 _TYPES: dict[Kind, Any] = {
     "ranges": Ranges(),
     "box": Box(),
@@ -53,37 +64,50 @@ _TYPES: dict[Kind, Any] = {
     "drives": DriveNames(),
     "folders": Names(),
     "precision": PrecisionOption(),
+    "impacts": ImpactOption(),
 }
 
 
-def task_options(
-    parts: Iterable[str],
-    *,
-    without: Iterable[str] = (),
-    only: Iterable[str] | None = None,
-    help: dict[str, str] | None = None,
-) -> Callable[[Command], Command]:
-    """Decorator that gives a command the options of some parts of a task."""
-    left_out, taken = set(without), PLACE if only is None else set(only)
-    chosen = [
-        (field, option)
-        for part in parts
-        for field, option in options_of(PARTS[part])
-        if field.name in taken and field.name not in left_out and not option.hidden
-    ]
+def task_options(parts: Iterable[str], *, without: Iterable[str] = (), **more: Any) -> Callable[[Command], Command]:
+    """Decorator that gives a command the options of some parts of a task, see `settings_options`."""
 
     def decorate(command: Command) -> Command:
-        for field, option in reversed(chosen):
-            text = (help or {}).get(field.name, option.help)
-            command = _click_option(field.name, field.default, option, text)(command)
+        for part in reversed(tuple(parts)):
+            command = settings_options(PARTS[part], without=without, **more)(command)
         return command
 
     return decorate
 
 
-def installation_of(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Options of the robot's installation among those of a command."""
-    return {field.name: given[field.name] for field, _ in options_of(PARTS["installation"])}
+def settings_options(
+    settings: type,
+    *,
+    without: Iterable[str] = (),
+    only: Iterable[str] | None = None,
+    help: Mapping[str, str] | None = None,
+    unset: Mapping[str, str] | None = None,
+    essential: Iterable[str] | None = None,
+) -> Callable[[Command], Command]:
+    """Decorator that gives a command the options of settings, in their order."""
+
+    def decorate(command: Command) -> Command:
+        for field, option in reversed(list(options_of(settings))):
+            name = field.name
+            if option.hidden or name in set(without) or (only is not None and name not in set(only)):
+                continue
+            changed: dict[str, Any] = {"help": help[name]} if help is not None and name in help else {}
+            changed |= {"unset": unset[name]} if unset is not None and name in unset else {}
+            changed |= {} if essential is None else {"essential": name in set(essential)}
+            command = _click_option(name, field.default, dataclasses.replace(option, **changed))(command)
+        return command
+
+    return decorate
+
+
+def chosen_of(settings: type, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of settings among those of a command, as far as they have a value."""
+    names = (field.name for field, _ in options_of(settings))
+    return {name: given[name] for name in names if given.get(name) is not None}
 
 
 def flag_of(name: str, option: Option) -> str:
@@ -91,24 +115,36 @@ def flag_of(name: str, option: Option) -> str:
     return "--" + (option.flag or name.replace("_", "-")).partition("/")[0]
 
 
-def _click_option(name: str, default: Any, option: Option, text: str) -> Callable[[Command], Command]:
+def _click_option(name: str, default: Any, option: Option) -> Callable[[Command], Command]:
+    text = option.help if option.unset is None else f"{option.help}  [default: {option.unset}]"
+    shared: dict[str, Any] = {"cls": click.Option if option.essential else FurtherOption, "help": text}
+    default = None if option.unset is not None else default
     if option.kind == "flag" or "/" in (option.flag or ""):
         both = f"--{option.flag.replace('/', '/--')}" if option.flag and "/" in option.flag else flag_of(name, option)
-        return click.option(both, name, is_flag=True, default=default, help=text)
-    default = "none" if option.kind == "drives" else default
-    several = option.kind in ("poses", "folders") or name == "constraints"
-    kind = str if name == "constraints" else _type(name, option)
-    shown = ",".join(default) if isinstance(default, tuple) and default and option.kind == "names" else default
+        return click.option(both, name, is_flag=True, default=default, **shared)
     return click.option(
         flag_of(name, option),
         name,
-        type=kind,
-        multiple=several,
-        default=None if shown in ((), None) or option.kind == "triple" else shown,
+        type=str if name == "constraints" else _type(name, option),
+        multiple=option.kind in _SEVERAL or name == "constraints",
+        default=_typed_default(default, option),
         metavar=option.metavar,
-        help=text,
         callback=_all_of if option.kind == "folders" else None,
+        **shared,
     )
+
+
+def _typed_default(default: Any, option: Option) -> Any:
+    """The default of an option as it is typed."""
+    if option.kind == "drives":
+        return "none"
+    if default in ((), None) or option.kind == "triple":
+        return None
+    if option.kind == "percent":
+        return f"{100 * default:g}"
+    if isinstance(default, tuple) and option.kind in ("names", "numbers"):
+        return ",".join(f"{each:g}" if isinstance(each, float) else each for each in default)
+    return default
 
 
 def _all_of(ctx: click.Context, param: click.Parameter, value: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
@@ -120,13 +156,13 @@ def _type(name: str, option: Option) -> Any:
     if option.part is not None:
         return PartName(option.part, tuple(BUILT_IN[option.part]))
     if option.kind in _OF_QUANTITIES:
-        return _OF_QUANTITIES[option.kind](name)
+        return _OF_QUANTITIES[option.kind](option.quantity or name)
     return click.Choice(option.choices) if option.choices else _TYPES[option.kind]
 
 
-def typed_options(ctx: click.Context) -> dict[str, Any]:
-    """Options of a task given on the command line, by name."""
-    known = {field.name for part in PARTS.values() for field, _ in options_of(part)}
+def typed_options(ctx: click.Context, *settings: type) -> dict[str, Any]:
+    """Options of settings, those of a task if none are named, that are given on the command line."""
+    known = {field.name for each in settings or PARTS.values() for field, _ in options_of(each)}
     return {
         name: value
         for name, value in ctx.params.items()

@@ -60,14 +60,14 @@ def _flag(names: list[str], text: str) -> click.Option:
 def loudness_options() -> list[click.Option]:
     """``--quiet`` and ``--verbose``."""
     return [
-        _flag(["-q", "--quiet"], "Print the verdict only, in one line, and no progress."),
-        _flag(["-v", "--verbose"], "Print all tables and notes, times, versions and the files that are read."),
+        _flag(["-q", "--quiet"], "Print only the verdict, and no progress."),
+        _flag(["-v", "--verbose"], "Print all tables, notes, times and versions."),
     ]
 
 
 def form_options(taken: Iterable[str]) -> list[click.Option]:
     """``--json``, and its older spelling ``--format json`` where that name is free."""
-    options = [_flag(["--json", "as_json"], "Print the summary as one JSON document on stdout.")]
+    options = [_flag(["--json", "as_json"], "Print the summary as one JSON document.")]
     if "--format" not in taken:
         kinds = click.Choice(["text", "json"])
         options.append(

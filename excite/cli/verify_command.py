@@ -12,16 +12,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.command import Command
-from excite.cli.figure_options import FigureChoice, figure_options
-from excite.cli.options import Folder, Number, Numbers, own_parts
-from excite.registry import DROPPABLE, SIGNALS
+from excite.cli.option_types import Folder, Number
+from excite.cli.options import FigureChoice, drop_option, figure_options, mapping_option, own_parts
+from excite.cli.task_options import settings_options
+from excite.identification.recipe import Recipe
+from excite.verification.tolerances import Tolerances
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
     from excite.verification.verification import Verification
 
 _GROUPS = {
-    "Verdict": ("torque_tolerance", "motion_tolerance", "horizon", "training_too"),
+    "Verdict": ("torque", "motion", "horizon", "training_too"),
     "Logs": ("mapping", "drop", "rows", "signals", "temperature"),
 }
 
@@ -30,7 +32,6 @@ _GROUPS = {
     cls=Command,
     groups=_GROUPS,
     name="verify",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Examples:
   excite verify results/irp6 validation.csv
@@ -56,32 +57,9 @@ What is written to DIR (or --out), per log:
 @click.argument("folder", type=Folder(), metavar="DIR")
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", type=Folder(), metavar="DIR", help="Folder to write.  [default: that of the result]")
-@click.option(
-    "--mapping",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="YAML file with the columns and units of a log in another format.",
-)
-@click.option(
-    "--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out instead of refusing the log."
-)
-@click.option(
-    "--rows", default="auto", metavar="A:B", help="Rows to use: auto finds the motion; all; or from row A to B."
-)
-@click.option(
-    "--torque-tolerance",
-    type=Number(),
-    default=10.0,
-    metavar="%",
-    help="Largest error of the torques, over all joints.",
-)
-@click.option(
-    "--motion-tolerance",
-    type=Number(),
-    default=25.0,
-    metavar="%",
-    help="Largest error of a joint's simulated motion.",
-)
+@mapping_option
+@drop_option
+@settings_options(Tolerances)
 @click.option(
     "--horizon",
     type=Number(),
@@ -89,15 +67,10 @@ What is written to DIR (or --out), per log:
     metavar="S",
     help="Time after which the simulated motion restarts.",
 )
-@click.option(
-    "--signals", type=click.Choice(SIGNALS), help="Method that differentiates the positions.  [default: as identified]"
-)
-@click.option(
-    "--temperature",
-    type=Numbers(),
-    metavar="T,...",
-    help="Temperature of logs without NAME.temperature, for known friction that depends "
-    "on it [deg C].  [default: as identified]",
+@settings_options(
+    Recipe,
+    only=("rows", "signals", "temperature"),
+    unset={"signals": "as identified", "temperature": "as identified"},
 )
 @own_parts
 @figure_options()
@@ -109,8 +82,8 @@ def command(
     mapping: Path | None,
     drop: tuple[str, ...],
     rows: str,
-    torque_tolerance: float,
-    motion_tolerance: float,
+    torque: float,
+    motion: float,
     horizon: float,
     signals: str | None,
     temperature: tuple[float, ...] | None,
@@ -130,7 +103,7 @@ def command(
     from excite.storage.result_folder import result_folder
     from excite.verification.verification import KIND
 
-    tolerances = excite.Tolerances(torque_tolerance / 100, motion_tolerance / 100)
+    tolerances = Tolerances(torque, motion)
     result = excite.load_result(folder, parts)
     target, stems = out or result.folder or folder, _stems(logs)
     read: dict[str, Any] = {"mapping": mapping, "drop": drop, "rows": rows, "training_too": training_too}

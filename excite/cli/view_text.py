@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import rich.table
 
 _NUMBERS = (Format.NUMBER, Format.PERCENT)
+_MARKED = "red"
 _WHOLE = 6  # significant digits of numbers
 
 
@@ -66,10 +67,12 @@ def print_view(view: View) -> None:
     for table in (each for each in view.tables if not each.folded):
         out.print(Text(table.title, style="italic"), soft_wrap=True)
         drawn = Table()
-        for column in table.columns:
+        shown = [(k, column) for k, column in enumerate(table.columns) if not column.wide]
+        for _, column in shown:
             drawn.add_column(column.heading, justify="right" if column.format in _NUMBERS else "left")
-        for row in table.rows:
-            drawn.add_row(*(_text(column, value, _WHOLE) for column, value in zip(table.columns, row, strict=True)))
+        for j, row in enumerate(table.rows):
+            texts = ((_text(column, row[k], _WHOLE), (j, k) in table.marked) for k, column in shown)
+            drawn.add_row(*(Text(text, _MARKED if marked else "") for text, marked in texts))
         if table.note:
             drawn.caption = table.note
         out.print(drawn)

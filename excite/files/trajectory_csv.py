@@ -13,7 +13,7 @@ def trajectory_columns(design: Design, speed: float = 1.0) -> tuple[list[str], A
     """Header and table: ``time``, then position, velocity, acceleration of each joint.
 
     Locked joints are included, at their resting position; velocity and acceleration at both ends are exact zeros.
-    """  # result (N, 1 + 3 n)
+    """
     return motion_columns(design.robot.joint_names, design.sequence.sampled(speed)[0])
 
 

@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from excite.identification.hysteresis import measured_direction
+from excite.identification.recipe import Sizes
 from regressors.errors import InputError
 from regressors.friction.friction_drives import drives_with_friction
-from regressors.quantities import check
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
-Sizes = float | tuple[float, ...]  # one for all drives, or one for each
 _LEAST = 1e-12  # stands for zero, whose direction is the sign
-
-
-def sizes(what: str, given: float | Sequence[float] | None) -> Sizes | None:
-    """One size or several, as plain numbers."""
-    if given is None:
-        return None
-    several = isinstance(given, list | tuple)
-    values = tuple(given) if isinstance(given, list | tuple) else (given,)
-    check(what, values)
-    return values if several else values[0]
 
 
 def listed(sizes: Sizes | None) -> str:

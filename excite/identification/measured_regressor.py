@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.identification.friction_directions import Sizes, drive_directions, drive_rows
+from excite.identification.friction_directions import drive_directions, drive_rows
+from excite.identification.recipe import Sizes
 from excite.identification.streamed_rows import HeldRows, RowSource, StreamedRows
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 
-from excite.identification.friction_directions import Sizes, directions, drive_rows
+from excite.identification.friction_directions import directions, drive_rows
 from excite.identification.hysteresis import measured_direction
 from excite.identification.known_friction import of_drives
 from excite.identification.measured_regressor import DirectedFriction, friction_drives, put_friction
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
+from excite.identification.recipe import Sizes
 from excite.information.target import IdentificationTarget
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import triangular_factor

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from excite.identification.friction_directions import Sizes, sizes
 from excite.identification.repetition_count import repetition_prediction
-from excite.identification.torque_factors import Factors, factors_of
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, OwnPart, built_in, check_part, instance, name_of
+from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check, check_options, shown, whole_number_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from excite.identification.estimator import Estimator
 
+Sizes = float | tuple[float, ...]  # one for all drives, or one for each
+Factors = tuple[tuple[str, float], ...]  # by drive
 AUTO, ALL = "auto", "all"
 _CHECKED = (
     "cutoff", "period", "harmonics", "low_pass", "every", "sign_width", "breakaway", "standstill", "temperature",
@@ -83,26 +83,88 @@ class Recipe:
         whose motion does not repeat itself, are low-passed at the cutoff.
     """
 
-    rows: str = AUTO
-    signals: str = "butterworth"
-    cutoff: float | None = None
-    period: float | None = None
-    harmonics: int | None = None
-    average: bool = False
-    measured_velocity: bool = False
-    low_pass: float | None = None
-    every: int | None = None
-    sign_width: Sizes | None = None
-    breakaway: Sizes | None = None
-    standstill: float | None = 0.0
+    rows: str = essential(
+        AUTO,
+        "text",
+        "Rows to use: auto, where the motion is found, all, or from row A to B; then nothing else is checked.",
+        metavar="A:B",
+    )
+    signals: str = essential(
+        "butterworth",
+        "name",
+        "Method that differentiates the positions.",
+        choices=SIGNALS,
+        unset="butterworth, or chosen",
+    )
+    cutoff: float | None = essential(
+        None,
+        "number",
+        "Cutoff frequency of butterworth, and bandwidth of savitzky-golay and spline.",
+        metavar="HZ",
+        unset="chosen",
+    )
+    period: float | None = option(None, "number", "Period of the motion.", metavar="S", unset="the design's, or found")
+    harmonics: int | None = option(
+        None, "integer", "Harmonics of the motion, for fourier.", metavar="N", unset="from the motion"
+    )
+    average: bool = option(False, "flag", "Average each log over whole periods first.")
+    measured_velocity: bool = option(False, "flag", "Use the log's velocities.")
+    low_pass: float | None = option(None, "number", "The same low-pass on both sides of the equations.", metavar="HZ")
+    every: int | None = option(
+        None, "integer", "Keep every N-th instant.", metavar="N", unset="all, or as the cutoff of the low-pass allows"
+    )
+    sign_width: Sizes | None = option(
+        None,
+        "size",
+        "Velocity over which Coulomb friction changes sign, or one of each drive; 0: sign().",
+        metavar="V",
+        unset=AUTO,
+    )
+    breakaway: Sizes | None = option(
+        None,
+        "size",
+        "Instead: presliding distance over which it changes sign [rad]; 0: none.",
+        metavar="D",
+        unset=AUTO,
+    )
+    standstill: float | None = option(
+        0.0,
+        "size",
+        "Leave out rows while a drive is slower, where friction may hold it [rad/s]; 0: none.",
+        metavar="V",
+        unset=AUTO,
+    )
     torque_factors: Factors | Mapping[str, float] | None = None
-    friction_scale: bool = False
-    estimator: str | Estimator | OwnPart = "weighted"
-    covariance: str = "auto"
-    temperature: tuple[float, ...] | None = None
-    pull: float = 0.0
-    described_within: float | None = None
-    delay: float = 0.0
+    friction_scale: bool = option(
+        False,
+        "flag",
+        "Scale each known friction curve by one fitted factor, or subtract it as given.",
+        flag="scale-friction/no-scale-friction",
+        unset="chosen",
+    )
+    estimator: str | Estimator | OwnPart = essential(
+        "weighted", "name", "Estimator; see below.", part="estimator", unset="weighted or physical, chosen"
+    )
+    covariance: str = option(
+        "auto", "name", "Residuals assumed white, or with their autocorrelation.", choices=COVARIANCES
+    )
+    temperature: tuple[float, ...] | None = option(
+        None,
+        "numbers",
+        "Temperature of logs without NAME.temperature, for friction curves that depend on it [deg C]: one, or one per "
+        "joint.",
+        metavar="T,...",
+    )
+    pull: float = option(0.0, "number", "Weight of the described bodies in the estimator physical.", metavar="W")
+    described_within: float | None = option(
+        None,
+        "number",
+        "Instead: hold bodies within about X times their size of the description (estimator physical).",
+        metavar="X",
+    )
+    delay: float = option(
+        0.0, "time", "Delay of the recorded torques after the positions [s]; 0: none.", metavar="S", unset=AUTO
+    )
     signals_chosen: bool = False
 
     def __post_init__(self) -> None:
@@ -121,9 +183,9 @@ class Recipe:
             name = name_of(self.estimator)
             raise InputError(f"`described_within` is for the estimator physical, not for {name}")
         for what in ("sign_width", "breakaway"):
-            object.__setattr__(self, what, sizes(what, getattr(self, what)))
+            object.__setattr__(self, what, _sizes(what, getattr(self, what)))
         if self.torque_factors is not None:
-            object.__setattr__(self, "torque_factors", factors_of(self.torque_factors))
+            object.__setattr__(self, "torque_factors", _factors_of(self.torque_factors))
         if self.sign_width and self.breakaway:
             raise InputError(
                 "friction changes sign over a velocity or over a distance; give `sign_width` or `breakaway`, not both"
@@ -206,6 +268,24 @@ class Recipe:
         """Settings as plain values."""
         plain = {field.name: getattr(self, field.name) for field in fields(self)}
         return {**plain, "estimator": name_of(self.estimator)}
+
+
+def _sizes(what: str, given: float | Sequence[float] | None) -> Sizes | None:
+    """One size or several, as plain numbers, or `InputError` for one that is not zero or positive."""
+    if given is None:
+        return None
+    several = isinstance(given, list | tuple)
+    values = tuple(given) if isinstance(given, list | tuple) else (given,)
+    check(what, values)
+    return values if several else values[0]
+
+
+def _factors_of(given: Mapping[str, float] | Factors) -> Factors:
+    """Factors as pairs of name and number, or `InputError` for one that is not a positive number."""
+    factors = tuple((str(name), float(value)) for name, value in dict(given).items())
+    for name, value in factors:
+        check("torque_factors", value, f"torque_factors: that of {name}")
+    return factors
 
 
 def not_repeated() -> InputError:

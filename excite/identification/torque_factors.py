@@ -8,24 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.identification.recipe import Factors
 from regressors.errors import InputError, UnknownName
 from regressors.friction.friction_drives import drives_with_friction, torques_at_drives
-from regressors.quantities import check
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 if TYPE_CHECKING:
     from excite.logs.log import Log
-
-Factors = tuple[tuple[str, float], ...]
-
-
-def factors_of(given: Mapping[str, float] | Factors) -> Factors:
-    """Factors as pairs of name and number, from these or from a mapping."""
-    factors = tuple((str(name), float(value)) for name, value in dict(given).items())
-    for name, value in factors:
-        check("torque_factors", value, f"torque_factors: that of {name}")
-    return factors
 
 
 def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Array]:

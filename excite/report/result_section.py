@@ -42,8 +42,8 @@ def _player(result: Identification, looks: Appearance) -> tuple[Mapping[str, Any
 
 
 def _logged(result: Identification) -> LoggedMotion:
-    """The measured motion, and the rows of each equation."""
-    c = result.curves
+    """The measured motion, and the rows of each equation, as a file would have them."""
+    c = result.curves.stored()
     of_equation = (c.equation == j for j in range(len(result.equations)))
     rows = tuple((c.log[own], c.time[own], c.measured[own], c.predicted[own]) for own in of_equation)
     return LoggedMotion(c.joints, result.log_names, c.motion_time, c.motion_log, c.motion_q, result.equations, rows)

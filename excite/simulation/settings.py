@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from excite.simulation.degradation.degradation import Degradation
-from excite.simulation.impact_pulse import ImpactPulse
+from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check_options
+
+if TYPE_CHECKING:
+    from excite.simulation.impact_pulse import ImpactPulse
 
 CONTROLLERS = ("computed-torque", "pd")
 AUTO: Literal["auto"] = "auto"
@@ -69,25 +72,65 @@ class SimulationSettings:
         An invalid number.
     """
 
-    rate: float = 2000.0
-    wrench_rate: float = 250.0
-    periods: int = 1
-    controller: str = "computed-torque"
-    bandwidth: float = 5.0
-    model_error: float = 0.0
-    torque_limits: bool = True
-    sign_width: float | None = None
-    breakaway: float | Literal["auto"] | None = None
-    catch: float = 2e-3
-    encoder: tuple[float, ...] | None = None
-    position_noise: tuple[float, ...] = (0.0,)
-    velocity_noise: tuple[float, ...] = (0.0,)
-    torque_noise: tuple[float, ...] = (0.0,)
-    wrench_noise: tuple[float, ...] = (0.0, 0.0)
-    temperature: tuple[float, ...] | None = None
-    impact: tuple[ImpactPulse, ...] = ()
+    rate: float = essential(2000.0, "number", "Samples per second of joints.", metavar="HZ")
+    wrench_rate: float = option(250.0, "number", "Samples per second of the wrench.", metavar="HZ")
+    periods: int = essential(1, "integer", "Number of times that the motion is played.", metavar="N")
+    controller: str = essential(
+        "computed-torque",
+        "name",
+        "computed-torque compensates friction too; pd compensates gravity only.",
+        choices=CONTROLLERS,
+    )
+    bandwidth: float = option(5.0, "number", "Natural frequency of the controlled joints.", metavar="HZ")
+    model_error: float = essential(0.0, "number", "Relative error of the controller's model, 0.1 = 10 %.", metavar="E")
+    torque_limits: bool = option(
+        True, "flag", "Torques saturate at the robot's limits.", flag="torque-limits/no-torque-limits"
+    )
+    sign_width: float | None = option(
+        None,
+        "number",
+        "Drive velocity over which friction changes sign.",
+        metavar="V",
+        unset="chosen automatically",
+    )
+    breakaway: float | Literal["auto"] | None = essential(
+        None,
+        "distance",
+        "Presliding: distance of a drive over which friction changes direction and holds at rest [rad or m]; auto: "
+        "1e-5, or what the steps allow.",
+        metavar="D|auto",
+        unset="auto for files of a friction plan",
+    )
+    catch: float = option(2e-3, "number", "Distance of a drive that ends a ramp of its torque [rad or m].", metavar="R")
+    encoder: tuple[float, ...] | None = essential(
+        None, "numbers", "Counts per motor revolution, one for all, or one each.", metavar="COUNTS"
+    )
+    position_noise: tuple[float, ...] = option(
+        (0.0,), "numbers", "Standard deviation of position noise [rad].", metavar="S,..."
+    )
+    velocity_noise: tuple[float, ...] = option(
+        (0.0,), "numbers", "Standard deviation of velocity noise [rad/s].", metavar="S,..."
+    )
+    torque_noise: tuple[float, ...] = essential(
+        (0.0,), "numbers", "Standard deviation of joint torque noise [Nm].", metavar="S,..."
+    )
+    wrench_noise: tuple[float, ...] = option(
+        (0.0, 0.0), "numbers", "Standard deviation of force and torque noise [N, Nm].", metavar="F,N"
+    )
+    temperature: tuple[float, ...] | None = option(
+        None,
+        "numbers",
+        "Temperature of the joints [deg C], one for all, or one each; friction depends on it, and the log states it.",
+        metavar="T,...",
+    )
+    impact: tuple[ImpactPulse, ...] = option(
+        (),
+        "impacts",
+        "Half a sine of TAU [Nm] from outside on joint J at T [s], for D [s], 0.01 if not given; repeatable.",
+        metavar="J:T:TAU[:D]",
+    )
     degradation: Degradation = field(default_factory=Degradation)
-    seed: int = 0
+    seed: int = essential(0, "integer", "Seed of noise, model error and what spoils the log.", metavar="N")
 
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import built_in, check_part, instance
-from excite.tasks.option import option
+from excite.tasks.option import essential, option
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.values import AUTO, NONE, strict
 from regressors.errors import InputError
@@ -72,23 +72,23 @@ class LimitChoice:
     position: tuple[tuple[float, float], ...] | None = option(
         None, "ranges", "Position limits per joint [rad or m].", metavar="L:U,...", flag="position-limit"
     )
-    velocity: tuple[float, ...] | None = option(
+    velocity: tuple[float, ...] | None = essential(
         None,
         "numbers",
-        "Velocity limits [rad/s], one for all joints, or one each.",
+        "Velocity limits [rad/s]; one for all joints, or one each.",
         metavar="V,...",
         flag="velocity-limit",
     )
-    acceleration: tuple[float, ...] | None = option(
+    acceleration: tuple[float, ...] | None = essential(
         None, "numbers", "Acceleration limits [rad/s^2].", metavar="A,...", flag="acceleration-limit"
     )
     jerk: tuple[float, ...] | None = option(
         None, "numbers", "Jerk limits [rad/s^3].", metavar="J,...", flag="jerk-limit"
     )
-    torque_margin: float | str | None = option(
+    torque_margin: float | str | None = essential(
         AUTO,
         "margin",
-        "Part of the torque limits that is kept in reserve; auto: 0.1 if the description has torque limits and "
+        "Part of the torque limits kept in reserve; auto: 0.1 if the description has torque limits and "
         "plausible inertias; none: torques are not checked.",
         metavar="X|auto|none",
     )

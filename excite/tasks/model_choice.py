@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from excite.registry import WINDOWS, OwnPart, built_in, check_part, part
 from excite.tasks.drive_choice import DriveChoice, check_choice, numbers_of
-from excite.tasks.option import option
+from excite.tasks.option import essential, option
 from excite.tasks.options_of_model import options_of_model
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.values import strict
@@ -89,14 +89,14 @@ class ModelChoice:
         Options that exclude each other, or an invalid length.
     """
 
-    joints: tuple[str, ...] | None = option(
+    joints: tuple[str, ...] | None = essential(
         None, "names", "Joints that move, by name or number; the others are locked.", metavar="1,3"
     )
     drives: tuple[str, ...] | None = option(
         None, "names", "Instead of joints: drives that move; the others are locked.", metavar="2"
     )
-    model: str | RegressorModel = option(
-        "differential", "name", "Model whose equations identify the parameters.", part="model"
+    model: str | RegressorModel = essential(
+        "differential", "name", "Equations that identify the parameters.", part="model"
     )
     window: str = option("short", "name", "Time windows of energy and load-integral.", choices=WINDOWS)
     window_length: float = option(0.005, "number", "Length of the short windows [s].", metavar="S")
@@ -111,10 +111,10 @@ class ModelChoice:
         "Equations to use: components of the wrench, or torques of joints.  [default: all]",
         metavar="fx,nz",
     )
-    friction: DriveChoice = option(
+    friction: DriveChoice = essential(
         True,
         "drives",
-        "Coulomb and viscous friction as parameters, of the drives without a friction curve.",
+        "Coulomb and viscous friction as parameters; of the drives without a friction curve.",
         flag="friction/no-friction",
     )
     rotor: bool = option(

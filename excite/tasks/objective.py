@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import CONVENTIONS, NEARLY, SCALES, check_part
-from excite.tasks.option import option
+from excite.tasks.option import essential, option
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.values import strict
 from regressors.arguments import checked
@@ -93,10 +93,13 @@ class Objective:
         Invalid numbers, or required options that are missing.
     """
 
-    base: str = option("gautier", "name", "Base columns of the criterion.", choices=CONVENTIONS)
-    criterion: str | Criterion = option("condition", "name", "Criterion that is minimised.", part="criterion")
-    noise: tuple[float, ...] | None = option(
-        None, "numbers", "Standard deviation of the noise of each equation, in its unit.  [default: 1]", metavar="S,..."
+    base: str = essential("gautier", "name", "Base columns of the criterion.", choices=CONVENTIONS)
+    criterion: str | Criterion = essential("condition", "name", "Criterion to minimise.", part="criterion")
+    noise: tuple[float, ...] | None = essential(
+        None,
+        "numbers",
+        "Standard deviation of the noise; one for all equations or each, in their units.  [default: 1]",
+        metavar="S,...",
     )
     weighted: bool = option(False, "flag", "Divide rows by their noise in the criterion.", flag="weighted/no-weighted")
     prior: float | tuple[Belief, ...] | None = option(
@@ -140,10 +143,10 @@ class Objective:
         "Parameters that only rounding shows (drop-rounding), or whose predicted deviation is 100 times their size.",
         choices=NEARLY,
     )
-    precision: float | PrecisionTarget | None = option(
+    precision: float | PrecisionTarget | None = essential(
         None,
         "precision",
-        "Half-widths of the intervals, as a share of each parameter, for which the shortest experiment is sought.",
+        "Half-width of the intervals, as a share; of each parameter, for which the shortest experiment is sought.",
         metavar="P%|FILE",
         late=True,
     )

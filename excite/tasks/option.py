@@ -1,6 +1,7 @@
-"""Options of a task: fields of its parts, each with name, type, meaning and default stated once.
+"""Options: fields of settings, such as the parts of a task, each with type, meaning and default stated once.
 
-The command line, task files and documentation are generated from them.
+The command line, task files and documentation are generated from them; the unit and bounds of a number are those of
+the quantity of its name in `regressors.quantities.QUANTITIES`.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from typing import Any, Literal
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
     "prior", "margin", "count", "mount", "payload", "drives", "parameters",
-    "folders", "precision",
+    "folders", "precision", "size", "time", "distance", "impacts", "percent",
 ]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Option:
-    """Description of one field of a task, in addition to its type and default."""
+    """Description of one field of settings, in addition to its type and default."""
 
     kind: Kind  # kind of values that it accepts
     help: str  # one line, with the unit
@@ -30,18 +31,27 @@ class Option:
     flag: str | None = None
     hidden: bool = False  # not on the command line
     late: bool = False  # in stored tasks only where it is not the default: the option is younger than their schema
+    quantity: str | None = None  # quantity of its numbers, if it is not that of the field's name
+    # default that the command line shows where it is not the field's, since what is not given is chosen
+    unset: str | None = None
+    essential: bool = False  # in the short help too, as most uses need it
 
 
 _KEY = "option"
 
 
 def option(default: Any, kind: Kind, help: str, **more: Any) -> Any:
-    """Declare an option as a field of a part of a task."""
+    """Declare an option as a field of settings."""
     return dataclasses.field(default=default, metadata={_KEY: Option(kind, help, **more)})
 
 
+def essential(default: Any, kind: Kind, help: str, **more: Any) -> Any:
+    """Declare an option that the short help lists too."""
+    return option(default, kind, help, essential=True, **more)
+
+
 def options_of(part: type) -> Iterator[tuple[dataclasses.Field[Any], Option]]:
-    """Fields of a part that are options, in their order."""
+    """Fields of settings that are options, in their order."""
     for field in dataclasses.fields(part):
         if _KEY in field.metadata:
             yield field, field.metadata[_KEY]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from excite.tasks.option import option
+from excite.tasks.option import essential, option
 from excite.tasks.values import strict
 from regressors.errors import InputError
 
@@ -37,7 +37,7 @@ class Output:
         Invalid numbers, or via poses without a home.
     """
 
-    rate: float = option(100.0, "number", "Samples per second of trajectory.csv.", metavar="HZ")
+    rate: float = essential(100.0, "number", "Samples per second of the file.", metavar="HZ")
     home: tuple[float, ...] | Literal["robot"] | None = option(
         None, "pose", "Home pose, before and after the motion [rad]; robot: that of its file.", metavar="Q,..."
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import STARTS, check_part
-from excite.tasks.option import option
+from excite.tasks.option import essential, option
 from excite.tasks.values import strict
 from regressors.errors import UnknownName
 
@@ -54,10 +54,10 @@ class Search:
         Invalid numbers.
     """
 
-    starts: int | None = option(
+    starts: int | None = essential(
         None,
         "integer",
-        "Random starts, and nothing else; the best one is taken.  [default: as many as pay, and combinations of them]",
+        "Random starts; nothing else, and the best one is taken.  [default: as many as pay, and combinations of them]",
         metavar="N",
     )
     rounds: int | None = option(
@@ -70,7 +70,9 @@ class Search:
     budget: float | None = option(
         None, "number", "Processor time after which no further round begins [s].", metavar="S", late=True
     )
-    seed: int = option(0, "integer", "Seed; the same seed on the same machine gives the same motion.", metavar="N")
+    seed: int = essential(
+        0, "integer", "Seed of the starts; the same seed on the same machine gives the same motion.", metavar="N"
+    )
     start: tuple[str, ...] = option(
         ("random",),
         "names",

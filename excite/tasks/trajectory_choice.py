@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import OwnPart, check_part, part
-from excite.tasks.option import option
+from excite.tasks.option import essential, option
 from excite.tasks.values import AUTO, strict
 from regressors.errors import InputError
 
@@ -43,9 +43,9 @@ class TrajectoryChoice:
         An invalid period.
     """
 
-    trajectory: str | Family = option("fourier", "name", "Family of motions; see below.", part="trajectory")
-    period: float = option(10.0, "number", "Duration of the motion [s].", metavar="S")
-    harmonics: int | str = option(
+    trajectory: str | Family = essential("fourier", "name", "Family of motions; see below.", part="trajectory")
+    period: float = essential(10.0, "number", "Duration of the motion [s].", metavar="S")
+    harmonics: int | str = essential(
         FEWEST,
         "count",
         "Harmonics of the series; number of sines; auto raises it from 5 until that does not pay.",

@@ -252,6 +252,11 @@ EXPECTED: dict[Kind, str] = {
     "parameters": "standard parameters, each with a finite number",
     "folders": "results or designs, or their folders",
     "precision": "a share such as 0.05, or a precision target",
+    "size": f"{AUTO}, a number, or a list of numbers",
+    "time": f"{AUTO}, or a number",
+    "distance": f"{AUTO}, or a number",
+    "impacts": "a list of impacts",
+    "percent": "a share, on the command line in per cent",
 }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.simulation.replay import Outcome, Replay
 from excite.verification.simulated_motion import MotionError, motion_errors
-from excite.verification.verdict import Tolerances
+from excite.verification.tolerances import Tolerances
 from regressors.samples import Array, Samples
 
 _SHORTEST = 4  # samples

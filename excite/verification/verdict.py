@@ -9,37 +9,10 @@ from dataclasses import dataclass
 from excite.verification.corrected_error import CorrectedError
 from excite.verification.predicted_torques import TorqueError
 from excite.verification.simulated_motion import MotionError
-from regressors.arguments import checked
-from regressors.quantities import check
+from excite.verification.tolerances import Tolerances
 
 MORE_THAN_TRAINING = 2.0
 _NOISY = 0.9  # of the raw error: noise is mentioned where the error without it is less
-
-
-@checked
-@dataclass(frozen=True)
-class Tolerances:
-    """Largest errors of a result that holds.
-
-    Parameters
-    ----------
-    torque : float
-        Largest relative error over all equations.
-    motion : float
-        Largest error of the simulated motion of a joint, relative to its travel within a horizon.
-
-    Raises
-    ------
-    InputError
-        A tolerance that is not a positive number.
-    """
-
-    torque: float = 0.10
-    motion: float = 0.25
-
-    def __post_init__(self) -> None:
-        for name in ("torque", "motion"):
-            check(f"{name}_tolerance", 100 * getattr(self, name))
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from excite.storage.result_folder import result_folder
 from excite.verification.corrected_error import CorrectedError
 from excite.verification.predicted_torques import TorqueError
 from excite.verification.simulated_motion import MotionError
-from excite.verification.verdict import Tolerances, Verdict
+from excite.verification.tolerances import Tolerances
+from excite.verification.verdict import Verdict
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array

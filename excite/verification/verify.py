@@ -28,7 +28,8 @@ from excite.verification.judged_motion import JudgedMotion, judged_motion
 from excite.verification.predicted_torques import torque_errors
 from excite.verification.simulated_motion import failure
 from excite.verification.simulated_windows import most_windows, sampling_remark
-from excite.verification.verdict import Tolerances, verdict
+from excite.verification.tolerances import Tolerances
+from excite.verification.verdict import verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from excite.verification.verification_time import verification_seconds
 from regressors.arguments import checked

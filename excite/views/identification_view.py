@@ -105,7 +105,7 @@ def _parameters(result: Identification) -> ViewTable:
         Column("relative", Format.PERCENT),
         *((Column("truth" if reference.kind == "truth" else "described"),) if reference is not None else ()),
         *((Column("at the motor", Format.TEXT),) if facts.motor_sides else ()),
-        Column("combination", Format.UNIT),
+        Column("combination", Format.UNIT, wide=True),
     )
     rows, marked = [], set()
     for k, name in enumerate(estimate.names):

@@ -25,6 +25,7 @@ class Column:
     heading: str  # with the unit where all values have the same, such as ``at [s]``
     format: Format = Format.NUMBER
     brief: bool = False  # True for the few columns that a short summary shows
+    wide: bool = False  # True for a column of long texts, which only a page has room for
     missing: str = ""  # stands for None and for what is not finite, such as ``never``; a dash if not given
     digits: int = 3  # significant digits of its numbers in a short summary
 

@@ -8,9 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from excite.campaigns.cell import Cell
+from excite.campaigns.cell import Cell, cell_identities
 from excite.campaigns.cell_folder import CELLS
-from excite.campaigns.cell_identity import cell_identities
 from excite.design.formulation import formulate
 from excite.design.optimisation import solve
 from excite.files.design_folder import design_content

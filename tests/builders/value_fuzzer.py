@@ -28,7 +28,7 @@ import click
 from hypothesis import strategies as st
 
 from excite.cli.main import cli, main
-from excite.cli.options import Box, Folder, Mount, Number, Numbers, PartName, PayloadOption, Pose, Ranges, Triple
+from excite.cli.option_types import Box, Folder, Mount, Number, Numbers, PartName, PayloadOption, Pose, Ranges, Triple
 from regressors.memory_cap import CAP_VARIABLE
 from regressors.quantities import QUANTITIES, Quantity
 

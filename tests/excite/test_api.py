@@ -152,7 +152,7 @@ def test_help_and_version(command: list[str], tmp_path: Path) -> None:
 
 
 def test_help_of_design_names_every_option_of_a_task(tmp_path: Path) -> None:
-    text = run("design", "--help", cwd=tmp_path).stdout
+    text = run("design", "--help-all", cwd=tmp_path).stdout
     for part in PARTS.values():
         for field, option in options_of(part):
             if not option.hidden:

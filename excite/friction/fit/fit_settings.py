@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.quantities import check_options
 
@@ -40,16 +41,45 @@ class FitSettings:
         Whether break-away torques are points of the curve at speed zero, or only reported.
     """
 
-    window: float | None = None
-    tolerance: float = 0.03
-    speed: str = "auto"
-    gravity: str = "auto"
-    model: str = "auto"
-    exponent: float | None = None
-    criterion: str = "bic"
-    temperature: str = "auto"
-    load: str = "auto"
-    stiction: str = "fit"
+    window: float | None = option(
+        None, "number", "Length of a window [s].", metavar="S", unset="the plan's whole windows; 0.3 without"
+    )
+    tolerance: float = option(0.03, "number", "Change of speed allowed over a window.", metavar="X")
+    speed: str = option(
+        "auto",
+        "name",
+        "averaged: also use windows of changing speed, with a model that subtracts the torque of acceleration; auto: "
+        "only if constant speeds are too few and the drive moves alone.",
+        choices=("auto", "constant", "averaged"),
+    )
+    gravity: str = essential(
+        "auto", "name", "How gravity is removed; see below.", choices=("auto", "model", "symmetric", "none")
+    )
+    model: str = essential(
+        "auto",
+        "name",
+        "Equation of the curve; auto: the one with the smallest criterion.",
+        choices=("auto", "coulomb-viscous", "stribeck", "table"),
+    )
+    exponent: float | None = option(
+        None, "number", "Exponent of the Stribeck term.", metavar="D", unset="1 or 2, whichever fits better"
+    )
+    criterion: str = option("bic", "name", "Information criterion that chooses the equation.", choices=("bic", "aicc"))
+    temperature: str = essential(
+        "auto", "name", "Whether friction is linear in the log's temperature.", choices=("auto", "linear", "none")
+    )
+    load: str = essential(
+        "auto",
+        "name",
+        "Whether friction grows with the torque that the drive carries.",
+        choices=("auto", "linear", "none"),
+    )
+    stiction: str = option(
+        "fit",
+        "name",
+        "fit: torques at which a drive broke away are points of its curve at speed zero.",
+        choices=("fit", "report"),
+    )
 
     def __post_init__(self) -> None:
         check_options(self, ("window", "tolerance", "exponent"))

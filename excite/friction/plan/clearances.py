@@ -47,7 +47,6 @@ class CollisionChecks:
 
     def free(self, pose: Array, line: Array, low: float, high: float) -> list[ClearStretch]:
         """Stretches of a line on which every distance is proven to be kept, to about 1/30,000 of the line."""
-        # pose, line (n,)
         half = 0.5 * (high - low) / _INTERVALS
         middle = np.asarray(low + half * (2 * np.arange(_INTERVALS) + 1))
         ends: list[tuple[float, float, str]] = []  # of each interval, and what is too near there
@@ -80,7 +79,7 @@ class CollisionChecks:
         return _joined(ends)
 
     def uses(self, pose: Array, line: Array, low: float, high: float) -> list[LimitUse]:
-        """Certificate of each pair of bodies over a stretch; its time is ``s - low``."""  # pose, line (n,)
+        """Certificate of each pair of bodies over a stretch; its time is ``s - low``."""
 
         def passed(time: Array) -> Samples:
             still = np.zeros((time.size, line.size))

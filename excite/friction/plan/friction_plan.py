@@ -19,9 +19,8 @@ import numpy as np
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.geometry import World
 from excite.friction.plan.pose import Place
-from excite.friction.plan.run_sequence import RunSequence, run_sequence_of
 from excite.friction.plan.runs import Pace, Part, Runs, samples_of
-from excite.friction.plan.schedule import Schedule
+from excite.friction.plan.schedule import RunSequence, Schedule, run_sequence_of
 from excite.friction.plan.torque_ramps import TorqueRamps, file_name
 from excite.logs.csv_motion import motion_columns, write_motion_table
 from excite.simulation.reference import SampledMotion
@@ -255,7 +254,7 @@ class FrictionPlan:
         return sum(replace(c, schedule=schedule).runs.duration for c in self.coordinates)
 
     def motion(self, coordinate: str) -> MotionSource:
-        """Runs of one coordinate, to be simulated without a folder; torque ramps are played from their files."""
+        """Runs of a coordinate, such as ``z1``, to be simulated without a folder; ramps are played from their files."""
         for planned in self.coordinates:
             if planned.label == coordinate:
                 samples, _ = planned.samples()

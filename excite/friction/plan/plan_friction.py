@@ -1,23 +1,41 @@
-"""Planning of friction measurements, for the command line and scripts."""
+"""Plan of the friction measurements of a robot: for each coordinate where, how fast, in which order [KD96] section 5.2.
+
+One coordinate moves at a time, about a pose in which gravity cancels (`excite.friction.plan.pose`) and free of
+collisions (`excite.friction.plan.clearances`). After a warm-up it creeps out of rest in both directions for the
+break-away tests, then moves there and back at every speed, alternating fast and slow ones, so that the power that heats
+the gear stays about the same throughout. Ramps of the drive's torque in the same pose are a motion of their own
+(`excite.friction.plan.torque_ramps`).
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from constraints.collision.geometry import World
-from excite.friction.plan.friction_plan import FrictionPlan
-from excite.friction.plan.plan import friction_plan
-from excite.friction.plan.schedule import Schedule
+from constraints.linear import LinearConstraint, linear_limits
+from excite.friction.plan.clearances import CollisionChecks
+from excite.friction.plan.friction_plan import CoordinatePlan, Distance, FrictionPlan, Passage, SkippedSpeed, Window
+from excite.friction.plan.pose import Gravity, Place, found_place, given_place
+from excite.friction.plan.runs import Pace, Part, Runs, certificates, pace_of, torque_uses
+from excite.friction.plan.schedule import RunSequence, Schedule, plan_prediction, run_sequence_of
+from excite.friction.plan.torque_ramps import torque_ramps, turning_drives
 from excite.registry import built_in
 from excite.tasks.limit_choice import LimitChoice
+from excite.trajectories.transfer import check_pose
 from regressors.arguments import checked
+from regressors.errors import InputError
+from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
 from regressors.numerical import numerical_work
 from regressors.quantities import check
+from regressors.readers.joint_ranges import refuse_missing_ranges
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
+from regressors.samples import Array
 
 
 @checked
@@ -69,7 +87,8 @@ def plan_friction(
     Raises
     ------
     InputError
-        See `excite.friction.plan.plan.friction_plan`.
+        Unknown names, both joints and drives, an invalid pose, no room for any window, gravity that is not known, a
+        world that does not fit the robot, or torques beyond the limits.
     """
     for quantity, value in (("seed", seed), ("pose", pose)):
         check(quantity, value)
@@ -88,3 +107,203 @@ def plan_friction(
         torque_ramp=torque_ramp,
         seed=seed,
     )
+
+
+_POSITIONS = 101
+
+
+def friction_plan(
+    robot: Robot,
+    schedule: Schedule | None = None,
+    *,
+    joints: Sequence[str] | None = None,
+    drives: Sequence[str] | None = None,
+    pose: Array | None = None,
+    balanced: bool = False,
+    world: World | None = None,
+    torque_ramp: Sequence[float] | None = None,
+    seed: int = 0,
+) -> FrictionPlan:
+    """Plan the runs from which the friction characteristics of joints or drives are identified."""
+    schedule = Schedule() if schedule is None else schedule
+    limits = linear_limits(robot)
+    if pose is not None:
+        pose = _checked_pose(pose, robot, limits)
+    elif balanced:
+        raise InputError("`balanced` states that gravity cancels about the pose, but no pose is given; give `pose` too")
+    motions = _motions(robot, joints, drives)
+    plan_prediction(robot, schedule, len(motions)).check()
+    for motion in motions:
+        refuse_missing_ranges(robot, motion.matrix.any(axis=1))
+    largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
+    collision_checks = None if world is None else CollisionChecks(robot, world)
+    about = _About(robot, schedule, limits, Gravity(robot), collision_checks, pose, balanced, seed)
+    planned = [_coordinate_plan(about, motion, torque) for motion, torque in zip(motions, largest, strict=True)]
+    passages = () if collision_checks is None else _passages(robot, planned, collision_checks)
+    notes = () if collision_checks is None else collision_checks.notes
+    return FrictionPlan(robot, tuple(planned), world, passages, notes, pose is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class _About:
+    """Inputs of the plan that all coordinates share."""
+
+    robot: Robot
+    schedule: Schedule
+    limits: Sequence[LinearConstraint]
+    gravity: Gravity
+    collision_checks: CollisionChecks | None
+    pose: Array | None
+    balanced: bool
+    seed: int
+
+
+def _motions(robot: Robot, joints: Sequence[str] | None, drives: Sequence[str] | None) -> list[PartialMotion]:
+    """One motion per coordinate, in the order asked for."""
+    if joints is not None and drives is not None:
+        raise InputError("give joints or drives, not both")
+    if joints is not None:
+        motions = [of_joints(robot, [robot.joint_index(name)]) for name in joints]
+    else:
+        motions = [of_drives(robot, [name]) for name in (drive_names(robot) if drives is None else drives)]
+    labels = [motion.labels[0] for motion in motions]
+    if len(set(labels)) < len(labels):
+        raise InputError(f"duplicate coordinates: {', '.join(labels)}")
+    return motions
+
+
+def _checked_pose(pose: Array, robot: Robot, limits: Sequence[LinearConstraint]) -> Array:
+    pose = np.asarray(pose, dtype=float)
+    if pose.shape != (robot.n,):
+        raise InputError(
+            f"pose needs {robot.n} numbers, one per joint {', '.join(robot.joint_names)}; given {pose.size}"
+        )
+    check_pose(pose, "pose", limits)
+    return pose
+
+
+def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> list[float | None]:
+    """Torque at the end of each coordinate's ramps, None for the default."""
+    if given is None:
+        return [None] * len(labels)
+    check("torque_ramp", given)
+    if len(given) not in (1, len(labels)):
+        raise InputError(
+            f"torque ramp: expected one torque, or one for each of {', '.join(labels)}; given {len(given)}"
+        )
+    return [float(torque) for torque in (given if len(given) == len(labels) else [given[0]] * len(labels))]
+
+
+def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None) -> CoordinatePlan:
+    robot, schedule, gravity = about.robot, about.schedule, about.gravity
+    pace, line, label = pace_of(motion, about.limits), motion.matrix[:, 0], motion.labels[0]
+    place, sequence = _placed(about, motion, pace)
+    pose, centre = place.pose, _coordinate(robot, motion, place.pose)
+    uses, unchecked = torque_uses(robot, sequence.runs, pose, motion)
+    stroke = max(sequence.strokes.values())
+    g = gravity.along(line, pose + np.linspace(-stroke, stroke, _POSITIONS)[:, None] * line)
+    ramps, no_ramps = torque_ramps(robot, schedule, label, line, float(g[_POSITIONS // 2]), torque)
+    checks = about.collision_checks
+    distances = None if checks is None else _distances(checks, sequence.runs, pose, line, centre)
+    return CoordinatePlan(
+        label=label,
+        unit=motion.units[0],
+        turns=tuple(name for _, name, _ in turning_drives(robot, line)),
+        pose=dict(zip(robot.joint_names, pose.tolist(), strict=True)),
+        direction=dict(zip(robot.joint_names, line.tolist(), strict=True)),
+        centre=centre,
+        low=place.low,
+        high=place.high,
+        gravity=place.gravity,
+        below=place.below,
+        above=place.above,
+        largest_gravity=float(np.abs(g).max()),
+        pace=pace,
+        schedule=schedule,
+        windows=tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in sequence.windowed),
+        left_out=tuple(SkippedSpeed(percent, reason) for percent, reason in sequence.left_out.items()),
+        limits=(*certificates(sequence.runs, pose, motion, about.limits), *uses),
+        torques_unchecked=unchecked,
+        distances=distances,
+        ramps=ramps,
+        no_ramps=no_ramps,
+    )
+
+
+def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, RunSequence]:
+    """Where a coordinate is measured, and its run sequence there."""
+    schedule, label, unit = about.schedule, motion.labels[0], motion.units[0]
+
+    def sequence_at(place: Place) -> RunSequence:
+        because = f" (beyond it, {place.obstacle} is too near)" if place.obstacle else ""
+        return run_sequence_of(schedule, pace, place.half, label, unit, because)
+
+    if about.pose is None:
+        fastest = pace.velocity * max(schedule.percent) / 100.0
+        enough, wanted = (
+            min(pace.ramp(fastest) + 0.5 * fastest * seconds, schedule.stroke)
+            for seconds in (schedule.shortest, schedule.longest)
+        )
+        place = found_place(
+            about.gravity, about.robot, motion, about.limits, enough, wanted, about.seed, about.collision_checks
+        )
+        sequence = sequence_at(place)
+    else:
+        given = (about.gravity, motion, about.limits, about.pose)
+        place = given_place(*given, balanced=about.balanced, collision_checks=about.collision_checks)
+        sequence = sequence_at(place)
+        if not sequence.strokes and place.obstacle:
+            place = given_place(*given, balanced=about.balanced)
+            sequence = sequence_at(place)
+    if not sequence.strokes:
+        slowest = min(schedule.percent)
+        raise InputError(
+            f"{label}: no speed leaves a window: {sequence.left_out[slowest]} at {slowest:g} %; choose another `pose`, "
+            "lower speeds (`percent`), a lower `shortest`, or higher acceleration and jerk limits"
+        )
+    return place, sequence
+
+
+def _distances(
+    collision_checks: CollisionChecks, runs: Runs, pose: Array, line: Array, centre: float
+) -> tuple[Distance, ...]:
+    """Least distance of each pair of bodies over all positions that the runs pass."""
+    positions = runs.extrema()[0]
+    low, high = float(positions.low[0]), float(positions.high[0])
+    return tuple(
+        Distance(replace(use, time=runs.first_at(low + use.time)), centre + low + use.time)
+        for use in collision_checks.uses(pose, line, low, high)
+    )
+
+
+def _passages(
+    robot: Robot, planned: Sequence[CoordinatePlan], collision_checks: CollisionChecks
+) -> tuple[Passage, ...]:
+    """Straight lines from home, if there is one, to the first pose, and from each pose to the next."""
+    poses = [("home", robot.home)] if robot.home is not None else []
+    poses += [(c.label, c.place.pose) for c in planned]
+    passages = []
+    for (start, a), (end, b) in itertools.pairwise(poses):
+        stretches = collision_checks.free(a, b - a, 0.0, 1.0)
+        whole = len(stretches) == 1 and not (stretches[0].below or stretches[0].above)
+        named = next((name for s in stretches for name in (s.below, s.above) if name), "")
+        passages.append(Passage(start, end, "" if whole else named or collision_checks.nearest(a, b - a)))
+    return tuple(passages)
+
+
+def _window(part: Part, percent: float, pose: Array, line: Array, gravity: Gravity, centre: float) -> Window:
+    start, end = part.steady()
+    (first, last), speed = part.values(np.array([start, end]))[0], part.values(np.array([0.5 * (start + end)]))[1, 0]
+    # trapezoids on equal steps: exact for odd functions, and accurate for the mean of a smooth torque
+    g = gravity.along(line, pose + np.linspace(first, last, _POSITIONS)[:, None] * line)
+    mean = float(np.trapezoid(g) / (_POSITIONS - 1))
+    return Window(part.segment, percent, float(speed), start, end, float(centre + first), float(centre + last), mean)
+
+
+def _coordinate(robot: Robot, motion: PartialMotion, pose: Array) -> float:
+    """Position of the coordinate in a pose: z of a drive, q of a joint."""
+    label = motion.labels[0]
+    if robot.transmission is None or label in robot.joint_names:
+        return float(pose[robot.joint_names.index(label)])
+    row = [drive.name for drive in robot.transmission.drives].index(label)
+    return float(robot.transmission.coupling[row] @ pose + robot.transmission.offset[row])

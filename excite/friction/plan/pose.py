@@ -42,7 +42,6 @@ class Gravity:
 
     def along(self, line: Array, q: Array) -> Array:
         """``N' tau_g`` in some poses; NaN in all of them where a body of unknown inertia loads the coordinate."""
-        # line (n,); q (N, n)
         still = np.zeros_like(q)
         rows = self._model.instants(Samples(np.zeros(len(q)), q, still, still, still))
         W = np.einsum("j,ijp->ip", line, rows.reshape(len(q), line.size, -1))
@@ -91,7 +90,7 @@ def given_place(
     balanced: bool = False,
     collision_checks: CollisionChecks | None = None,
 ) -> Place:
-    """Place in a given pose; its range ends where bodies come too near, unless they already are."""  # pose (n,)
+    """Place in a given pose; its range ends where bodies come too near, unless they already are."""
     line = motion.matrix[:, 0]
     whole = _on_line(pose, line, limits)
     place = _free(whole, line, collision_checks) or whole

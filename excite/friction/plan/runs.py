@@ -6,19 +6,23 @@ times that; the rest of the stroke is passed at exactly v.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse, limit_uses
+from constraints.bounds.certificate import LimitUse, limit_uses, worst_of_each
+from constraints.bounds.enclosure import enclose
 from constraints.bounds.extrema import Extrema
 from constraints.bounds.piecewise import piecewise_extrema
+from constraints.limits.torque import torque_limits
 from constraints.linear import LinearConstraint
 from excite.trajectories.scurve import SCurve, time_optimal
 from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP
 from regressors.errors import InputError
+from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
 REST = "rest"
@@ -171,7 +175,7 @@ def _part_extrema(part: Part, order: int) -> Extrema:
 
 
 def samples_of(runs: Runs, pose: Array, line: Array) -> tuple[Samples, list[str]]:
-    """Motion of every joint at the samples, ``q = p + N s``, and the segment of each."""  # pose, line (n,)
+    """Motion of every joint at the samples, ``q = p + N s``, and the segment of each."""
     time = np.arange(runs.steps + 1) / runs.rate
     values, number = runs.values(time)
     q, dq, ddq, dddq = (np.outer(row, line) + 0.0 for row in values)
@@ -192,3 +196,39 @@ def certificates(runs: Runs, pose: Array, motion: PartialMotion, limits: Sequenc
         high_time = np.where(up, e.high_time[0], e.low_time[0])
         uses += limit_uses(limit, Extrema(ends.min(axis=0), ends.max(axis=0), low_time, high_time))
     return uses
+
+
+_SAME = 9  # digits in which two parts are the same motion
+
+
+def torque_uses(robot: Robot, runs: Runs, pose: Array, motion: PartialMotion) -> tuple[list[LimitUse], str]:
+    """Certificates of all torque limits over continuous time, with the friction of the robot's file; or why not."""
+    try:
+        limits = torque_limits(robot, standard_values(robot), 0.0, replace(motion, offset=pose))
+    except InputError as error:
+        return [], str(error)
+    torques_used = []
+    for part in _different(runs):
+        assert part.law is not None
+        jerk = np.abs(part.law.derivative(3)).max() * abs(part.end - part.start)
+        for limit in limits:
+            uses = enclose(limit, _motion(part), part.law.duration, np.array([jerk])).uses(limit)
+            torques_used += [replace(use, time=use.time + part.begin) for use in uses]
+    return worst_of_each(torques_used), ""
+
+
+def _different(runs: Runs) -> list[Part]:
+    """Each motion once, where it is first played."""
+    different: dict[tuple[float, ...], Part] = {}
+    for part in runs.parts:
+        if part.law is not None:
+            key = tuple(round(value, _SAME) for value in (part.start, part.end, part.law.duration))
+            different.setdefault(key, part)
+    return list(different.values())
+
+
+def _motion(part: Part) -> Callable[[Array], Samples]:
+    def samples(time: Array) -> Samples:
+        return Samples(time, *(row[:, None] for row in part.values(time + part.begin)))
+
+    return samples

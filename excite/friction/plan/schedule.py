@@ -1,15 +1,18 @@
-"""Schedule of the runs of each measured coordinate: speeds, windows, warm-up, break-away tests, order."""
+"""Schedule of the runs of each measured coordinate: speeds, windows, warm-up, break-away tests; and its runs."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
-import numpy as np
-
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
+from excite.friction.plan.runs import LEAST_RUN, Pace, Part, Runs
+from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.quantities import check_options
+from regressors.robot.robot import Robot
 
 PERCENT = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 LONGEST = 1.5  # of the windows by default, so that the gears hardly cool in slow runs [s]
@@ -52,18 +55,26 @@ class Schedule:
         A number outside its range.
     """
 
-    percent: tuple[float, ...] = PERCENT
-    rate: float = 500.0
-    shortest: float = 0.2
-    longest: float = LONGEST
-    stroke: float = np.inf
-    warm_up: float = 30.0
-    repeats: int = 1
-    creep: float = 0.1
-    creeping: float = 10.0
-    breakaways: int = 3
-    pause: float = 0.5
-    ramping: float = 5.0
+    percent: tuple[float, ...] = essential(
+        PERCENT, "numbers", "Speeds, in percent of the largest.", metavar="P,...", flag="speeds"
+    )
+    rate: float = essential(500.0, "number", "Samples per second of the files.", metavar="HZ")
+    shortest: float = essential(0.2, "number", "Shortest window of constant speed [s].", metavar="S")
+    longest: float = essential(
+        LONGEST, "number", "Longest window of constant speed [s]; inf: as long as the range allows.", metavar="S"
+    )
+    stroke: float = option(
+        math.inf, "number", "Largest stroke to each side of the pose [rad or m].", metavar="R", unset="the range"
+    )
+    warm_up: float = option(30.0, "number", "Warm-up of each joint [s]; 0 for none.", metavar="S")
+    repeats: int = option(1, "integer", "Number of times that every speed is played.", metavar="N")
+    creep: float = option(
+        0.1, "number", "Creeping speed of the break-away tests, in percent of the largest.", metavar="P"
+    )
+    creeping: float = option(10.0, "number", "Duration of each creeping break-away test [s].", metavar="S")
+    breakaways: int = option(3, "integer", "Break-away tests per direction, of each kind.", metavar="N")
+    pause: float = option(0.5, "number", "Rest between runs [s].", metavar="S")
+    ramping: float = option(5.0, "number", "Duration of each torque ramp [s].", metavar="S")
 
     def __post_init__(self) -> None:
         check_options(self, (field.name for field in fields(self)))
@@ -93,3 +104,137 @@ def alternating(percent: Sequence[float]) -> list[float]:
 
 def _list(numbers: Sequence[float]) -> str:
     return ", ".join(f"{number:g}" for number in numbers) or "none"
+
+
+WARM_UP, TRANSFER = "warm-up", "transfer"
+
+
+@dataclass(frozen=True, eq=False)
+class RunSequence:
+    """Runs of one coordinate."""
+
+    runs: Runs
+    breakaways: tuple[Part, ...]  # creeping runs out of the pose and back, for the break-away tests
+    # parts with a window of constant speed, and the speed in percent of the largest one, in the order of execution
+    windowed: tuple[tuple[Part, float], ...]
+    strokes: dict[float, float]  # stroke to both sides of the pose for each speed [%, rad or m]
+    left_out: dict[float, str]  # speeds that are left out [%], and why
+
+
+def run_sequence_of(
+    schedule: Schedule, pace: Pace, half: float, label: str, unit: str, because: str = ""
+) -> RunSequence:
+    """Build the runs of a schedule within the range of a place; empty where no speed leaves a window."""
+    half = min(half, schedule.stroke)
+    strokes, left_out = _strokes(schedule, pace, half, unit, because)
+    runs = Runs(pace, schedule.rate)
+    if not strokes:
+        return RunSequence(runs, (), (), strokes, left_out)
+    _warm_up(runs, schedule, strokes)
+    breakaways = _breakaways(runs, schedule, label, half)
+    windowed = _there_and_back(runs, schedule, label, strokes)
+    runs.go(TRANSFER, 0.0, 0.5 * pace.velocity)
+    runs.wait(schedule.pause)
+    return RunSequence(runs, breakaways, windowed, strokes, left_out)
+
+
+def _strokes(
+    schedule: Schedule, pace: Pace, half: float, unit: str, because: str
+) -> tuple[dict[float, float], dict[float, str]]:
+    """Stroke to both sides for each speed, and the speeds that leave no window, with the reason."""
+    strokes: dict[float, float] = {}
+    left_out: dict[float, str] = {}
+    for percent in sorted(schedule.percent):
+        speed = pace.velocity * percent / 100.0
+        ramp = pace.ramp(speed)
+        stroke = min(half, ramp + 0.5 * speed * schedule.longest)
+        window = max(2.0 * (stroke - ramp) / speed, 0.0)
+        if window < schedule.shortest * (1.0 - 1e-9):
+            left_out[percent] = (
+                f"in a stroke of {max(half, 0.0):.3g} {unit} to each side{because}, ramps of {ramp:.3g} {unit} leave "
+                f"{window:.2g} s of constant speed, less than the shortest window of {schedule.shortest:g} s"
+            )
+        elif stroke <= LEAST_RUN:
+            left_out[percent] = f"a stroke of {stroke:.3g} {unit} to each side is too short for a run"
+        else:
+            strokes[percent] = stroke
+    return strokes, left_out
+
+
+def _warm_up(runs: Runs, schedule: Schedule, strokes: dict[float, float]) -> None:
+    """There and back at the speed nearest to half of the largest, until the time is over."""
+    if schedule.warm_up == 0.0:
+        return
+    percent = min(strokes, key=lambda p: abs(p - 50.0))
+    speed, stroke = runs.pace.velocity * percent / 100.0, strokes[percent]
+    while runs.duration < schedule.warm_up:
+        runs.go(WARM_UP, -stroke, speed)
+        runs.go(WARM_UP, stroke, speed)
+    runs.go(WARM_UP, 0.0, speed)
+
+
+def _breakaways(runs: Runs, schedule: Schedule, label: str, half: float) -> tuple[Part, ...]:
+    """Creeping runs out of the pose and back, each after a rest: the torque rises until the coordinate breaks away."""
+    speed = runs.pace.velocity * schedule.creep / 100.0
+    distance = min(speed * schedule.creeping, half)
+    if schedule.breakaways and distance <= LEAST_RUN:
+        raise InputError(
+            f"{label}: the break-away tests creep only {distance:.3g} far, at {speed:.3g} per second for "
+            f"{schedule.creeping:g} s: give more `creeping`, more `creep`, or `breakaways=0`"
+        )
+    parts: list[Part] = []
+    for _ in range(schedule.breakaways):
+        for sign, end in (("+", distance), ("-", 0.0)):
+            runs.wait(max(schedule.pause, 1.0))
+            part = runs.go(f"{label} stiction {sign}", end, speed)
+            assert part is not None
+            parts.append(part)
+    runs.wait(schedule.pause)
+    return tuple(parts)
+
+
+def _there_and_back(
+    runs: Runs, schedule: Schedule, label: str, strokes: dict[float, float]
+) -> tuple[tuple[Part, float], ...]:
+    """Every speed in both directions, in an order that keeps the temperature steady."""
+    parts = []
+    for percent in alternating(list(strokes)) * schedule.repeats:
+        speed, stroke = runs.pace.velocity * percent / 100.0, strokes[percent]
+        runs.go(TRANSFER, -stroke, 0.5 * runs.pace.velocity)
+        for sign, end in (("+", stroke), ("-", -stroke)):
+            runs.wait(schedule.pause)
+            part = runs.go(f"{label} {sign}{percent:g} %", end, speed)
+            assert part is not None
+            parts.append((part, percent))
+    runs.wait(schedule.pause)
+    return tuple(parts)
+
+
+_OF_ANY, _OF_JOINT = 10.0, 7.0  # numbers of each sample, and of each of its joints
+_RUN = 6000.0  # bytes of a run, there or back
+_RAMPS = 0.5  # seconds of speeding up and braking in a run
+
+
+def plan_prediction(robot: Robot, schedule: Schedule, coordinates: int) -> WorkPrediction:
+    """Memory of the runs of all coordinates and of the samples of one; the factors are measured."""
+    window = math.sqrt(schedule.shortest * min(schedule.longest, 10.0 * schedule.shortest))
+    run = window + _RAMPS
+    runs = 2.0 * schedule.repeats * len(schedule.percent)
+    tests = 2.0 * schedule.breakaways
+    seconds = {
+        "warm_up": schedule.warm_up,
+        "repeats": runs * (run + schedule.pause) + runs / 2.0 * run,
+        "creeping": tests * schedule.creeping,
+        "pause": (runs + tests) * schedule.pause,
+        "ramping": tests * schedule.ramping,
+    }
+    samples = schedule.rate * sum(seconds.values())
+    numbers = _OF_ANY + _OF_JOINT * robot.n
+    option = max(seconds, key=lambda name: seconds[name])
+    if schedule.rate / 500.0 > seconds[option] / 100.0:
+        option = "rate"
+    count = schedule.warm_up / run + 1.5 * runs + tests
+    held = FLOAT * samples * numbers + coordinates * count * _RUN
+    return WorkPrediction(
+        "the plan", (MemoryPart("samples", samples, 1 + 3 * robot.n, held, option, getattr(schedule, option)),)
+    )

@@ -66,7 +66,7 @@ class TorqueRamps:
         return torques
 
     def samples(self, pose: Array) -> tuple[Samples, Array, list[str]]:
-        """The pose at every sample, the torque of the drive, and the segments."""  # pose (n,); result (N,)
+        """The pose at every sample, the torque of the drive, and the segments."""
         time = np.arange(self.steps + 1) / self.rate
         still = np.zeros((time.size, pose.size))
         segments = np.full(time.size, REST, dtype=object)
@@ -82,7 +82,7 @@ def torque_ramps(
 
     Each lasts ``schedule.ramping`` and ends at the largest torque: the one that is given, or 1.5 times the Coulomb
     friction that the robot's description states, but no more than half of the torque limit.
-    """  # line (n,)
+    """
     turning = turning_drives(robot, line)
     if schedule.breakaways == 0 or given == 0.0:
         return None, "none were requested"
@@ -114,7 +114,7 @@ def file_name(label: str, ending: str = "") -> str:
 
 
 def turning_drives(robot: Robot, line: Array) -> list[tuple[int, str, float]]:
-    """Number, name and speed of the drives that turn where the joints move on a line."""  # line (n,)
+    """Number, name and speed of the drives that turn where the joints move on a line."""
     if robot.transmission is None:
         named = zip(robot.joint_names, line, strict=True)
     else:

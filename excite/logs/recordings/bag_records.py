@@ -1,4 +1,4 @@
-"""Files of MCAP and of ROS 1: their records are read by rosbags, in the order of the file.
+"""Messages of bags as they were serialised; records of MCAP and of ROS 1 are read by rosbags, in order of the file.
 
 rosbags' own loops over messages need an index, and a file that was closed. Its readers of records are therefore led
 along the file, as far as that goes. In front of them stand the checks that rosbags lacks: of the sizes that a file
@@ -10,15 +10,16 @@ from __future__ import annotations
 import bz2
 import struct
 import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeAlias
 
 from excite.logs.recordings.recording import check_bytes, foreign_reader, optional_package
-from excite.logs.recordings.ros_streams import BagFile, Message, Topic
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 from regressors.quoting import cut
@@ -30,6 +31,50 @@ _SCHEMA, _CHANNEL, _MCAP_CHUNK, _DATA_END, _FOOTER = 0x03, 0x04, 0x06, 0x0F, b"\
 _MCAP_HEAD = struct.Struct("<BQ")
 _SCHEMAS = ("ros2msg", "ros2idl", "omgidl", "")
 _MCAP_KINDS, _ROS1_KINDS = ("zstd", "lz4"), ("bz2", "lz4")  # of compression
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic, as far as the bag describes it."""
+
+    name: str
+    kind: str  # type of its messages, with the folder: sensor_msgs/msg/JointState
+    form: str = ""  # msg or idl, of the definition; empty where there is none
+    text: str = ""  # definition
+    ros1: bool = False  # whether its messages are serialised as in ROS 1, else in CDR
+    unread: str = ""  # why its messages cannot be read; empty if they can
+
+
+Message: TypeAlias = tuple[Topic, int, bytes]  # with the time at which it was recorded [ns], as it was serialised
+
+
+class BagFile(ABC):
+    """A bag that is read once from its beginning to its end."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notes: list[str] = []  # known when all messages were read
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files of the bag."""
+        return (self.path,)
+
+    @property
+    def state(self) -> Hashable:
+        """What changes when the files of the bag do."""
+        try:
+            statuses = [path.stat() for path in self.files]
+        except OSError as error:
+            raise InputError(f"cannot read {self.path}: {error.strerror}") from error
+        return tuple((status.st_size, status.st_mtime_ns, status.st_ino) for status in statuses)
+
+    @abstractmethod
+    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
+        """Messages of the topics that are wanted, those of each in recorded order; asked of every topic that has some.
+
+        A bag that is damaged, encrypted, or compressed in a way that is not read is an `InputError`.
+        """
 
 
 class McapFile(BagFile):
@@ -91,9 +136,10 @@ def _checked_mcap(path: Path, state: Hashable) -> tuple[int, bool, bytes, bytes]
 
 
 def _check_chunk(path: Path, content: bytes, at: int) -> None:
-    """Refuse a chunk that unpacks to more than it declares, or to other bytes."""
+    """Refuse a chunk that unpacks to more than it declares, or to other bytes, or whose last record is cut off."""
     size, crc = struct.unpack_from("<QI", content, 16)
-    if len(raw := _chunk_records(path, content)) != size:
+    raw = _chunk_records(path, content)
+    if len(raw) != size or _end_of_records(raw) != size:
         raise InputError(
             f"{path}: the chunk at byte {at} is damaged; recover what is left, such as with `mcap recover`"
         )
@@ -107,15 +153,21 @@ def _check_chunk(path: Path, content: bytes, at: int) -> None:
 def _cut_chunk(path: Path, content: bytes) -> bytes:
     """Whole records of a chunk that is cut off."""
     try:
-        raw, at = _chunk_records(path, content), 0
+        raw = _chunk_records(path, content)
     except (struct.error, UnicodeDecodeError):  # it ends within its head
         return b""
-    while at + _MCAP_HEAD.size <= len(raw):
-        following = at + _MCAP_HEAD.size + _MCAP_HEAD.unpack_from(raw, at)[1]
-        if following > len(raw):
+    return raw[: _end_of_records(raw)]
+
+
+def _end_of_records(raw: bytes) -> int:
+    """Where the last whole record ends."""
+    end, following = 0, 0
+    while following <= len(raw):
+        end = following
+        if end + _MCAP_HEAD.size > len(raw):
             break
-        at = following
-    return raw[:at]
+        following = end + _MCAP_HEAD.size + _MCAP_HEAD.unpack_from(raw, end)[1]
+    return end
 
 
 def _chunk_records(path: Path, content: bytes) -> bytes:
@@ -209,7 +261,7 @@ class BagOfRos1(BagFile):
 
 @contextmanager
 def bag_opened(path: Path, form: str) -> Iterator[BinaryIO]:
-    """A file; what cannot be read, or what rosbags says of a damaged one, is one line."""
+    """A file; that it is not readable, and what rosbags says of a damaged one, is one line."""
     with foreign_reader(path, form):
         try:
             with opened(path, LOG) as stream:

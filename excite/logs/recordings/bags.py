@@ -18,14 +18,24 @@ from urllib.parse import quote
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from excite.logs.recordings.bag_records import MCAP, BagOfRos1, McapFile, bag_opened, topics_of, zstandard
+from excite.logs.recordings.bag_records import (
+    MCAP,
+    BagFile,
+    BagOfRos1,
+    McapFile,
+    Message,
+    Topic,
+    bag_opened,
+    topics_of,
+    zstandard,
+)
 from excite.logs.recordings.recording import (
     Contents,
     Recording,
     RecordingFormat,
     optional_package,
 )
-from excite.logs.recordings.ros_streams import LARGEST_MESSAGE, BagFile, Message, Topic, bag_columns, bag_contents
+from excite.logs.recordings.ros_streams import LARGEST_MESSAGE, bag_columns, bag_contents
 from regressors.errors import InputError
 from regressors.input_files import LOG, in_bytes, opened, read_text
 from regressors.memory_cap import memory_cap

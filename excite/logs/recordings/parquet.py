@@ -1,4 +1,8 @@
-"""Tables in Parquet, and data sets of LeRobot, which are folders of them."""
+"""Tables in Parquet, and data sets of LeRobot, which are folders of them.
+
+How many values lists have is taken from the file's own description before they are read. Where that is damaged in its
+statistics of sizes, pyarrow 26 ends the process instead of raising an error.
+"""
 
 from __future__ import annotations
 

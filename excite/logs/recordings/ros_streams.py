@@ -5,7 +5,6 @@ A bag is read twice: once to find topics and layouts, whose result is kept, and 
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -15,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.logs.recordings.bag_records import BagFile, Topic
 from excite.logs.recordings.recording import (
     Contents,
     Meaning,
@@ -47,50 +47,6 @@ _AT_ONCE = 4096  # messages
 _BYTES_AT_ONCE = 8 * 2**20
 _MOST_LAYOUTS, _MOST_SHAPES, _MOST_FAULTS = 6000, 200, 100  # 7 joints have 5040 orders
 _LEFT_OUT_SHOWN = 8
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic, as far as the bag describes it."""
-
-    name: str
-    kind: str  # type of its messages, with the folder: sensor_msgs/msg/JointState
-    form: str = ""  # msg or idl, of the definition; empty where there is none
-    text: str = ""  # definition
-    ros1: bool = False  # whether its messages are serialised as in ROS 1, else in CDR
-    unread: str = ""  # why its messages cannot be read; empty if they can
-
-
-Message: TypeAlias = tuple[Topic, int, bytes]  # with the time at which it was recorded [ns], as it was serialised
-
-
-class BagFile(ABC):
-    """A bag that is read once from its beginning to its end."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.notes: list[str] = []  # known when all messages were read
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """All files of the bag."""
-        return (self.path,)
-
-    @property
-    def state(self) -> Hashable:
-        """What changes when the files of the bag do."""
-        try:
-            statuses = [path.stat() for path in self.files]
-        except OSError as error:
-            raise InputError(f"cannot read {self.path}: {error.strerror}") from error
-        return tuple((status.st_size, status.st_mtime_ns, status.st_ino) for status in statuses)
-
-    @abstractmethod
-    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
-        """Messages of the topics that are wanted, those of each in recorded order; asked of every topic that has some.
-
-        A bag that is damaged, encrypted, or compressed in a way that is not read is an `InputError`.
-        """
 
 
 def bag_contents(bag: BagFile, form: str) -> Contents:

@@ -121,8 +121,11 @@ def _signals(folder: Path) -> tuple[list[_Signals], tuple[str, ...]]:
 
 def _of_array(path: Path, form: NpyFile) -> _Signals:
     (table,) = form.contents(path).streams
-    clocks = table.columns if len(table.columns) == 1 and is_clock(path.stem) else ()
-    return _Signals(path, form, table.name, table.rows or 0, {name: name for name in table.columns}, clocks)
+    with form.arrays(path) as file:
+        upright = len(table.columns) == 1 and len(file.arrays[0].shape) == 2  # of shape (N, 1)
+    names = (f"{path.stem}[0]",) if upright else table.columns
+    clocks = names if names == (path.stem,) and is_clock(path.stem) else ()
+    return _Signals(path, form, table.name, table.rows or 0, dict(zip(names, table.columns, strict=True)), clocks)
 
 
 def _of_text(path: Path, form: TextTable) -> _Signals | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.quantities import check_options
@@ -44,15 +45,37 @@ class Degradation:
         An invalid number.
     """
 
-    friction_drift: float = 0.0
-    torque_gain: tuple[float, ...] = (1.0,)
-    delay: tuple[float, ...] = (0.0,)
-    coloured_noise: tuple[float, ...] = (0.0,)
-    noise_corner: float = 5.0
-    position_step: tuple[float, ...] = (0.0,)
-    hold: float = 0.0
-    clock_jitter: tuple[float, float] | None = None
-    drop_rows: float = 0.0
+    friction_drift: float = option(
+        0.0, "number", "Change of friction over the log as joints warm up, -0.3 = 30 % less.", metavar="X"
+    )
+    torque_gain: tuple[float, ...] = option(
+        (1.0,), "numbers", "Measured over true torque, 1.1 = 10 % too much; one for all, or one each.", metavar="G,..."
+    )
+    delay: tuple[float, ...] = option(
+        (0.0,), "numbers", "Time by which torques are recorded later than positions [s], 0.004 = 4 ms.", metavar="T,..."
+    )
+    coloured_noise: tuple[float, ...] = essential(
+        (0.0,), "numbers", "Standard deviation of slow torque noise [Nm]; below the noise corner.", metavar="S,..."
+    )
+    noise_corner: float = option(
+        5.0, "number", "Corner frequency of the slow torque noise, which is of first order.", metavar="HZ"
+    )
+    position_step: tuple[float, ...] = option(
+        (0.0,), "numbers", "Positions are rounded to multiples of Q [rad], such as 1e-4.", metavar="Q,..."
+    )
+    hold: float = option(
+        0.0,
+        "number",
+        "Share of the rows that repeat the row before under a new stamp, 0.06 = 6 %.",
+        metavar="SHARE",
+    )
+    clock_jitter: tuple[float, float] | None = option(
+        None,
+        "numbers",
+        "Shortest and longest time between stamps [s]; the rate must fit between.",
+        metavar="MIN,MAX",
+    )
+    drop_rows: float = option(0.0, "number", "Share of the rows that are missing, 0.05 = 5 %.", metavar="SHARE")
 
     def __post_init__(self) -> None:
         check_options(self, (field.name for field in fields(self)))

@@ -46,8 +46,8 @@ def _no_search(monkeypatch: pytest.MonkeyPatch) -> None:
             write_start(kept.folder, start, formulation.identity.origin)
         return formulation.made
 
-    monkeypatch.setattr("excite.campaigns.cell_design.formulate", formulate)
-    monkeypatch.setattr("excite.campaigns.cell_design.solve", solve)
+    monkeypatch.setattr("excite.campaigns.cell_folder.formulate", formulate)
+    monkeypatch.setattr("excite.campaigns.cell_folder.solve", solve)
 
 
 @pytest.mark.slow

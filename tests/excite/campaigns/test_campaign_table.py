@@ -145,7 +145,7 @@ def test_a_thousand_cells_are_in_one_table_figure_and_page(tmp_path: Path) -> No
 
 def test_the_options_that_identify_a_cell_are_all_of_a_task() -> None:
     """An option of a task that did not count would let a campaign keep designs of another problem."""
-    from excite.campaigns.cell_identity import cell_identities
+    from excite.campaigns.cell import cell_identities
 
     task = Task("irp6")
     ours = cell_identities([Cell("a", task)])["a"]

@@ -11,8 +11,8 @@ import click
 import pytest
 from commands import ENVIRONMENT, Here, files_below
 
-from excite.cli.figure_options import Formats
 from excite.cli.main import cli
+from excite.cli.option_types import Formats
 from excite.files.resumed_search import holds_unfinished_design
 from excite.storage.result_folder import replace_result, result_folder
 

@@ -288,7 +288,7 @@ def test_a_load_design_without_a_load_is_told(here: Here) -> None:
 
 
 def test_help_teaches(here: Here) -> None:
-    out = simulated(here, "--help")
+    out = simulated(here, "--help-all")
     for text in ("--model-error", "Examples:", "LOG.wrench.csv", "excite.friction/1", "true standard parameters"):
         assert text in out
 

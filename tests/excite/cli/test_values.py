@@ -13,7 +13,7 @@ import pytest
 from commands import files_below
 from value_fuzzer import BASE, DESIGN, ROBOT, command_of, prepared, run
 
-from excite.cli.options import Number, Numbers
+from excite.cli.option_types import Number, Numbers
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS
 from regressors.quantities import QUANTITIES

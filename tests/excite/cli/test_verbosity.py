@@ -14,7 +14,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureF
     return Here(tmp_path, monkeypatch, capfd)
 
 
-VERDICT = "2 motions of at most 2 drives identify all 13 parameters of irp6 (energy model)\n"
+VERDICT = "2 motions of at most 2 drives identify all 13 parameters of the energy model of joints q1, q2, q3 of irp6.\n"
 
 
 @pytest.mark.parametrize("words", ["-q plan irp6", "plan -q irp6", "plan irp6 --quiet", "--quiet plan irp6"])

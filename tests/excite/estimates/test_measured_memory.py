@@ -67,8 +67,8 @@ from excite.design.design_memory import design_prediction
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import candidates
 from excite.design.optimisation import design_trajectory
-from excite.friction.plan.plan import friction_plan
-from excite.friction.plan.plan_memory import plan_prediction
+from excite.friction.plan.plan_friction import friction_plan
+from excite.friction.plan.schedule import plan_prediction
 from excite.friction.plan.schedule import Schedule
 from excite.information.target import target_of
 from excite.logs.layout import house_layout

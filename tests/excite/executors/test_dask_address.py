@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from excite.cli.options import PartName
+from excite.cli.option_types import PartName
 from excite.errors import LostWorkersError
 from excite.executors.dask_address import DaskAddress, dask_address
 from excite.executors.dask_cluster import DaskCluster, _Units

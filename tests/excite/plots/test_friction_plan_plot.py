@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from excite.friction.plan.friction_plan import FrictionPlan
-from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.plan_friction import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.plots.friction_plan_plot import friction_plan_figure
 from excite.plots.style import DARK, GREEN

@@ -45,7 +45,8 @@ from excite.simulation.replay import Outcome, Replay
 from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError
 from excite.verification.simulated_motion import motion_errors
-from excite.verification.verdict import Tolerances, Verdict
+from excite.verification.tolerances import Tolerances
+from excite.verification.verdict import Verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.errors import InputError
 from regressors.readers.library import built_in, load_robot

@@ -9,7 +9,7 @@ import click
 import pytest
 
 from excite.cli.design_command import command
-from excite.cli.options import DriveNames
+from excite.cli.option_types import DriveNames
 from excite.files.task_file import read_task_file, task_content, task_from_options
 from excite.information.friction_notes import left_out_notes
 from excite.information.target import target_of

@@ -19,7 +19,7 @@ from excite.tasks.task import Task
 from excite.verification.corrected_error import corrected_errors, corrected_total
 from excite.verification.judged_motion import JudgedMotion, judged_motion
 from excite.verification.simulated_motion import motion_errors
-from excite.verification.verdict import Tolerances
+from excite.verification.tolerances import Tolerances
 from excite.verification.verify import verify
 from regressors.samples import Array, Samples
 

@@ -22,7 +22,8 @@ from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError, torque_errors
 from excite.verification.simulated_motion import failure, motion_errors
 from excite.verification.simulated_windows import most_windows
-from excite.verification.verdict import Tolerances, Verdict, verdict
+from excite.verification.tolerances import Tolerances
+from excite.verification.verdict import Verdict, verdict
 from excite.verification.verification import Verification
 from excite.verification.verify import verify
 from regressors.errors import InputError

@@ -110,5 +110,5 @@ def test_means_of_break_aways_are_at_the_reference_temperature(asymmetric: bool)
 
 def test_the_help_names_every_command_that_takes_curves(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        command.main(["--help"], prog_name="fit")
+        command.main(["--help-all"], prog_name="fit")
     assert "'excite design', 'excite plan' and 'excite identify'" in capsys.readouterr().out

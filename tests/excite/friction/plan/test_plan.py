@@ -19,7 +19,7 @@ from pinocchio_chains import chain_model
 from excite.cli.view_text import print_verdict, print_view
 from excite.files.sampled_motion import read_motion
 from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan, load_friction_plan
-from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.plan_friction import friction_plan
 from excite.friction.plan.schedule import Schedule, alternating
 from excite.views.friction_plan_view import friction_plan_view
 from regressors.errors import InputError

@@ -16,7 +16,7 @@ from pinocchio_chains import chain_model
 
 from excite.files.sampled_motion import read_motion
 from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
-from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.plan_friction import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import torque_ramps
 from regressors.errors import InputError

@@ -16,7 +16,7 @@ from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Pa
 from excite.files.world_file import world_of
 from excite.friction.plan.clearances import CollisionChecks
 from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
-from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.plan_friction import friction_plan
 from excite.friction.plan.runs import Pace, Runs
 from excite.friction.plan.schedule import Schedule
 from regressors.errors import InputError, UnknownName

@@ -99,5 +99,5 @@ def test_curves_a_little_wrong_are_scaled_where_that_brings_the_parameters_neare
 
 
 def test_the_command_has_both_options() -> None:
-    text = CliRunner().invoke(cli, ["identify", "--help"]).output
+    text = CliRunner().invoke(cli, ["identify", "--help-all"]).output
     assert "--scale-friction / --no-scale-friction" in text

@@ -193,6 +193,22 @@ def huge_chunk() -> bytes:
     return b"\x89MCAP0\r\n" + struct.pack("<BQ", 1, 8) + bytes(8) + struct.pack("<BQ", 6, len(chunk)) + chunk
 
 
+def lying_chunk() -> bytes:
+    """MCAP whose only chunk says that it unpacks to 10 bytes, but unpacks to 10^7."""
+    import lz4.frame
+
+    packed = lz4.frame.compress(bytes(10**7))
+    chunk = struct.pack("<QQQI", 0, 1, 10, 0) + struct.pack("<I", 3) + b"lz4" + struct.pack("<Q", len(packed)) + packed
+    return b"\x89MCAP0\r\n" + struct.pack("<BQ", 6, len(chunk)) + chunk
+
+
+def overlong_record() -> bytes:
+    """MCAP whose only chunk ends within its only record."""
+    records = struct.pack("<BQ", 0x0C, 100) + bytes(10)
+    chunk = struct.pack("<QQQI", 0, 1, len(records), 0) + bytes(4) + struct.pack("<Q", len(records)) + records
+    return b"\x89MCAP0\r\n" + struct.pack("<BQ", 6, len(chunk)) + chunk
+
+
 def huge_npz() -> bytes:
     path = Path(mkdtemp()) / "log.npz"
     head = b"\x93NUMPY\x01\x00" + struct.pack("<H", 118)
@@ -247,6 +263,11 @@ BAD: tuple[tuple[str, Callable[[], bytes], str], ...] = (
     ("cut NPZ", lambda: whole_files()["npz"][:900], r"cannot be read as NPZ; it is damaged or was not written to"),
     ("cut NPY", lambda: whole_files()["npy"][:900], r"cannot be read as NPY; it is damaged or was not written to"),
     ("cut HDF5", lambda: whole_files()["hdf5"][:900], r"cannot be read as HDF5; it is damaged or was not written"),
+    (
+        "MAT-file that ends the process of SciPy's reader",  # numbers of a kind that is not there
+        lambda: whole_files()["mat"].replace(b"\t\0\0\0", b"\x4c\0\0\0", 1),
+        r"cannot be read as MAT-file; it is damaged or",
+    ),
     ("cut MAT-file", lambda: whole_files()["mat"][:900], r"ends early: its variable at byte 128 is cut off"),
     ("cut MAT-file of 7.3", lambda: whole_files()["mat-7.3"][:900], r"cannot be read as MAT-file of MATLAB 7.3; "),
     ("another database", database("CREATE TABLE songs(id)"), r"without the table 'topics' is no bag of rosbag2"),
@@ -259,6 +280,8 @@ BAD: tuple[tuple[str, Callable[[], bytes], str], ...] = (
     ("a bag of images", image_bag, r"/camera: it has messages of 90\d+ bytes, more than measurements of joints need"),
     ("damaged chunk", bad_checksum, r"the checksum of the chunk at byte \d+ does not match; recover what is left"),
     ("chunk of 1e15 bytes", huge_chunk, r"reading .* would take"),
+    ("chunk that unpacks to more than it says", lying_chunk, r"the chunk at byte 8 is damaged; recover what is left"),
+    ("chunk that ends within a record", overlong_record, r"the chunk at byte 8 is damaged; recover what is left"),
     ("NPZ of 1e12 numbers", huge_npz, r"reading .* would take"),
     ("HDF5 of 1e12 numbers", huge_hdf5, r"reading .* would take"),
 )  # fmt: skip

@@ -82,6 +82,43 @@ def test_mcap_of_an_independent_writer(tmp_path: Path, compression: str) -> None
     assert_columns(recording, f"{TOPIC}#2", slow_columns(messages, ["finger"], TOPIC))
 
 
+def write_mixed(path: Path, kind: str, profile: str) -> Path:
+    """MCAP with joint states of ROS 1 or 2 beside topics of other definitions."""
+    from mcap.writer import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC) if kind == "ros1" else typestore()
+    serialize = types.serialize_ros1 if kind == "ros1" else types.serialize_cdr
+    text, _ = types.generate_msgdef("sensor_msgs/msg/JointState", ros_version=1 if kind == "ros1" else 2)
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile, "test")
+        schemas = [
+            writer.register_schema("sensor_msgs/JointState", "ros1msg" if kind == "ros1" else "ros2msg", text.encode()),
+            writer.register_schema("Pose", "protobuf", bytes(range(256))),
+        ]
+        encodings = {TOPIC: kind, "/pose": "protobuf"}
+        channels = [
+            writer.register_channel(*pair, schema) for pair, schema in zip(encodings.items(), schemas, strict=True)
+        ]
+        for joints in arm_messages():
+            raw = bytes(serialize(joint_state(types, joints), "sensor_msgs/msg/JointState"))
+            for channel, data in zip(channels, (raw, b"\1"), strict=True):
+                writer.add_message(channel, joints.time, data, joints.time)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(("kind", "profile"), [("cdr", ""), ("ros1", "ros1")])
+def test_mcap_of_other_profiles_with_other_definitions_beside_those_of_ros(
+    tmp_path: Path, kind: str, profile: str
+) -> None:
+    pytest.importorskip("mcap", reason="mcap is not installed")
+    contents, recording = read_all(write_mixed(tmp_path / "log", kind, profile))
+    assert contents.notes == ("topic /pose is left out: its messages are encoded as protobuf, not as CDR",)
+    assert_columns(recording, TOPIC, slow_columns(arm_messages(), "abc", TOPIC))
+
+
 def test_ros1_bags(tmp_path: Path) -> None:
     from rosbags.typesys import Stores, get_typestore
 

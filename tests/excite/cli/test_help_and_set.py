@@ -1,0 +1,165 @@
+"""Options of each command: in groups of `--help-all`, the essential ones in `--help`, each by `--set` too."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+import pytest
+from all_commands import COMMANDS
+from click.testing import CliRunner
+
+from excite.cli.command import LINES, Command, FurtherOption, heading_of
+from excite.cli.main import cli
+from excite.tasks.task import PLACE
+
+PARTS = {
+    "installation": "Robot",
+    "model": "Model",
+    "trajectory": "Motion",
+    "objective": "Criterion",
+    "limits": "Limits",
+    "search": "Search",
+    "output": "Home and rehearsal",
+}
+OF_DESIGN = [*PARTS.values(), "Output", "Other"]
+
+
+def shown(name: str) -> dict[str, list[str]]:
+    """Options by heading, as the help prints them."""
+    text = CliRunner().invoke(cli, [*name.split(), "--help-all"]).output
+    found: dict[str, list[str]] = {}
+    heading = ""
+    for line in text.partition("Examples:")[0].partition("Example:")[0].splitlines():
+        if line.endswith(":") and not line.startswith(" "):
+            heading = line[:-1]
+        if line.startswith("  -"):
+            found.setdefault(heading, []).append(line.split()[0].rstrip(","))
+    return found
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_is_below_one_heading(name: str) -> None:
+    command = COMMANDS[name]
+    assert isinstance(command, Command)
+    ctx = click.Context(command, **command.context_settings)
+    visible = [p for p in command.get_params(ctx) if isinstance(p, click.Option) and not p.hidden]
+    found = shown(name)
+    assert "Options" not in found
+    printed = sorted(option for options in found.values() for option in options)
+    assert printed == sorted(param.opts[0] for param in visible)
+
+
+@pytest.mark.parametrize("columns", [80, 100, 200])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_help_fits_a_screen(name: str, columns: int) -> None:
+    runner = CliRunner(env={"COLUMNS": str(columns)})
+    lines = runner.invoke(cli, [*name.split(), "--help"]).output.splitlines()
+    assert sum(1 + max(0, len(line) - 1) // columns for line in lines) <= LINES
+    end = next((k for k, line in enumerate(lines) if line.strip() in ("Examples:", "Example:")), None)
+    options = [line.split()[0].rstrip(",") for line in lines[:end] if line.startswith("  -")]
+    assert 5 <= len(options) <= 25
+    command = COMMANDS[name]
+    assert isinstance(command, Command)
+    visible = command.visible_options(click.Context(command, **command.context_settings))
+    assert sorted(options) == sorted(each.opts[0] for each in visible if not isinstance(each, FurtherOption))
+    assert lines[-1] == f"All {len(visible)} options: cli {name} --help-all"
+
+
+def test_the_help_of_a_design_has_what_most_uses_need() -> None:
+    text = CliRunner().invoke(cli, ["design", "--help"]).output
+    needed = ("--joints", "--model", "--friction", "--trajectory", "--period", "--harmonics", "--base", "--criterion",
+              "--velocity-limit", "--acceleration-limit", "--starts", "--seed", "--out", "Examples:")  # fmt: skip
+    assert [word for word in needed if word not in text] == []
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_headings_of_a_command_name_options_that_it_has(name: str) -> None:
+    command = COMMANDS[name]
+    assert isinstance(command, Command)
+    stated = [option for options in command.groups.values() for option in options]
+    assert set(stated) <= {param.name for param in command.params}
+    assert len(stated) == len(set(stated))
+
+
+def test_options_of_a_design_are_grouped_by_the_parts_of_a_task() -> None:
+    found = shown("design")
+    assert list(found) == OF_DESIGN
+    assert max(map(len, found.values())) < 25
+    for param in COMMANDS["design"].params:
+        if param.name in PLACE and param.name not in ("rate", "world") and not getattr(param, "hidden", False):
+            assert param.opts[0] in found[PARTS[PLACE[str(param.name)]]]
+
+
+def test_what_nothing_is_known_of_is_about_the_output() -> None:
+    assert heading_of("of_tomorrow", {}) == "Output"
+    command = Command("some", params=[click.Option(["--of-tomorrow"])])
+    assert "Output:\n  --of-tomorrow TEXT" in command.get_help(click.Context(command))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_the_shared_options(name: str) -> None:
+    options = {option for param in COMMANDS[name].params for option in param.opts}
+    assert {"-q", "--quiet", "-v", "--verbose", "--json"} <= options
+    hidden = [param for param in COMMANDS[name].params if "--format" in param.opts and getattr(param, "hidden", False)]
+    assert len(hidden) == (name != "export")  # whose --format is that of the file
+
+
+def given(words: str, name: str = "design") -> dict[str, Any]:
+    """Parameters of a command line that is read, not run."""
+    command = COMMANDS[name]
+    params: dict[str, Any] = command.make_context("excite", words.split()).params
+    return params
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_can_be_set_by_its_name_and_its_key(name: str) -> None:
+    command = COMMANDS[name]
+    assert isinstance(command, Command)
+    ctx = click.Context(command, **command.context_settings)
+    left_out = ("set_options", "help_all", command.get_help_option(ctx).name)  # type: ignore[union-attr]
+    for option in command.visible_options(ctx):
+        if option.name in left_out:
+            continue
+        for key in {option.opts[-1].removeprefix("--"), option.opts[-1].removeprefix("--").replace("-", "_")}:
+            (word,) = command._set_words(ctx, ["--set", f"{key}=true"])
+            assert word == option.opts[-1] + ("" if option.is_flag else "=true")
+
+
+def test_what_is_set_is_what_is_typed() -> None:
+    typed = given("irp6 --out d --period 8 --velocity-limit 2,1 --no-friction --drives 1,2 --via 0,1 --via 1,0")
+    settings = ("period=8", "velocity=2,1", "friction=false", "drives=1,2", "via=0,1", "via=1,0")
+    assert given(f"irp6 --out d {' '.join(f'--set {each}' for each in settings)}") == typed
+    assert given("irp6 --set out=d --set velocity-limit=2,1 --set period=8 --no-friction --set no-friction=yes "
+                 "--drives 1,2 --via 0,1 --via 1,0") == typed  # fmt: skip
+
+
+def test_a_value_may_be_given_twice_if_it_is_the_same() -> None:
+    assert given("irp6 --out d --period 8 --set period=8.0")["period"] == 8.0
+    assert given("irp6 --out d --constraint torque --set constraint=torque")["constraints"] == ("torque",)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--set perod=8", "--set: no option named 'perod'; did you mean period"),
+        ("--set period", "--set: expected NAME=VALUE, given 'period'"),
+        ("--set period=8 --period 9", "--period is given twice, with different values; give one"),
+        ("--set period=8 --set period=9", "--period is given twice, with different values; give one"),
+        ("--set friction=false --friction", "--friction is given twice, with different values; give one"),
+        ("--set xacro=false", "--set: xacro can only be switched on; leave it out"),
+        ("--set torque-margin=7", "Invalid value for '--torque-margin': must be a number from 0 to 0.999, given 7"),
+        ("--set weighted=perhaps", "Invalid value for '--weighted': 'perhaps' is not a valid boolean"),
+    ],
+)
+def test_what_cannot_be_set_is_an_error_of_one_line(words: str, message: str) -> None:
+    with pytest.raises(click.UsageError) as caught:
+        given(f"irp6 --out d {words}")
+    assert caught.value.format_message().startswith(message)
+    assert "\n" not in caught.value.format_message()
+
+
+def test_help_wins_over_wrong_settings() -> None:
+    for word in ("--help", "--help-all", "-h"):
+        ended = CliRunner().invoke(cli, ["design", "--set", "perod=8", word])
+        assert (ended.exit_code, ended.output[:6]) == (0, "Usage:")
