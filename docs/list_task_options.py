@@ -10,7 +10,6 @@ from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.plan.schedule import Schedule
 from excite.identification.recipe import Recipe
 from excite.registry import ADDRESS_FORMS, BUILT_IN
-from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.settings import SimulationSettings
 from excite.tasks.limit_choice import OF_JOINTS
 from excite.tasks.option import Option, options_of
@@ -20,7 +19,6 @@ from excite.verification.tolerances import Tolerances
 
 OTHERS = {
     SimulationSettings: "excite simulate",
-    Degradation: "excite simulate",
     Recipe: "excite identify",
     Tolerances: "excite verify",
     Schedule: "excite friction plan",

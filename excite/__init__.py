@@ -80,8 +80,6 @@ if TYPE_CHECKING:
     from excite.precision.design_for_precision import design_for_precision
     from excite.precision.next_motion import NextMotion, PrecisionInHand, next_motion
     from excite.report.write_report import write_report
-    from excite.simulation.degradation.degradation import Degradation
-    from excite.simulation.degradation.degrade import degrade
     from excite.simulation.impact_pulse import ImpactPulse
     from excite.simulation.payload import Payload
     from excite.simulation.settings import SimulationSettings
@@ -138,7 +136,6 @@ _PLACES = {
     "ConicSolverError": "excite.errors",
     "Cosine": "excite.trajectories.cosine",
     "Criterion": "excite.information.criteria",
-    "Degradation": "excite.simulation.degradation.degradation",
     "Design": "excite.design.design",
     "DesignBound": "excite.optimality.design_bound",
     "DifferentialModel": "regressors.models.differential",
@@ -211,7 +208,6 @@ _PLACES = {
     "built_in_names": "regressors.readers.library",
     "bound": "excite.optimality.design_bound",
     "compare": "excite.design.comparison",
-    "degrade": "excite.simulation.degradation.degrade",
     "design_for_precision": "excite.precision.design_for_precision",
     "design_trajectory": "excite.design.optimisation",
     "draw": "excite.plots.drawable",
@@ -274,7 +270,6 @@ __all__ = [
     "ConicSolverError",
     "Cosine",
     "Criterion",
-    "Degradation",
     "Design",
     "DesignBound",
     "DifferentialModel",
@@ -353,7 +348,6 @@ __all__ = [
     "built_in_names",
     "calibrate_gains",
     "compare",
-    "degrade",
     "design_for_precision",
     "design_payload_motion",
     "design_trajectory",

@@ -156,9 +156,6 @@ QUANTITIES: Mapping[str, Quantity] = {
     "coloured_noise": NOISE,
     "noise_corner": FREQUENCY,
     "position_step": replace(DISTANCE, zero=True),
-    "hold": SHARE,
-    "clock_jitter": REST,
-    "drop_rows": SHARE,
     # verification and study
     "torque_tolerance": PERCENT,
     "motion_tolerance": PERCENT,

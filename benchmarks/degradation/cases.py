@@ -17,7 +17,7 @@ class Case:
     level : str
         With its unit.
     options : dict
-        Of `excite.Degradation`.
+        Of `Degradation`.
     run : str
         Which simulation: ``plain``, ``sticking``, ``payload``, or ``impact N``, whose peaks are N times the joint's
         torque.

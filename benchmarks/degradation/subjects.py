@@ -7,11 +7,10 @@ from functools import cache
 
 import numpy as np
 from cases import Case
+from spoil import Degradation, degrade
 
 from excite.design.optimisation import design_trajectory
 from excite.logs.log import Log
-from excite.simulation.degradation.degradation import Degradation
-from excite.simulation.degradation.degrade import degrade
 from excite.simulation.impact_pulse import ImpactPulse
 from excite.simulation.payload import Payload, sensor_of
 from excite.simulation.run import simulate_motion

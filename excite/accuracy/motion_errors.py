@@ -34,7 +34,7 @@ def motion_errors(
 
 def _widest_step(settings: SimulationSettings, joints: int) -> Array:
     """Step of the positions of each joint, or more where gears reduce it, shape (n,)."""
-    step = np.broadcast_to(settings.degradation.position_step, joints)
+    step = np.broadcast_to(settings.position_step, joints)
     if settings.encoder is None:
         return np.asarray(step)
     return np.asarray(np.maximum(step, 2 * np.pi / np.broadcast_to(settings.encoder, joints)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +19,8 @@ from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
 from excite.identification.stated_uncertainty import DELAY, PRESLIDING
 from excite.registry import name_of
-from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulate import changed_settings, simulate
+from excite.simulation.simulate import simulate
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.nominal import parameter_values
@@ -36,9 +35,7 @@ if TYPE_CHECKING:
     from regressors.samples import Array
 
 COUNT = 400
-_OF_IDENTIFY = {field.name for field in fields(Recipe)} - {
-    field.name for kind in (SimulationSettings, Degradation) for field in fields(kind)
-}
+_OF_IDENTIFY = {field.name for field in fields(Recipe)} - {field.name for field in fields(SimulationSettings)}
 _STEPS = 4  # of progress
 
 
@@ -82,8 +79,8 @@ def predict_accuracy(
     progress : callable
         Called with a description of each step.
     **options
-        By name, such as ``torque_noise=0.5``: fields of the settings and of their degradation; and of the recipe those
-        that the settings do not have too, such as ``cutoff=10``.
+        By name, such as ``torque_noise=0.5``: fields of the settings, and of the recipe those that
+        the settings do not have too, such as ``cutoff=10``.
 
     Returns
     -------
@@ -96,7 +93,7 @@ def predict_accuracy(
     """
     check("count", count)
     how = {name: options.pop(name) for name in list(options) if name in _OF_IDENTIFY}
-    settings = changed_settings(settings if settings is not None else SimulationSettings(), options)
+    settings = replace(settings if settings is not None else SimulationSettings(), **options)
     stated = noise if noise is not None else StatedNoise.of(settings)
     _check_noise(stated, settings)
     recipe = recipe if recipe is not None else Recipe()
@@ -184,8 +181,4 @@ def _truth(rehearsal: Rehearsal) -> Array:
 def _notes(rehearsal: Rehearsal) -> tuple[str, ...]:
     result = rehearsal.result
     chosen = tuple(f"{choice.name}: {choice.reason}" for choice in result.choices)
-    notes = (*rehearsal.simulation.notes, *chosen)
-    degradation = rehearsal.settings.degradation
-    if degradation.hold or degradation.drop_rows or degradation.clock_jitter is not None:
-        notes = (*notes, "noise of the torques is taken as if no row were held, missing or stamped late")
-    return notes
+    return *rehearsal.simulation.notes, *chosen

@@ -83,11 +83,11 @@ def _shifted(run: SimulatedRun, shift: Array) -> SimulatedRun:
 
 def motion_settings(settings: SimulationSettings) -> SimulationSettings:
     """The settings without noise of torques."""
-    return replace(settings, torque_noise=(0.0,), degradation=replace(settings.degradation, coloured_noise=(0.0,)))
+    return replace(settings, torque_noise=(0.0,), coloured_noise=(0.0,))
 
 
 def exact_settings(settings: SimulationSettings) -> SimulationSettings:
-    """The settings of exact sensors and a recorder that loses nothing; gains, delays and drifts stay."""
+    """The settings of exact sensors; gains and drifts stay."""
+    none = (0.0,)
     quiet = motion_settings(settings)
-    recorder = replace(quiet.degradation, position_step=(0.0,), hold=0.0, clock_jitter=None, drop_rows=0.0)
-    return replace(quiet, encoder=None, position_noise=(0.0,), velocity_noise=(0.0,), degradation=recorder)
+    return replace(quiet, encoder=None, position_noise=none, velocity_noise=none, position_step=none)

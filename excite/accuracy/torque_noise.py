@@ -11,7 +11,7 @@ import scipy.signal
 from excite.identification.autoregressive_noise import AutoregressiveNoise, noise_of_residuals
 from excite.identification.factors import rows_of_groups
 from excite.identification.identification import Identification
-from excite.simulation.degradation.coloured_noise import first_order_noise
+from excite.simulation.sensors import first_order_noise
 from excite.simulation.settings import SimulationSettings, one_each
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -49,7 +49,7 @@ class StatedNoise(TorqueNoise):
     @classmethod
     def of(cls, settings: SimulationSettings) -> StatedNoise:
         """The noise of simulated torques."""
-        return cls(settings.torque_noise, settings.degradation.coloured_noise, settings.degradation.noise_corner)
+        return cls(settings.torque_noise, settings.coloured_noise, settings.noise_corner)
 
     def draw(self, time: Array, joints: int, rng: np.random.Generator) -> Array:
         """See `TorqueNoise.draw`."""

@@ -12,7 +12,6 @@ from excite.cli.option_types import Number
 from excite.cli.options import own_parts
 from excite.cli.task_options import settings_options
 from excite.identification.recipe import Recipe
-from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.settings import SimulationSettings
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 _MOST = 12  # parameters in the summary
 _OF_SIMULATION = (
     "torque_noise", "encoder", "position_noise", "velocity_noise", "rate", "periods", "model_error", "breakaway",
-    "seed",
+    "seed", "coloured_noise", "noise_corner", "torque_gain", "friction_drift",
 )  # fmt: skip
 _GROUPS = {
     "Noise": ("torque_noise", "coloured_noise", "noise_corner", "encoder", "position_noise", "velocity_noise"),
@@ -60,7 +59,6 @@ Repeats are taken to have the settings that are chosen for the simulated log. Wr
 )
 @click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
 @settings_options(SimulationSettings, only=_OF_SIMULATION, unset={"breakaway": "none"})
-@settings_options(Degradation, only=("coloured_noise", "noise_corner", "torque_gain", "friction_drift"))
 @click.option("--friction", type=click.Path(path_type=Path), metavar="FILE", help="True friction curves.")
 @settings_options(Recipe, only=("signals", "cutoff", "low_pass", "every", "estimator"))
 @click.option("--choose/--no-choose", default=True, help="Choose what is not given, as 'excite identify' does.")

@@ -12,8 +12,7 @@ from excite.cli.command import Command, FurtherOption
 from excite.cli.option_types import Folder
 from excite.cli.options import own_parts
 from excite.cli.streams import remark, say
-from excite.cli.task_options import settings_options
-from excite.simulation.degradation.degradation import Degradation
+from excite.cli.task_options import chosen_of, settings_options
 from excite.simulation.settings import SimulationSettings
 from regressors.quantities import number_of
 
@@ -32,8 +31,7 @@ _GROUPS = {
         "rate", "wrench_rate", "encoder", "position_noise", "velocity_noise", "torque_noise", "wrench_noise", "seed",
     ),
     "What spoils a log": (
-        "impact", "friction_drift", "torque_gain", "delay", "coloured_noise", "noise_corner", "position_step", "hold",
-        "clock_jitter", "drop_rows",
+        "impact", "friction_drift", "torque_gain", "coloured_noise", "noise_corner", "position_step",
     ),
 }  # fmt: skip
 
@@ -47,7 +45,6 @@ Examples:
   excite simulate designs/irp6 --out logs/clean.csv
   excite simulate designs/irp6 --out logs/run1.csv --encoder 4000 --torque-noise 0.5 --model-error 0.1 --seed 1
   excite simulate designs/irp6 --out logs/curves.csv --friction friction.yaml
-  excite simulate designs/irp6 --out logs/host.csv --rate 1000 --clock-jitter 0.0007,0.0085 --hold 0.06 --delay 0.004
   excite simulate designs/irp6 --out logs/hit.csv --impact q2:3.5:200 --position-step 1e-4 --torque-gain 1.1,0.9,1
   excite simulate designs/irp6-load --out logs/load.csv --load 1.76,0,0,0.16,0.02,0,0,0.02,0,0.001
   excite simulate friction/irp6/z1.csv --out logs/z1.csv --controller pd --bandwidth 10 --friction friction.yaml
@@ -77,10 +74,8 @@ may have a 'temperature': the reference [deg C] and by how much coulomb and visc
 The log can be spoilt as real ones are; what was done stands in the notes of LOG.json, and LOG.wrench.csv stays as it
 is. An impact moves the robot, and the torques of the drives do not show it, only how the controller answers: it is half
 a sine, whose impulse 2 TAU D / pi over the inertia of the joint is the jump of its velocity. The other options change
-the log alone, in this order: friction that drifts (the drives make up for it), the gain of the torque sensors, their
-delay against the positions, noise; then positions in steps, rows that the recorder repeats, stamps, missing rows.
-With --clock-jitter rows are sampled regularly, but a host reads and stamps them late, up to MAX after the one before,
-and catches up MIN apart.
+the log alone, in this order: friction that drifts (the drives make up for it), the gain of the torque sensors, noise;
+then positions in steps.
 
 \b
 The same seed gives the same log. Zero noise, no encoder and zero model error are the defaults.
@@ -123,7 +118,6 @@ limits.""",
     help="Load at the sensor, in its frame: m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; or a YAML file of them.",
 )
 @settings_options(SimulationSettings)
-@settings_options(Degradation)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
 def command(
@@ -153,13 +147,15 @@ def command(
     from excite.cli.summary import show
     from excite.errors import LostMotionError
     from excite.files.simulation_files import paths_of
-    from excite.simulation.simulate import changed_settings, motion_source
+    from excite.simulation.simulate import motion_source
     from excite.storage.result_file import result_file
 
     if ways is not None:
         remark("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form")
         approach_and_return = ways
-    settings = changed_settings(SimulationSettings(), options)  # invalid settings are reported before files are read
+    settings = SimulationSettings(
+        **chosen_of(SimulationSettings, options)
+    )  # invalid settings are reported before files are read
     design = excite.load_design(source, parts) if parts else source
     resolved = motion_source(design, trajectory, approach_and_return=approach_and_return)
     payload = None if load is None else _payload(load)

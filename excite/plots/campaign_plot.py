@@ -9,7 +9,23 @@ from matplotlib.lines import Line2D
 
 from excite.campaigns.campaign_table import CampaignRow, CampaignTable
 from excite.plots.panels import Panel, head, legend_below, panels
-from excite.plots.style import BLUE, DARK, GREEN, GREY, LABEL, NOTE, ORANGE, PURPLE, SKY, VERMILLION, log_scale, plain
+from excite.plots.style import (
+    BLUE,
+    DARK,
+    GREEN,
+    GREY,
+    LABEL,
+    LETTER,
+    NOTE,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    log_scale,
+    panel_width,
+    plain,
+    size_of,
+)
 from excite.plots.timeline import ends
 
 FIGURE = "campaign"
@@ -85,7 +101,8 @@ def _write_values(ax: Axes, table: CampaignTable, name: str, values: list[str]) 
         plain(ends(value or "not given", _LETTERS) + (f"\n{missing[value]} without" if missing[value] else ""))
         for value in values[::step]
     ]
-    crowded = sum(map(len, labels)) > 60
+    longest = sum(max(map(len, label.split("\n"))) + 2 for label in labels)
+    crowded = longest * LETTER * size_of("xtick.labelsize") > 72.0 * panel_width(ax)
     ax.set_xticks(
         range(0, len(values), step), labels, fontsize=NOTE,
         rotation=30 if crowded else 0, ha="right" if crowded else "center",

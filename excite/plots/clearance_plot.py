@@ -17,9 +17,8 @@ from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.collision_limits import Clearance
 from excite.design.design import Design
-from excite.plots.drawing_style import columns_that_fit
 from excite.plots.panels import Panel, head, legend_below, panels
-from excite.plots.style import BLUE, DARK, FORBIDDEN, GREY, LABEL, NOTE, VERMILLION, tidy, typeset
+from excite.plots.style import BLUE, DARK, FORBIDDEN, GREY, LABEL, NOTE, VERMILLION, columns_that_fit, tidy, typeset
 from regressors.samples import Array
 
 _COLUMNS, _ROWS = 3, 4
@@ -36,7 +35,7 @@ def clearance_figure(design: Design) -> Figure:
     nearest = sorted(uses, key=lambda use: use.extreme)[: _COLUMNS * _ROWS]
     columns = columns_that_fit(_COLUMNS, _LEAST)
     rows = max(1, -(-len(nearest) // columns))
-    panel = Panel(widths=(3.4,) * columns, height=1.5, left=0.65, between=0.62)
+    panel = Panel(widths=(3.4,) * columns, height=1.5, left=0.65, between=0.62, least=_LEAST)
     figure, axes = panels(1 + rows, panel, _title(design, uses, len(nearest)))
     flat = [ax for row in axes[1:] for ax in row]
     time, scale = design.samples.time, _Scale.of(nearest, distances)
@@ -117,7 +116,8 @@ def _whole_row(row: Sequence[Axes]) -> Axes:
         ax.remove()
     ax = figure.add_subplot(place.get_gridspec()[0, :])
     tidy(ax)
-    ax.yaxis.set_label_coords(coordinates / float(ax.bbox.width), 0.5)
+    if figure.get_layout_engine() is None:
+        ax.yaxis.set_label_coords(coordinates / float(ax.bbox.width), 0.5)
     return ax
 
 

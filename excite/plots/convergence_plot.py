@@ -16,7 +16,22 @@ from excite.design.design import Design
 from excite.design.start_results import RUNNING, StartResult
 from excite.information.metrics import CONVENTIONS
 from excite.information.weighting import minimised_text
-from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, ROUND, figure_of, log_scale, plain, significant, tidy
+from excite.plots.panels import legend_below
+from excite.plots.style import (
+    BLUE,
+    DARK,
+    GREY,
+    LABEL,
+    NOTE,
+    ROUND,
+    broken,
+    column_width,
+    figure_of,
+    log_scale,
+    plain,
+    significant,
+    tidy,
+)
 from excite.registry import name_of
 from regressors.models.columns import COULOMB
 from regressors.samples import Array
@@ -38,7 +53,7 @@ _MEASURES = {
 
 def convergence_figure(design: Design) -> Figure:
     """Draw the objective at every accepted iterate and the best so far, for all starts."""
-    figure = figure_of(9.5, 5.4, _title(design))
+    figure = figure_of(9.5, 5.4, _title(design), text=1.2)
     ax = figure.subplots()
     tidy(ax)
     others = [start for start in design.starts if start.index != design.best_start]
@@ -54,8 +69,12 @@ def convergence_figure(design: Design) -> Figure:
     symbol = _SYMBOLS.get(name, name)
     ax.set_xlabel("accepted iterate", fontsize=LABEL, color=DARK)
     ax.set_ylabel(f"{symbol} in the solver", fontsize=LABEL, color=DARK)
-    ax.set_title(plain(_explanation(design)), loc="left", y=1.0, fontsize=LABEL, color=DARK)
-    ax.legend(handles=_legend(design), loc="upper right", fontsize=NOTE, framealpha=0.9)
+    explanation = broken(_explanation(design), 0.8 * figure.get_figwidth(), "axes.labelsize")
+    ax.set_title(plain(explanation), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+    if column_width() < float("inf"):  # no room in the panel
+        legend_below(figure, _legend(design))
+    else:
+        ax.legend(handles=_legend(design), loc="upper right", fontsize=NOTE, framealpha=0.9)
     return figure
 
 

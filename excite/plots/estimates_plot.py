@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.plots.drawing_style import columns_that_fit
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
-from excite.plots.style import BAND, BLUE, DARK, GREY, VERMILLION, significant
+from excite.plots.style import BAND, BLUE, DARK, GREY, VERMILLION, columns_that_fit, significant
 from excite.plots.timeline import Timeline
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -39,7 +38,7 @@ def estimates_figure(result: Identification, reference: ReferenceValues | None =
     timeline = Timeline.of([""] * (int(pass_number[-1]) + 1), time, pass_number)
     count = len(estimate.names)
     columns = min(columns_that_fit(4 if count <= _FEW else 6, _LEAST), count)
-    panel = Panel((2.5 if count <= _FEW else 1.9,) * columns, 1.15, left=0.68, between=0.42)
+    panel = Panel((2.5 if count <= _FEW else 1.9,) * columns, 1.15, left=0.68, between=0.42, least=_LEAST)
     rows = -(-count // columns)
     figure, grid = panels(rows, panel, f"{result.robot.name}: estimates over time, {estimate.method}")
     flat = [ax for row in grid for ax in row]

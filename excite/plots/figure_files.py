@@ -11,9 +11,7 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from excite.plots.column_layout import lay_out
-from excite.plots.drawing_style import column_width, drawing_style, size_of
-from excite.plots.style import literal
+from excite.plots.style import drawing_style, literal, size_of, take_sizes
 from excite.storage.atomic import replacing
 from excite.storage.figure_names import check_formats, figure_names
 from excite.storage.manifest import read_manifest
@@ -30,13 +28,12 @@ _PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it a
 
 
 def drawn_figures(draw: Callable[[], Mapping[str, Figure]], width: str = "screen") -> dict[str, Figure]:
-    """Draw figures in the style of a width, laid out for it, with all text literal."""
+    """Draw figures in the style of a width, with all text literal."""
     with drawing_style(width):
         figures = dict(draw())
         for figure in figures.values():
             literal(figure)
-            if column_width() < float("inf"):
-                lay_out(figure)
+            take_sizes(figure)
     return figures
 
 

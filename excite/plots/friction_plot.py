@@ -16,9 +16,24 @@ from matplotlib.patches import Patch
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.friction_equations import Conditions
 from excite.friction.fit.stiction_points import mean_break_aways
-from excite.plots.drawing_style import columns_that_fit
 from excite.plots.figure_files import write_figure_files
-from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, plain, tidy, typeset
+from excite.plots.panels import legend_below
+from excite.plots.style import (
+    BAND,
+    BLUE,
+    DARK,
+    GREY,
+    LABEL,
+    NOTE,
+    VERMILLION,
+    broken,
+    columns_that_fit,
+    figure_of,
+    panel_width,
+    plain,
+    tidy,
+    typeset,
+)
 from regressors.samples import Array
 
 _COLUMNS = 3
@@ -34,7 +49,8 @@ def friction_figure(robot: str, characteristics: Sequence[Characteristic]) -> Fi
     """Draw friction torque over speed, one panel per drive."""
     columns = min(columns_that_fit(_COLUMNS, _LEAST), len(characteristics))
     rows = -(-len(characteristics) // columns)
-    figure = figure_of(_WIDTH * columns + 0.6, _HEIGHT * rows + 0.9, f"{robot}: friction over speed")
+    title = f"{robot}: friction over speed"
+    figure = figure_of(_WIDTH * columns + 0.6, _HEIGHT * rows + 0.9, title, text=0.9 * rows + 0.9)
     grid = figure.add_gridspec(2 * rows, columns, height_ratios=[3.0, 1.0] * rows)
     for number, characteristic in enumerate(characteristics):
         row, column = divmod(number, columns)
@@ -50,9 +66,7 @@ def friction_figure(robot: str, characteristics: Sequence[Characteristic]) -> Fi
         handles.append(
             Line2D([], [], color=VERMILLION, marker="D", linestyle="", markersize=4, label="break-away, mean with 99 %")
         )
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=min(len(handles), 2 * columns), fontsize=LABEL, frameon=False
-    )
+    legend_below(figure, handles)
     return figure
 
 
@@ -88,7 +102,7 @@ def _panel(ax: Axes, characteristic: Characteristic) -> None:
         )
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     ax.axvline(0.0, color=GREY, linewidth=0.6)
-    lines = _caption_lines(characteristic)
+    lines = broken("\n".join(_caption_lines(characteristic)), panel_width(ax)).split("\n")
     ax.set_title(
         plain(characteristic.drive),
         loc="left",

@@ -13,11 +13,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from excite.plots.envelope import draw_values, values_legend
-from excite.plots.equation_text import label_equation, relative_error
 from excite.plots.estimates_plot import estimates_figure
 from excite.plots.figure_files import write_figure_files
-from excite.plots.fit_panels import draw_fit, fit_legend, fit_panel
+from excite.plots.fit_panels import (
+    draw_fit,
+    draw_values,
+    fit_legend,
+    fit_panel,
+    label_equation,
+    relative_error,
+    values_legend,
+)
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.parameters_plot import parameters_figure
 from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, significant

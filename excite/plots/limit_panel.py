@@ -1,17 +1,34 @@
-"""A panel with a curve, the range that its limit forbids, and the value that comes closest to the limit."""
+"""Panels with a curve, the range that its limit forbids, and the value closest to the limit; torques with limits."""
 
 from __future__ import annotations
 
 import textwrap
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from constraints.bounds.certificate import LimitUse
-from excite.plots.drawing_style import column_width
-from excite.plots.style import BLUE, DARK, FORBIDDEN, GREY, NOTE, ROUND, VERMILLION, tidy, typeset
-from regressors.samples import Array
+from constraints.nonlinear import NonlinearConstraint
+from excite.design.design import Design
+from excite.design.imposed_limits import nonlinear_limits
+from excite.design.stated_limits import StatedWorld, stated_limits
+from excite.plots.style import (
+    BLUE,
+    DARK,
+    FORBIDDEN,
+    GREY,
+    NOTE,
+    ROUND,
+    VERMILLION,
+    broken,
+    column_width,
+    panel_width,
+    tidy,
+    typeset,
+)
+from regressors.samples import Array, Samples
 
 DOT = 4.5  # [pt]
 CURVE = 1.4  # [pt]
@@ -19,6 +36,7 @@ _FAR = 6.0
 _FLAT = 1e-9  # a curve of less height [SI] counts as flat
 _LETTERS = 52  # above a panel
 _LEAST_FOR_LIMITS = 5.0  # width of a figure that has room for the limits' values [in]
+_TORQUE = " torque"
 
 
 def draw_limited(
@@ -63,7 +81,7 @@ def _shade(ax: Axes, allowed: tuple[float, float], view: tuple[float, float]) ->
 def write_use(ax: Axes, use: LimitUse | None, bound: float, owner: str = "") -> int:
     """Write above a panel how much of its limit is used; number of lines."""
     text, colour = _used(use, bound, owner, ax.get_ylim())
-    lines = textwrap.wrap(text, _LETTERS, break_on_hyphens=False)
+    lines = broken(textwrap.fill(text, _LETTERS, break_on_hyphens=False), panel_width(ax)).split("\n")
     ax.set_title(typeset("\n".join(lines)), loc="right", y=1.0, fontsize=NOTE, color=colour)
     return len(lines)
 
@@ -77,3 +95,41 @@ def _used(use: LimitUse | None, bound: float, owner: str, view: tuple[float, flo
     used = f"{100 * use.use:.1f} % used"
     text = f"{whose}limit {float(f'{bound:.4g}'):g}{where}: {used}" if column_width() > _LEAST_FOR_LIMITS else used
     return (text, DARK) if use.holds else (f"{text}, BROKEN", VERMILLION)
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedTorque:
+    """Torque of a joint or a drive over the whole motion."""
+
+    name: str  # of the joint, or ``drive NAME``
+    unit: str
+    values: Array  # (N,) without Coulomb friction [Nm or N]
+    allowed: tuple[float, float]  # limits, less the reserve and Coulomb friction [Nm or N]
+    use: LimitUse  # use of the limit by the exciting motion
+
+
+def limited_torques(design: Design, motion: Samples) -> list[LimitedTorque]:
+    """Every limited torque of a design; none where its torques are not checked."""
+    uses = {use.label: use for use in design.limits if use.label.endswith(_TORQUE)}
+    joints = design.robot.joint_names if design.approach_and_return is not None else design.moving.joint_names
+    index = [design.robot.joint_names.index(name) for name in joints]
+    samples = Samples(motion.time, *(x[:, index] for x in (motion.q, motion.dq, motion.ddq, motion.dddq)))
+    torques = []
+    for limit in _constraints(design, joints) if uses else ():
+        if not any(label in uses for label in limit.labels):
+            continue
+        values = limit.shown(limit.values(samples))
+        for k, label in enumerate(limit.labels):
+            if label in uses:
+                allowed = float(limit.lower[k]), float(limit.upper[k])
+                name = label.removesuffix(_TORQUE).removeprefix("joint ")
+                torques.append(LimitedTorque(name, limit.units[k], values[:, k], allowed, uses[label]))
+    return torques
+
+
+def _constraints(design: Design, joints: tuple[str, ...]) -> tuple[NonlinearConstraint, ...]:
+    """Nonlinear limits as functions of some joints: of all, where approach and return move them."""
+    if design.approach_and_return is None:
+        return design.nonlinear
+    stated = stated_limits(design.robot, joints, design.task, StatedWorld(design.shape))
+    return (*nonlinear_limits(design.robot, joints, design.task), *stated.constraints)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,8 @@ from constraints.bounds.certificate import LimitUse
 from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design.design import Design
 from excite.design.unchecked import checked_text, kept_headline
-from excite.plots.limit_panel import CURVE, DOT, draw_limited, write_use
+from excite.plots.limit_panel import CURVE, DOT, LimitedTorque, draw_limited, limited_torques, write_use
+from excite.plots.panels import Panel, legend_below, panels
 from excite.plots.style import (
     BAND,
     BLUE,
@@ -25,23 +26,23 @@ from excite.plots.style import (
     FORBIDDEN,
     LABEL,
     NOTE,
-    TITLE_STYLE,
     VERMILLION,
+    column_width,
+    panel_width,
     plain,
+    size_of,
     typeset,
 )
 from excite.plots.timeline import ends
-from excite.plots.torque_panels import LimitedTorque, limited_torques
 from excite.trajectories.sequence import EXCITE
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
-# Layout [in]: panels of equal size, with room for the text around them. matplotlib's own layout takes seconds for it.
-_PANEL_WIDTH, _PANEL_HEIGHT = 2.65, 1.2
-_LEFT, _BELOW, _ABOVE, _RIGHT, _BETWEEN = 0.8, 0.9, 0.7, 0.2, 0.68
-_TITLE_BELOW_TOP, _LEGEND_ABOVE_BOTTOM, _LABEL_LEFT = 0.12, 0.08, 0.46
-_TITLE_LINE, _NOTE_LINE = 0.24, 0.15
-_TITLE_LETTERS, _NOTE_LETTERS, _NAME_LETTERS = 8.2, 13.5, 10.8  # per inch
+_PANEL_WIDTH = 2.65  # [in]
+_PANEL = Panel((_PANEL_WIDTH,), 1.2, left=0.8, between=0.68, below=0.9)
+_RIGHT, _TITLE_BELOW_TOP = 0.2, 0.12  # [in]
+_LINE = 1.33  # height of a line over the size of its font
+_TITLE_LETTER, _NOTE_LETTER, _NAME_LETTER = 0.675, 0.66, 0.74  # mean width over the size of the font
 _NAME_LINES = 2
 _DOT_MEANING = "closest to a limit (100 % used: at the limit, 0 %: in mid-range)"
 _NAME_STYLE: dict[str, Any] = {"loc": "left", "y": 1.0, "fontsize": LABEL, "fontweight": "bold", "color": DARK}
@@ -138,20 +139,16 @@ def motion_figure(design: Design) -> Figure:
     whole, _ = design.sequence.sampled()
     spans = design.sequence.spans()
     torques = limited_torques(design, whole)
-    heading = _Heading.of(design, columns * (_LEFT + _PANEL_WIDTH) + _RIGHT, torques=bool(torques))
-    figure, panels = _panels(len(functions), -(-len(torques) // columns), columns, heading)
+    figure, rows = _panels(design, len(functions), columns, len(torques))
     samples, begin = _of_moving_joints(design, whole), spans[EXCITE][0]
-    for row, function in zip(panels, functions, strict=False):
+    for row, function in zip(rows, functions, strict=False):
         _draw_row(row, function, samples, begin)
-    flat = [ax for row in panels[len(functions) :] for ax in row]
-    for ax, torque in zip(flat, torques, strict=False):
+    for ax, torque in zip(rows[-1], torques, strict=False):
         _draw_torque(ax, torque, whole.time, begin)
-    for ax in flat[len(torques) :]:
-        ax.remove()
     for ax in figure.axes:
         _shade_transfers(ax, spans)
-    _label_times(panels, len(flat) - len(torques))
-    _legend_below(figure, transfers=len(spans) > 1)
+    _label_times(figure)
+    legend_below(figure, _legend(transfers=len(spans) > 1))
     return figure
 
 
@@ -166,52 +163,23 @@ def _shade_transfers(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
             ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
 
 
-@dataclass(frozen=True)
-class _Heading:
-    """Lines above the panels."""
-
-    title: tuple[str, ...]
-    notes: tuple[str, ...]
-
-    @classmethod
-    def of(cls, design: Design, width: float, *, torques: bool) -> _Heading:
-        letters = int(width * _NOTE_LETTERS)
-        notes = [line for text in _notes(design, torques=torques) for line in textwrap.wrap(text, letters)]
-        return cls(tuple(textwrap.wrap(_title(design), int(width * _TITLE_LETTERS))), tuple(notes))
-
-    @property
-    def height(self) -> float:
-        """All lines [in]."""
-        return _TITLE_LINE * len(self.title) + _NOTE_LINE * len(self.notes)
-
-    def write(self, figure: Figure) -> None:
-        height, top = figure.get_figheight(), _TITLE_BELOW_TOP
-        figure.suptitle(plain("\n".join(self.title)), y=1.0 - top / height, va="top", **TITLE_STYLE)
-        top += _TITLE_LINE * len(self.title)
-        style: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": NOTE, "color": DARK}
-        figure.text(0.5, 1.0 - top / height, plain("\n".join(self.notes)), **style)
-
-
-def _panels(functions: int, torque_rows: int, columns: int, heading: _Heading) -> tuple[Figure, list[list[Axes]]]:
-    """Create a figure with panels of the same size for any number of them, and room for the text."""
-    rows, above = functions + torque_rows, _ABOVE + heading.height
-    width = columns * (_LEFT + _PANEL_WIDTH) + _RIGHT
-    height = above + rows * _PANEL_HEIGHT + (rows - 1) * _BETWEEN + _BELOW
-    figure = Figure(figsize=(width, height), facecolor="white")
-    figure.subplots_adjust(
-        left=_LEFT / width,
-        right=1.0 - _RIGHT / width,
-        bottom=_BELOW / height,
-        top=1.0 - above / height,
-        wspace=_LEFT / _PANEL_WIDTH,
-        hspace=_BETWEEN / _PANEL_HEIGHT,
-    )
-    panels = figure.subplots(rows, columns, squeeze=False).tolist()
+def _panels(design: Design, rows: int, columns: int, torques: int) -> tuple[Figure, list[list[Axes]]]:
+    """Create the panels, with the title and notes above them."""
+    width = min(columns * (_PANEL.left + _PANEL_WIDTH) + _RIGHT, column_width())
+    letters = int(72.0 * width / (_NOTE_LETTER * size_of("xtick.labelsize")))
+    notes = [line for text in _notes(design, torques=torques > 0) for line in textwrap.wrap(text, letters)]
+    letters = int(72.0 * width / (_TITLE_LETTER * size_of("figure.titlesize")))
+    title = textwrap.wrap(_title(design), letters)
+    title_line, note_line = (_LINE * size_of(f"{what}size") / 72.0 for what in ("figure.title", "xtick.label"))
+    above = title_line * (len(title) - 1) + note_line * len(notes)
+    panel = replace(_PANEL, widths=(_PANEL_WIDTH,) * columns)
+    figure, axes = panels(rows, panel, "\n".join(title), above, torques)
     for ax in figure.axes:
         ax.tick_params(labelbottom=False)
-        ax.yaxis.set_label_coords(-_LABEL_LEFT / _PANEL_WIDTH, 0.5)
-    heading.write(figure)
-    return figure, panels
+    top = 1.0 - (_TITLE_BELOW_TOP + title_line * len(title)) / figure.get_figheight()
+    style: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": NOTE, "color": DARK}
+    figure.text(0.5, top, plain("\n".join(notes)), **style)
+    return figure, axes
 
 
 def _title(design: Design) -> str:
@@ -252,12 +220,12 @@ def _draw_row(row: Sequence[Axes], function: MotionFunction, samples: Samples, b
             continue
         owner = "" if bound.owner == f"joint {function.name}" else bound.owner
         lines = max(lines, write_use(ax, bound.use, bound.use.bound - bound.shift, owner))
-    _write_name(row[0], function.name, len(row) * _PANEL_WIDTH, lines)
+    _write_name(row[0], function.name, min(len(row) * _PANEL_WIDTH, column_width() - _PANEL.left), lines)
 
 
 def _write_name(ax: Axes, name: str, width: float, lines: int) -> None:
     """Write a name above the lines on the right of a panel, in a width [in]."""
-    letters = int(width * _NAME_LETTERS)
+    letters = int(72.0 * width / (_NAME_LETTER * size_of("axes.labelsize")))
     text = "\n".join(textwrap.wrap(ends(name, _NAME_LINES * letters), letters, break_on_hyphens=False))
     ax.set_title(typeset(text) + lines * "\n", **_NAME_STYLE)
 
@@ -268,27 +236,22 @@ def _draw_torque(ax: Axes, torque: LimitedTorque, time: Array, begin: float) -> 
     draw_limited(ax, time, torque.values, torque.allowed, closest, far=np.inf)
     ax.set_ylabel(f"{'force' if torque.unit == 'N' else 'torque'} [{torque.unit}]", fontsize=NOTE, color=DARK)
     lines = write_use(ax, use, use.bound)
-    _write_name(ax, torque.name, _PANEL_WIDTH, lines)
+    _write_name(ax, torque.name, min(_PANEL_WIDTH, panel_width(ax)), lines)
 
 
-def _label_times(panels: Sequence[Sequence[Axes]], missing: int) -> None:
+def _label_times(figure: Figure) -> None:
     """Label the lowest panel of each column, whose last row may have some missing."""
-    columns = len(panels[-1])
-    for k, ax in enumerate(panels[-1]):
-        lowest = ax if k < columns - missing else panels[-2][k]
-        lowest.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
-        lowest.tick_params(labelbottom=True)
+    lowest: dict[int, Axes] = {}
+    for ax in figure.axes:  # from the top
+        place = ax.get_subplotspec()
+        assert place is not None
+        lowest[place.colspan.start] = ax
+    for ax in lowest.values():
+        ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
+        ax.tick_params(labelbottom=True)
 
 
-def _legend_below(figure: Figure, *, transfers: bool) -> None:
-    place = (0.5, _LEGEND_ABOVE_BOTTOM / figure.get_figheight())
-    handles = _legend(transfers)
-    figure.legend(
-        handles=handles, loc="lower center", bbox_to_anchor=place, ncols=len(handles), fontsize=LABEL, frameon=False
-    )
-
-
-def _legend(transfers: bool) -> list[Line2D | Patch]:
+def _legend(*, transfers: bool) -> list[Line2D | Patch]:
     return [
         *([Patch(color=BAND, label="approach, return")] if transfers else []),
         Line2D([], [], color=BLUE, linewidth=CURVE, label="planned motion"),

@@ -14,9 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
 
-from excite.plots.drawing_style import column_width
 from excite.plots.panels import NAME_STYLE, legend_below
-from excite.plots.parameter_labels import parameter_label, row_places
+from excite.plots.parameter_labels import beside_names, parameter_label, row_places
 from excite.plots.style import (
     BAND,
     BLUE,
@@ -25,10 +24,11 @@ from excite.plots.style import (
     GREY,
     LABEL,
     NOTE,
-    TITLE_STYLE,
     VERMILLION,
+    column_width,
+    columns_that_fit,
+    figure_of,
     log_scale,
-    plain,
     significant,
     tidy,
     typeset,
@@ -49,6 +49,7 @@ _APART = 12.0  # between columns of numbers [pt]
 _EXPRESSION_LENGTH = 46
 _HEADINGS = {"truth": "true", "description": "described"}
 _LEAST = 5.0  # width of a figure with numbers [in]
+_LEAST_PANEL = 2.5  # width of a panel with the names [in]
 _NEAR = 3.0  # in half-widths: the scale of the differences is linear up to here
 _BEST, _WORST = 1e-3, 300.0  # of the relative half-widths [%]; bars are cut there, with the number in them
 _UNTOLD = 1e6  # [%]: larger ones are not written
@@ -60,17 +61,17 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
     compared = reference is not None and bool(np.any(np.isfinite(reference.values)))
     table = _Table.of(result)
     numbers = _Numbers.of(result, reference if compared else None)
-    figure, panels = _layout(table.height, numbers.width, compared)
     count, unseen = len(result.estimate.names), len(result.estimate.unseen)
     title = f"{result.robot.name}: {count} parameter{'s' if count != 1 else ''}, 99 % intervals"
     title += f"; {unseen} not identifiable individually" if unseen else ""
-    figure.suptitle(plain(title), y=1.0 - 0.12 / figure.get_figheight(), va="top", **TITLE_STYLE)
+    figure, panels = _layout(table.height, numbers.width, compared, title)
     exact = panels[-1]
     _draw_half_widths(exact, result, table)
     handles: list[Artist] = [Patch(color=BLUE, label="half-width of the 99 % interval over the value")]
     if compared and reference is not None:
         handles = [*_draw_differences(panels[0], result, table, reference), *handles]
-    _write_names(panels[0], result, table)
+    for ax in panels if len(panels) > columns_that_fit(len(panels), _LEAST_PANEL) else panels[:1]:
+        _write_names(ax, result, table)
     if column_width() > _LEAST:  # else the numbers have no room
         numbers.write(exact, table)
     handles.append(Patch(color=FORBIDDEN, label="interval contains zero"))
@@ -113,15 +114,14 @@ def _rows(result: Identification) -> list[int | str]:
     return rows
 
 
-def _layout(rows: float, numbers: float, compared: bool) -> tuple[Figure, list[Axes]]:
-    """Create the panels, beside room for names and numbers [in]."""
+def _layout(rows: float, numbers: float, compared: bool, title: str) -> tuple[Figure, list[Axes]]:
+    """Create the panels, beside room for names and numbers [in]; one below the other where a column has no room."""
     count = 2 if compared else 1
+    across = columns_that_fit(count, _LEAST_PANEL)
     width = _NAMES + count * _PANEL + (count - 1) * _BETWEEN + numbers
-    height = _ABOVE + (_LINE if compared else 0.0) + _ROW * rows + _BELOW
-    figure = Figure(figsize=(width, height), facecolor="white")
-    bottom, tall = _BELOW / height, _ROW * rows / height
-    places = [(_NAMES + k * (_PANEL + _BETWEEN)) / width for k in range(count)]
-    panels = [figure.add_axes((left, bottom, _PANEL / width, tall)) for left in places]
+    height = (count // across) * (_ABOVE + (_LINE if compared else 0.0) + _ROW * rows + _BELOW)
+    figure = figure_of(width, height, title, text=height)
+    panels = [ax for row in figure.subplots(count // across, across, squeeze=False) for ax in row]
     for ax in panels:
         tidy(ax)
         ax.grid(False, axis="y")
@@ -155,8 +155,9 @@ def _draw_differences(ax: Axes, result: Identification, table: _Table, reference
     _scale_differences(ax, z[np.isfinite(z)])
     seen, inside = int(np.sum(np.isfinite(z))), int(np.sum(np.abs(z) <= 1.0))
     kind = _KINDS.get(reference.kind, reference.kind)
-    ax.set_title(f"difference from the {kind}\n{inside} of {seen} intervals contain it", **_HEADING)
-    ax.set_xlabel("difference / half-width of the interval", fontsize=LABEL, color=DARK)
+    text = f"difference from the {kind}\n{inside} of {seen} intervals contain it"
+    ax.set_title(beside_names(text, ax), **_HEADING)
+    ax.set_xlabel(beside_names("difference / half-width of the interval", ax), fontsize=LABEL, color=DARK)
     dot: dict[str, Any] = {"marker": "o", "markersize": 4.5, "linewidth": 1.0}
     return [
         Line2D([], [], color=BLUE, label=f"{kind} in the interval", **dot),
@@ -207,7 +208,7 @@ def _draw_half_widths(ax: Axes, result: Identification, table: _Table) -> None:
         if percent[row] > _WORST:
             ax.annotate(_beyond(float(percent[row])), (_WORST, place), (-4, 0), **_CUT)
     log_scale(ax.xaxis, low, _WORST)
-    ax.set_xlabel("half-width of the interval / |value| [%]", fontsize=LABEL, color=DARK)
+    ax.set_xlabel(beside_names("half-width of the interval / |value| [%]", ax), fontsize=LABEL, color=DARK)
     ax.set_title("relative uncertainty", **_HEADING)
 
 

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from constraints.linear import linear_limits
 from excite.design.design import Design
-from excite.plots.drawing_style import columns_that_fit
+from excite.plots.panels import legend_below
 from excite.plots.style import (
     BLUE,
     DARK,
@@ -21,7 +21,10 @@ from excite.plots.style import (
     LABEL,
     NOTE,
     VERMILLION,
+    broken,
+    columns_that_fit,
     figure_of,
+    panel_width,
     plain,
     tidy,
     typeset,
@@ -29,6 +32,7 @@ from excite.plots.style import (
 from regressors.samples import Array
 
 _COLUMNS = 4
+_LETTER = 0.75  # mean width of a bold letter over the size of a note
 _LETTERS = 34  # of a line above a panel
 _WIDTH, _HEIGHT = 3.0, 3.0  # of a panel [in]
 _LEAST = 1.6  # width of a panel with its numbers [in]
@@ -55,7 +59,8 @@ def phase_figure(design: Design) -> Figure:
     samples = design.trajectory.samples(np.linspace(0.0, design.trajectory.duration, _INSTANTS))
     columns = min(columns_that_fit(_COLUMNS, _LEAST), len(coordinates))
     rows = -(-len(coordinates) // columns)
-    figure = figure_of(_WIDTH * columns + 0.4, _HEIGHT * rows + 1.1, f"{design.robot.name}: velocity over position")
+    title = f"{design.robot.name}: velocity over position"
+    figure = figure_of(_WIDTH * columns + 0.4, _HEIGHT * rows + 1.1, title, text=0.6 * rows + 1.1)
     for number, c in enumerate(coordinates, 1):
         ax = figure.add_subplot(rows, columns, number)
         z, dz = samples.q @ c.row + c.offset, samples.dq @ c.row
@@ -65,7 +70,7 @@ def phase_figure(design: Design) -> Figure:
         ax.plot(z, dz, color=BLUE, linewidth=1.0)
         ax.plot(z[0], dz[0], "o", color=DARK, markersize=4)
         ax.set_title(
-            plain(textwrap.fill(c.name, _LETTERS, break_on_hyphens=False)),
+            plain(broken(textwrap.fill(c.name, _LETTERS, break_on_hyphens=False), panel_width(ax), letter=_LETTER)),
             loc="left",
             y=1.0,
             fontsize=LABEL,
@@ -80,7 +85,7 @@ def phase_figure(design: Design) -> Figure:
         Line2D([], [], color=DARK, marker="o", linestyle="", markersize=4, label="at rest, start and end"),
         Patch(facecolor=FORBIDDEN, edgecolor=VERMILLION, label="beyond a limit"),
     ]
-    figure.legend(handles=meanings, loc="outside lower center", ncols=3, fontsize=LABEL, frameon=False)
+    legend_below(figure, meanings)
     return figure
 
 

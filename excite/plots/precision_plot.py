@@ -8,12 +8,27 @@ from matplotlib.figure import Figure
 
 from excite.design.design import Design
 from excite.information.precision_forecast import PrecisionForecast
-from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, log_scale, plain, tidy
+from excite.plots.style import (
+    BLUE,
+    DARK,
+    GREY,
+    LABEL,
+    NOTE,
+    VERMILLION,
+    broken,
+    columns_that_fit,
+    figure_of,
+    log_scale,
+    panel_width,
+    plain,
+    tidy,
+)
 from excite.precision.period_trial import PeriodTrial, PrecisionSearch
 from regressors.errors import InputError
 
 _MOST_RUNS = 200
 _MOST_PARAMETERS = 30
+_LEAST = 3.0  # width of a panel with its names [in]
 
 
 def precision_figure(design: Design) -> Figure:
@@ -21,8 +36,13 @@ def precision_figure(design: Design) -> Figure:
     _, forecast = _of(design)
     shown = sorted((p for p in forecast.parameters if p.allowed is not None), key=lambda p: -p.use)[:_MOST_PARAMETERS]
     title = f"{design.robot.name}: {_runs(forecast)}, {forecast.robot_seconds:.4g} s of robot time"
-    figure = figure_of(12.5, max(4.8, 1.6 + 0.2 * len(shown)), title)
-    left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
+    height = max(4.8, 1.6 + 0.2 * len(shown))
+    if columns_that_fit(2, _LEAST) == 2:
+        figure = figure_of(12.5, height, title, text=height)
+        left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
+    else:
+        figure = figure_of(6.0, 4.8 + height, title, text=height)
+        left, right = figure.subplots(2, 1, height_ratios=(3.0, height))
     _draw_front(left, design)
     _draw_parameters(right, forecast, len(shown))
     return figure
@@ -59,7 +79,7 @@ def _draw_front(ax: Axes, design: Design) -> None:
         "front of robot time against precision; below the dashed line the target is met\n"
         "each grey line is a period, the diamond the experiment that was chosen"
     )
-    ax.set_title(plain(text), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+    _explain(ax, text)
 
 
 def _points(trial: PeriodTrial, longest: float) -> tuple[list[float], list[float]]:
@@ -88,4 +108,8 @@ def _draw_parameters(ax: Axes, forecast: PrecisionForecast, count: int) -> None:
     left_out = len(asked) - len(shown)
     more = f"; {left_out} more are narrower" if left_out else ""
     text = f"{100 * forecast.level:g} % intervals, with probability {100 * forecast.probability:g} %{more}"
-    ax.set_title(plain(text), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+    _explain(ax, text)
+
+
+def _explain(ax: Axes, text: str) -> None:
+    ax.set_title(plain(broken(text, panel_width(ax), "axes.labelsize")), loc="left", y=1.0, fontsize=LABEL, color=DARK)

@@ -17,7 +17,19 @@ from excite.identification.estimate import CONFIDENCE
 from excite.montecarlo.repetitions import Repetitions
 from excite.plots.figure_files import write_figure_files
 from excite.plots.panels import legend_below
-from excite.plots.style import BAND, BLUE, DARK, LABEL, NOTE, TITLE_STYLE, VERMILLION, plain, significant, tidy, typeset
+from excite.plots.style import (
+    BAND,
+    BLUE,
+    DARK,
+    LABEL,
+    NOTE,
+    VERMILLION,
+    column_width,
+    figure_of,
+    significant,
+    tidy,
+    typeset,
+)
 from regressors.samples import Array
 
 FIGURE = "repetitions"
@@ -37,10 +49,9 @@ def repetitions_figure(repetitions: Repetitions, robot: str) -> Figure:
     count = len(repetitions.names)
     names = max(_LEAST_NAMES, _LETTER * (2 + max(map(len, repetitions.names), default=0)))
     width, height = names + _PANEL + _NUMBERS, _ABOVE + _ROW * count + _BELOW
-    figure = Figure(figsize=(width, height), facecolor="white")
-    ax = figure.add_axes((names / width, _BELOW / height, _PANEL / width, _ROW * count / height))
     title = f"{robot}: {repetitions.count} repetitions in simulation and the predicted intervals"
-    figure.suptitle(plain(title), y=1.0 - 0.12 / height, va="top", **TITLE_STYLE)
+    figure = figure_of(width, height, title, text=height)
+    ax = figure.subplots()
     tidy(ax)
     ax.grid(False, axis="y")
     errors = relative_errors(repetitions)
@@ -49,7 +60,8 @@ def repetitions_figure(repetitions: Repetitions, robot: str) -> Figure:
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(count - 0.5, -0.5)
     ax.set_xlabel("(estimate less true value) / half-width of the predicted interval", fontsize=LABEL, color=DARK)
-    _write_numbers(ax, repetitions)
+    if column_width() > _NUMBERS + _LEAST_NAMES:  # else the numbers have no room
+        _write_numbers(ax, repetitions)
     legend_below(figure, _legend(repetitions.count))
     return figure
 

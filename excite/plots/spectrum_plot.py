@@ -15,8 +15,8 @@ from matplotlib.ticker import MaxNLocator
 from excite.design.design import Design
 from excite.information.metrics import CONVENTIONS, PredictedAccuracy, noise_text
 from excite.information.parameter_sizes import base_sizes
-from excite.plots.drawing_style import column_width
-from excite.plots.parameter_labels import parameter_label, row_places
+from excite.plots.panels import legend_below
+from excite.plots.parameter_labels import beside_names, parameter_label, row_places, unit_patches, unit_style
 from excite.plots.style import (
     BLUE,
     DARK,
@@ -25,6 +25,7 @@ from excite.plots.style import (
     LABEL,
     NOTE,
     ROUND,
+    column_width,
     figure_of,
     log_scale,
     plain,
@@ -32,7 +33,6 @@ from excite.plots.style import (
     tidy,
     typeset,
 )
-from excite.plots.unit_colours import unit_patches, unit_style
 from regressors.samples import Array
 
 _FEW = 20  # up to this many parameters are in one column beside the spectrum; more are in two columns below it
@@ -58,7 +58,7 @@ class RelativeAccuracy:
         """Both deviations, with the parameter's unit; the relative one alone where a column has no room for both."""
         deviation = f"{significant(self.predicted.standard_deviation, 2)} {self.predicted.unit}"
         relative = f"{significant(self.percent, 2)} %"
-        known = f"{relative} ({deviation})" if column_width() > _LEAST else relative
+        known = f"{relative} ({deviation})" if column_width() == float("inf") else relative
         return typeset(known if np.isfinite(self.percent) else f"{deviation}, size not known")
 
 
@@ -79,21 +79,26 @@ def spectrum_figure(design: Design) -> Figure:
     """Draw the singular values of W, and the predicted standard deviation of each base parameter over its size."""
     accuracy = relative_accuracy(design)
     count = len(accuracy)
-    rows = count if count <= _FEW else -(-count // 2)
+    rows = count if count <= _FEW or column_width() <= _LEAST else -(-count // 2)
     columns = [accuracy[k : k + rows] for k in range(0, count, rows)]
     tall = max(row_places([each.label for each in column])[1] for column in columns)
     title = f"{design.robot.name}: predicted accuracy of {count} base parameter{'s' if count != 1 else ''}"
-    if len(columns) == 1:
-        figure = figure_of(12.5, max(4.8, 2.0 + 1.25 * _BAR_HEIGHT * tall), title)
+    if column_width() <= _LEAST:
+        height = 0.9 + _BAR_HEIGHT * max(tall, _FEWEST_ROWS)
+        figure = figure_of(6.0, 4.2 + height, title, text=4.2 + height)
+        spectrum, *bars = figure.subplots(2, 1, height_ratios=(2.8, height))
+    elif len(columns) == 1:
+        height = max(4.8, 2.0 + 1.25 * _BAR_HEIGHT * tall)
+        figure = figure_of(12.5, height, title, text=height)
         spectrum, *bars = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
     else:
         height = 0.9 + _BAR_HEIGHT * tall
-        figure = figure_of(13.0, 4.2 + height, title)
+        figure = figure_of(13.0, 4.2 + height, title, text=4.2 + height)
         (upper,), (lower,) = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.8, height))
         spectrum, bars = upper.subplots(), list(lower.subplots(1, 2))
     _draw_spectrum(spectrum, design.spectrum, design.condition_number)
     _draw_predictions(bars, columns, max(tall, _FEWEST_ROWS))
-    bars[0].set_title(plain(_explanation(design)), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+    bars[0].set_title(plain(beside_names(_explanation(design), bars[0])), loc="left", y=1.0, fontsize=LABEL, color=DARK)
     _unit_legend(figure, accuracy)
     return figure
 
@@ -118,7 +123,7 @@ def _draw_spectrum(ax: Axes, sigma: Array, condition_number: float) -> None:
     ax.set_ylabel("singular value of W (SI)", fontsize=LABEL, color=DARK)
     convention = CONVENTIONS["condition_number"].removeprefix("cond(W), ")
     ratio = f"cond(W) = {first} / {last} = {significant(condition_number, 4)}"
-    ax.set_title(f"{ratio}\n{convention}", loc="left", y=1.0, fontsize=LABEL, color=DARK)
+    ax.set_title(beside_names(f"{ratio}\n{convention}", ax), loc="left", y=1.0, fontsize=LABEL, color=DARK)
 
 
 def _draw_predictions(panels: Sequence[Axes], columns: Sequence[Sequence[RelativeAccuracy]], tall: float) -> None:
@@ -138,7 +143,8 @@ def _draw_predictions(panels: Sequence[Axes], columns: Sequence[Sequence[Relativ
         left, right = ax.get_xlim()
         if high > _UNCLEAR:
             ax.axvspan(max(left, _UNCLEAR), right, color=FORBIDDEN, linewidth=0, zorder=0.5)
-        ax.set_xlabel("standard deviation / size of the parameter [%]", fontsize=LABEL, color=DARK)
+        text = beside_names("standard deviation / size of the parameter [%]", ax)
+        ax.set_xlabel(text, fontsize=LABEL, color=DARK)
 
 
 def _draw_bars(ax: Axes, column: Sequence[RelativeAccuracy]) -> None:
@@ -163,8 +169,7 @@ def _unit_legend(figure: Figure, accuracy: Sequence[RelativeAccuracy]) -> None:
     handles = unit_patches(each.predicted.unit for each in accuracy)
     if any(np.isfinite(each.percent) and each.percent > _UNCLEAR for each in accuracy):
         handles.append(Patch(color=FORBIDDEN, label="deviation larger than the size"))
-    place: dict[str, Any] = {"loc": "outside lower center", "ncols": len(handles), "frameon": False}
-    figure.legend(handles=handles, title="unit of the parameter", title_fontsize=NOTE, fontsize=NOTE, **place)
+    legend_below(figure, handles, title="unit of the parameter", title_fontsize=NOTE, fontsize=NOTE)
 
 
 def _explanation(design: Design) -> str:

@@ -1,24 +1,38 @@
-"""Common style of figures: colours that colour-blind readers can tell apart, and text of names.
+"""Common style of figures: colours that colour-blind readers can tell apart, widths, and text of names.
 
-Fonts, sizes and resolution are those of ``styles/screen.mplstyle``.
+Fonts, sizes and resolution are those of ``styles/screen.mplstyle``; one more file for each width of a paper's columns
+states what differs there. Figures are drawn in the style of `drawing_style`: a figure for a column is as wide as that,
+with fewer panels side by side, placed by matplotlib's constrained layout.
 """
 
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib import rc_params_from_file
+from matplotlib import style as matplotlib_style
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis, YAxis
+from matplotlib.collections import Collection
 from matplotlib.figure import Figure
-from matplotlib.text import Text
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.text import Annotation, Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from excite.registry import FIGURE_WIDTHS
+from regressors.errors import InputError
+from regressors.quantities import shown
 from regressors.quoting import printable
 
 STYLES = Path(__file__).parent / "styles"
@@ -42,11 +56,75 @@ _LOG_TICKS = (  # up to this many decades: numbers in each
 )
 
 
-def figure_of(width: float, height: float, title: str) -> Figure:
-    """Create an empty figure with a title."""
-    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
-    figure.suptitle(plain(title), **TITLE_STYLE)
+_LOG_WIDTH = 3.0  # of a horizontal axis with so many numbers [in]
+_WIDTH: ContextVar[str] = ContextVar("width", default="screen")
+_LOW = 0.62  # height of a panel in a column, over that on a screen
+LETTER, BOLD = 0.58, 0.7  # mean width of a letter over the size of the font
+
+
+@contextmanager
+def drawing_style(width: str) -> Iterator[None]:
+    """Draw and write in the style of one of the widths; what the user's own matplotlibrc says does not count."""
+    if width not in FIGURE_WIDTHS:
+        raise InputError(f"expected `width` to be one of {', '.join(FIGURE_WIDTHS)}, given {shown(width)}")
+    files = [STYLES / "screen.mplstyle", *([] if width == "screen" else [STYLES / f"{width}.mplstyle"])]
+    before = _WIDTH.set(width)
+    try:
+        with matplotlib_style.context(files, after_reset=True):
+            yield
+    finally:
+        _WIDTH.reset(before)
+
+
+def column_width() -> float:
+    """Width of the column that is drawn for [in]; infinite for a screen."""
+    return float("inf") if _WIDTH.get() == "screen" else float(matplotlib.rcParams["figure.figsize"][0])
+
+
+def columns_that_fit(most: int, width: float) -> int:
+    """Number of columns of equal panels, `most` at the most, each with its numbers at least so wide [in]."""
+    whole = column_width()
+    return most if whole == float("inf") else min(most, max(1, int(whole / width)))
+
+
+def size_of(parameter: str) -> float:
+    """Size of the style that is drawn in, such as ``xtick.labelsize``."""
+    style_in_use: Any = SCREEN if column_width() == float("inf") else matplotlib.rcParams
+    return float(style_in_use[parameter])
+
+
+def _in_proportion(parameter: str) -> float:
+    """Size of the style that is drawn in, over that of figures for a screen."""
+    return size_of(parameter) / float(SCREEN[parameter])
+
+
+def figure_of(width: float, height: float, title: str, text: float = 0.0) -> Figure:
+    """Create an empty figure with a title, placed by matplotlib; in a column of its width, and lower."""
+    small = _in_proportion("xtick.labelsize")
+    size = min(width, column_width()), low(height - text) + small * text
+    figure = Figure(figsize=size, layout="constrained", facecolor="white")
+    figure.suptitle(plain(broken(title, size[0], "figure.titlesize", BOLD)), **TITLE_STYLE)
     return figure
+
+
+def broken(text: str, width: float, size: str = "xtick.labelsize", letter: float = LETTER) -> str:
+    """Text in lines of a width [in], in a column; on a screen as it is."""
+    if column_width() == float("inf"):
+        return text
+    letters = int(72.0 * width / (letter * size_of(size)))
+    return "\n".join(textwrap.fill(line, letters, break_on_hyphens=False) for line in text.split("\n"))
+
+
+def panel_width(ax: Axes) -> float:
+    """Width of a panel; in a column about, before matplotlib has placed it [in]."""
+    figure = ax.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return float(ax.bbox.width) / figure.dpi
+
+
+def low(height: float) -> float:
+    """Height of a panel, or of a part of it, in the style that is drawn in [in]."""
+    return height if column_width() == float("inf") else _LOW * height
 
 
 def tidy(ax: Axes) -> None:
@@ -81,6 +159,40 @@ def _texts(artist: Artist) -> Iterator[Text]:
         yield from _texts(part)
 
 
+def take_sizes(figure: Figure) -> None:
+    """Give text and lines, which are drawn in the sizes for a screen, those of the style that is drawn in."""
+    if column_width() == float("inf"):
+        return
+    small, thin = _in_proportion("xtick.labelsize"), _in_proportion("lines.linewidth")
+    sizes = {TITLE: "figure.titlesize", LABEL: "axes.labelsize", NOTE: "xtick.labelsize"}
+    taken = {size_of(parameter) for parameter in ("font.size", *sizes.values())}
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)
+        before = float(text.get_fontsize())
+        if before in sizes or before not in taken:
+            text.set_fontsize(size_of(sizes[before]) if before in sizes else small * before)
+        if isinstance(text, Annotation) and text.anncoords == "offset points":
+            x, y = text.xyann
+            text.xyann = small * float(x), small * float(y)
+    for ax in figure.axes:
+        ax.tick_params(labelsize=size_of("xtick.labelsize"), grid_linewidth=size_of("grid.linewidth"))
+        for artist in (*ax.lines, *ax.patches, *ax.collections):
+            _thin(artist, thin)
+    for legend in (each for each in figure.findobj(Legend) if isinstance(each, Legend)):
+        for handle in legend.legend_handles:
+            if handle is not None:
+                _thin(handle, thin)
+
+
+def _thin(artist: Artist, share: float) -> None:
+    if isinstance(artist, Line2D):
+        artist.set(linewidth=share * float(artist.get_linewidth()), markersize=share * float(artist.get_markersize()))
+    elif isinstance(artist, Patch):
+        artist.set_linewidth(share * float(artist.get_linewidth()))
+    elif isinstance(artist, Collection):
+        artist.set_linewidth([share * float(width) for width in np.atleast_1d(artist.get_linewidth())])
+
+
 def typeset(text: str) -> str:
     """A unit or an expression with raised exponents and true minus signs, such as ``kg m²`` for ``kg m^2``."""
     raised = re.sub(r"\^([23])", lambda found: "²³"[int(found[1]) - 2], text)
@@ -98,6 +210,8 @@ def significant(value: float, digits: int) -> str:
 def log_scale(axis: XAxis | YAxis, lowest: float, highest: float) -> None:
     """Set a logarithmic scale with plain numbers, more per decade the fewer decades there are."""
     decades = float(np.log10(highest / lowest))
+    if isinstance(axis, XAxis) and column_width() < float("inf"):  # fewer numbers have room
+        decades *= max(1.0, _LOG_WIDTH / (float(axis.axes.bbox.width) / axis.axes.figure.dpi))
     set_scale, set_limits = (
         (axis.axes.set_xscale, axis.axes.set_xlim)
         if isinstance(axis, XAxis)

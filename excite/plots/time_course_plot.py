@@ -12,10 +12,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from excite.plots.drawing_style import columns_that_fit
 from excite.plots.figure_files import write_figure_files
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
-from excite.plots.style import BLUE, DARK, GREEN, NOTE, ORANGE, PURPLE, SKY, VERMILLION, log_scale, plain
+from excite.plots.style import (
+    BLUE,
+    DARK,
+    GREEN,
+    NOTE,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    columns_that_fit,
+    log_scale,
+    plain,
+)
 from regressors.samples import Array
 
 if TYPE_CHECKING:
@@ -33,7 +44,7 @@ def estimates_over_time_figure(study: TimeStudy) -> Figure:
     """Draw every estimate over time, each motion in its colour."""
     names = tuple(dict.fromkeys(name for course in study.courses for name in course.names))
     columns = min(columns_that_fit(4 if len(names) <= _FEW else 6, _LEAST), max(len(names), 2))
-    panel = Panel((2.5 if len(names) <= _FEW else 1.9,) * columns, 1.25, left=0.72, between=0.45)
+    panel = Panel((2.5 if len(names) <= _FEW else 1.9,) * columns, 1.25, left=0.72, between=0.45, least=_LEAST)
     count = len(names) + 2
     figure, grid = panels(-(-count // columns), panel, f"{study.robot}: estimates over time")
     flat = [ax for row in grid for ax in row]

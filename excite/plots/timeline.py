@@ -11,13 +11,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
 
-from excite.plots.style import DARK, LABEL, NOTE, ROUND, plain
+from excite.plots.style import DARK, LABEL, NOTE, ROUND, panel_width, plain
 from regressors.samples import Array, Index
 
 BINS = 1500  # minima and maxima per curve: about one per pixel
 _GAP = 0.02  # between two logs, of the time of all
 _BETWEEN_LOGS = "#EDEDED"
-_TICKS = 12  # on the whole axis
+_TICKS, _NUMBERS = 12, 2.7  # numbers on the whole axis, and at most per inch
 _LETTERS = 10.5  # per inch, of the logs' names side by side
 _NAMES_BELOW, _LABEL_BELOW = -18, -32  # [pt]
 
@@ -70,7 +70,7 @@ class Timeline:
         ax.set_xlim(begin[0], end[-1])
         for a, b in zip(end[:-1], begin[1:], strict=True):
             ax.axvspan(a, b, color=_BETWEEN_LOGS, linewidth=0, zorder=2.5)
-        ticks, labels = self._ticks(numbers)
+        ticks, labels = self._ticks(min(numbers, int(_NUMBERS * panel_width(ax))))
         ax.xaxis.set_major_locator(FixedLocator(ticks))
         ax.xaxis.set_major_formatter(FixedFormatter(labels if bottom else [""] * len(labels)))
         if bottom:
@@ -90,7 +90,7 @@ class Timeline:
         return places, labels
 
     def _name(self, ax: Axes, middles: Array) -> None:
-        letters = _LETTERS * float(ax.bbox.width) / ax.figure.dpi
+        letters = _LETTERS * panel_width(ax)
         if len(self.names) == 1 or not any(self.names):
             where = "in each log " if len(self.names) > 1 else ""
             where = f"in {plain(ends(self.names[0], int(letters)))} " if self.names[0] else where

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.plots.equation_text import error_text, relative_error
 from excite.plots.figure_files import write_figure_files
-from excite.plots.fit_panels import MEASURED, PREDICTED, draw_fit, fit_legend, fit_panel
+from excite.plots.fit_panels import MEASURED, PREDICTED, draw_fit, error_text, fit_legend, fit_panel, relative_error
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.style import (
     DARK,
@@ -131,9 +130,8 @@ def _name(verification: Verification) -> str:
 def error_parts_figure(verification: Verification) -> Figure:
     """Draw the parts of every equation's squared error: noise, standstill, and model error."""
     torques = verification.torques
-    figure = figure_of(
-        9.5, 1.9 + 0.42 * len(torques), f"{_name(verification)}: where the errors of the prediction come from"
-    )
+    height, title = 1.9 + 0.42 * len(torques), f"{_name(verification)}: where the errors of the prediction come from"
+    figure = figure_of(9.5, height, title, text=height)
     ax = figure.subplots()
     tidy(ax)
     ax.grid(False, axis="y")
@@ -158,7 +156,7 @@ def error_parts_figure(verification: Verification) -> Figure:
     ax.tick_params(axis="y", length=0)
     ax.set_xlabel("part of the mean squared error [%]", fontsize=LABEL, color=DARK)
     handles = [Patch(**look, **_EDGE, label=meaning) for _, look, meaning in _PARTS]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=LABEL, frameon=False)
+    legend_below(figure, handles)
     return figure
 
 

@@ -19,7 +19,20 @@ from constraints.collision.frames import link_poses
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Shape
 from excite.design.design import Design
 from excite.plots.panels import Panel, legend_below, panels, value_axis
-from excite.plots.style import BLUE, DARK, FORBIDDEN, LABEL, NOTE, VERMILLION, plain, significant
+from excite.plots.style import (
+    BLUE,
+    DARK,
+    FORBIDDEN,
+    LABEL,
+    NOTE,
+    VERMILLION,
+    broken,
+    column_width,
+    columns_that_fit,
+    low,
+    plain,
+    significant,
+)
 from excite.trajectories.sequence import whole_pose
 from regressors.samples import Array
 
@@ -31,6 +44,7 @@ _MARGIN = 0.05  # of the view
 _HUGE = 3.0  # bodies and planes that would make the view so many times larger are cut
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 _LETTERS = 150  # of a line of notes
+_SIDE = 3.6  # of a view on a screen [in]
 _SOME: dict[str, Any] = {"facecolor": "none", "edgecolor": "#ABABAB", "linewidth": 0.6}
 _NEAREST: dict[str, Any] = {"facecolor": "none", "edgecolor": DARK, "linewidth": 1.2}
 _PATH: dict[str, Any] = {"color": BLUE, "linewidth": 1.4}
@@ -51,8 +65,9 @@ def workspace_figure(design: Design) -> Figure:
     shown += [] if nearest is None else [int(np.argmin(np.abs(samples.time - nearest)))]
     links = [[_moved(part.capsule, poses[part.link][k]) for part in parts if part.link in poses] for k in shown]
     view = _View.of(path, [capsule for pose in links for capsule in pose], obstacles)
-    notes = textwrap.wrap("; ".join(view.notes), _LETTERS)
-    panel = Panel(widths=(3.6,) * 3, height=3.6, below=0.95 + 0.16 * len(notes))
+    notes = broken(textwrap.fill("; ".join(view.notes), _LETTERS), column_width())
+    height = min(_SIDE, column_width() / columns_that_fit(3, Panel.least) / low(1.0))
+    panel = Panel(widths=(_SIDE,) * 3, height=height, below=0.95 + 0.16 * len(notes.splitlines()))
     figure, axes = panels(1, panel, f"{design.robot.name}: tool and obstacles")
     for ax, plane in zip(axes[0], _VIEWS, strict=True):
         for obstacle in obstacles:
@@ -63,10 +78,7 @@ def workspace_figure(design: Design) -> Figure:
                 ax.add_patch(Polygon(_outline(capsule, plane), **style))
         ax.plot(path[:, plane[0]], path[:, plane[1]], **_PATH)
         view.apply(ax, plane)
-    legend_below(figure, _legend(nearest))
-    height = figure.get_figheight()
-    style = {"ha": "center", "va": "bottom", "fontsize": NOTE, "color": DARK}
-    figure.text(0.5, 0.36 / height, plain("\n".join(notes)), **style)
+    legend_below(figure, _legend(nearest), title=plain(notes), title_fontsize=NOTE)
     return figure
 
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from excite.logs.log import Log
-from excite.simulation.degradation.degrade import recorded, with_sensed_torques
 from excite.simulation.integration import SimulatedRun
 from excite.simulation.payload import Payload, sensor_of
 from excite.simulation.reference import SampledMotion
-from excite.simulation.sensors import noisy, quantised
+from excite.simulation.sensors import noisy, quantised, sensed_torques, stepped
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.temperature import joint_temperatures
 from excite.tasks.task import Task
@@ -24,23 +21,21 @@ SOURCE = "simulated"
 def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng: np.random.Generator) -> Log:
     """Positions by encoders, velocities by tachometers, and torques of the moving joints with noise; temperatures.
 
-    The degradations of the torques come before the noise, those of the recorder after it.
+    Drift, gain and slow noise of the torques come before their white noise, steps of positions after theirs.
     """
     q = run.samples.q if settings.encoder is None else quantised(robot, run.samples.q, settings.encoder)
     temperature = joint_temperatures(settings, robot)
-    log = Log(
+    effort = sensed_torques(run.samples.time, run.effort, run.friction, settings)
+    return Log(
         source=SOURCE,
         sha256="",
         joints=robot.joint_names,
         time=run.samples.time,
-        q=noisy(q, settings.position_noise, "position_noise", rng),
+        q=stepped(noisy(q, settings.position_noise, "position_noise", rng), settings.position_step),
         dq=noisy(run.samples.dq, settings.velocity_noise, "velocity_noise", rng),
-        effort=run.effort,
+        effort=noisy(effort, settings.torque_noise, "torque_noise", rng),
         temperature=None if temperature is None else np.tile(temperature, (run.samples.time.size, 1)),
     )
-    sensed = with_sensed_torques(log, settings.degradation, settings.seed, run.friction)
-    effort = noisy(np.asarray(sensed.effort), settings.torque_noise, "torque_noise", rng)
-    return recorded(replace(sensed, effort=effort), settings.degradation, settings.seed)
 
 
 def wrench_log_of(

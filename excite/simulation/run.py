@@ -11,7 +11,6 @@ import numpy as np
 from excite.estimates.long_work import announce
 from excite.information.target import friction_of_moving, moving_robot
 from excite.simulation.control import TorqueLimits
-from excite.simulation.degradation.degradation_notes import degradation_notes
 from excite.simulation.impact_pulse import Impacts
 from excite.simulation.integration import Progress, SimulatedRun, simulated_run
 from excite.simulation.measured import joint_log, wrench_log_of
@@ -20,7 +19,7 @@ from excite.simulation.payload import Payload, sensor_of
 from excite.simulation.plant import plant_of
 from excite.simulation.reference import Awaited, Reference, Repeated
 from excite.simulation.robot_under_control import controlled_robot
-from excite.simulation.run_notes import impact_notes, ramp_notes, run_notes
+from excite.simulation.run_notes import impact_notes, ramp_notes, run_notes, sensor_notes
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.simulation.simulation import Simulation, TorqueUse
 from excite.simulation.simulation_memory import simulation_prediction
@@ -104,19 +103,17 @@ def simulate_motion(
             *run_notes(plant, steps, simulated.samples, load),
             *ramp_notes(plant, simulated.samples, settings, ramps),
             *impact_notes(settings),
-            *degradation_notes(settings.degradation),
+            *sensor_notes(settings),
         ),
     )
 
 
 def _check_counts(settings: SimulationSettings, n: int) -> None:
-    """Raise `InputError` before any computation where noise or degradations are given for another number of joints."""
-    for name in ("position_noise", "velocity_noise", "torque_noise"):
+    """Raise `InputError` before any computation where noise, gains or steps are given for another number of joints."""
+    for name in ("position_noise", "velocity_noise", "torque_noise", "torque_gain", "coloured_noise", "position_step"):
         one_each(getattr(settings, name), n, name)
     if settings.encoder is not None:
         one_each(settings.encoder, n, "encoder", "moving drive")
-    for name in ("torque_gain", "delay", "coloured_noise", "position_step"):
-        one_each(getattr(settings.degradation, name), n, name)
 
 
 def _lead(motion: Reference, settings: SimulationSettings) -> int:

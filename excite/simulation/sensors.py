@@ -1,11 +1,11 @@
-"""Sensor models: counts of encoders on the motors, and white noise."""
+"""Sensor models: counts of encoders on the motors, steps of positions, gains of torques, white and slow noise."""
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
 
-from excite.simulation.settings import one_each
+from excite.simulation.settings import SimulationSettings, one_each
 from regressors.errors import InputError
 from regressors.robot.gears import GearFunction
 from regressors.robot.robot import Robot
@@ -13,6 +13,8 @@ from regressors.samples import Array
 from regressors.symbolic.vectorised import VectorisedFunction
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+_WARMING = 2.0  # time constants of warming joints that the log lasts
+_COLOURED = 2  # stream of random numbers, so that slow noise changes nothing of the others
 _NEWTON = 2  # each iteration squares an error that begins as one count
 
 
@@ -57,3 +59,45 @@ def noisy(values: Array, deviation: tuple[float, ...], what: str, rng: np.random
     """Values with white Gaussian noise."""  # values (N, n)
     sigma = np.array(one_each(deviation, values.shape[1], what))
     return np.asarray(values + rng.standard_normal(values.shape) * sigma)
+
+
+def stepped(q: Array, step: tuple[float, ...]) -> Array:
+    """Positions in whole multiples of a step, one for all joints or one each [rad or m]; 0 for none, shape (N, n)."""
+    size = np.array(one_each(step, q.shape[1], "position_step"))
+    whole = np.where(size > 0, size, 1.0)
+    return np.asarray(np.where(size > 0, np.round(q / whole) * whole, q))
+
+
+def sensed_torques(time: Array, effort: Array, friction: Array, settings: SimulationSettings) -> Array:
+    """Torques that sensors show: friction that drifts (the drives make up for it), a wrong gain, slow noise, (N, n)."""
+    n = effort.shape[1]
+    if settings.friction_drift:
+        effort = effort + warming(time, settings.friction_drift)[:, None] * friction
+    effort = effort * np.array(one_each(settings.torque_gain, n, "torque_gain"))
+    if any(settings.coloured_noise):
+        deviation, rng = one_each(settings.coloured_noise, n, "coloured_noise"), [settings.seed, _COLOURED]
+        effort = effort + first_order_noise(time, deviation, settings.noise_corner, np.random.default_rng(rng))
+    return np.asarray(effort)
+
+
+def warming(time: Array, change: float) -> Array:
+    """Relative change of friction at each instant, from 0 at the first to `change` at the last, shape (N,).
+
+    ``change (1 - exp(-2 s)) / (1 - exp(-2))``, with s from 0 to 1: fast at first, as a body of one time constant warms.
+    """
+    s = (time - time[0]) / (time[-1] - time[0])
+    return np.asarray(change * np.expm1(-_WARMING * s) / np.expm1(-_WARMING))
+
+
+def first_order_noise(time: Array, deviation: tuple[float, ...], corner: float, rng: np.random.Generator) -> Array:
+    """Gaussian noise through a first-order low-pass, ``n_k = a n_{k-1} + sqrt(1 - a^2) e_k``, shape (N, n).
+
+    ``a = exp(-2 pi corner step)``, and n has the given standard deviation from the first row on; corner [Hz].
+    """
+    from scipy.signal import lfilter
+
+    step = float(time[-1] - time[0]) / max(time.size - 1, 1)
+    a = np.exp(-2 * np.pi * corner * step)
+    white = rng.standard_normal((time.size, len(deviation)))
+    white[1:] *= np.sqrt(1 - a**2)
+    return np.asarray(lfilter([1.0], [1.0, -a], white, axis=0) * np.array(deviation))

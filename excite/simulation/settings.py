@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Literal
 
-from excite.simulation.degradation.degradation import Degradation
 from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
@@ -18,7 +17,8 @@ CONTROLLERS = ("computed-torque", "pd")
 AUTO: Literal["auto"] = "auto"
 _CHECKED = (
     "rate", "wrench_rate", "periods", "bandwidth", "model_error", "sign_width", "breakaway", "catch", "encoder",
-    "position_noise", "velocity_noise", "torque_noise", "wrench_noise", "temperature", "seed",
+    "position_noise", "velocity_noise", "torque_noise", "wrench_noise", "temperature", "friction_drift", "torque_gain",
+    "coloured_noise", "noise_corner", "position_step", "seed",
 )  # fmt: skip
 
 
@@ -61,10 +61,18 @@ class SimulationSettings:
         Temperature of the joints, one for all or one each, at which friction is evaluated and which is logged [deg C].
     impact : tuple of ImpactPulse
         Short torques from outside, which move the robot and which its own torques do not show.
-    degradation : Degradation
-        What happens to the joints' log between the robot and the file.
+    friction_drift : float
+        Relative change of friction from the first instant to the last, as the joints warm up: -0.3 is 30 % less.
+    torque_gain : float or tuple of float
+        Measured over true torque, one for all joints or one each.
+    coloured_noise : float or tuple of float
+        Standard deviation of torque noise that is correlated in time, one for all joints or one each [Nm or N].
+    noise_corner : float
+        Corner frequency of the first-order low-pass that colours it [Hz].
+    position_step : float or tuple of float
+        Positions are rounded to whole multiples of it, one for all joints or one each [rad or m]; 0 for none.
     seed : int
-        Seed of noise, model error and degradation.
+        Seed of noise and model error.
 
     Raises
     ------
@@ -129,13 +137,29 @@ class SimulationSettings:
         "Half a sine of TAU [Nm] from outside on joint J at T [s], for D [s], 0.01 if not given; repeatable.",
         metavar="J:T:TAU[:D]",
     )
-    degradation: Degradation = field(default_factory=Degradation)
-    seed: int = essential(0, "integer", "Seed of noise, model error and what spoils the log.", metavar="N")
+    friction_drift: float = option(
+        0.0, "number", "Change of friction over the log as joints warm up, -0.3 = 30 % less.", metavar="X"
+    )
+    torque_gain: tuple[float, ...] = option(
+        (1.0,), "numbers", "Measured over true torque, 1.1 = 10 % too much; one for all, or one each.", metavar="G,..."
+    )
+    coloured_noise: tuple[float, ...] = essential(
+        (0.0,), "numbers", "Standard deviation of slow torque noise [Nm]; below the noise corner.", metavar="S,..."
+    )
+    noise_corner: float = option(
+        5.0, "number", "Corner frequency of the slow torque noise, which is of first order.", metavar="HZ"
+    )
+    position_step: tuple[float, ...] = option(
+        (0.0,), "numbers", "Positions are rounded to multiples of Q [rad], such as 1e-4.", metavar="Q,..."
+    )
+    seed: int = essential(0, "integer", "Seed of noise and model error.", metavar="N")
 
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:
             raise UnknownName("controller", self.controller, CONTROLLERS)
         check_options(self, _CHECKED)
+        if 0.0 in self.torque_gain:
+            raise InputError("`torque_gain` must not be zero: measured torques would all be zero")
         if self.sign_width == 0:
             raise InputError("`sign_width` must be a velocity greater than zero, given 0")
         if self.breakaway is not None and self.sign_width is not None:

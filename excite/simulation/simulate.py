@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from excite.design.designed_motion import DesignedMotion
 from excite.registry import built_in
-from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.integration import Progress
 from excite.simulation.payload import Payload
 from excite.simulation.played_limits import check_played
@@ -20,8 +18,6 @@ from excite.simulation.source import MotionSource
 from regressors.arguments import checked
 from regressors.friction.curves import FrictionCurves
 from regressors.numerical import numerical_work
-
-_OF_DEGRADATION = frozenset(field.name for field in fields(Degradation))
 
 
 @checked
@@ -66,7 +62,7 @@ def simulate(
     progress : callable, optional
         Called with the number of samples done and the total.
     **options
-        Fields of `SimulationSettings` and of `Degradation`, by name.
+        Fields of `SimulationSettings`, by name.
 
     Returns
     -------
@@ -84,7 +80,7 @@ def simulate(
     """
     if noise is not None:
         options["torque_noise"] = noise
-    settings = changed_settings(settings if settings is not None else SimulationSettings(), options)
+    settings = replace(settings if settings is not None else SimulationSettings(), **options)
     resolved = motion_source(source, trajectory, approach_and_return=approach_and_return)
     if not beyond_limits:
         check_played(resolved)
@@ -103,14 +99,6 @@ def simulate(
         progress=progress,
     )
     return replace(simulation, source=resolved)
-
-
-def changed_settings(settings: SimulationSettings, options: Mapping[str, Any]) -> SimulationSettings:
-    """The settings with options of their own and of their degradation."""
-    of_log = {name: value for name, value in options.items() if name in _OF_DEGRADATION}
-    rest = {name: value for name, value in options.items() if name not in _OF_DEGRADATION}
-    settings = replace(settings, **rest)
-    return replace(settings, degradation=replace(settings.degradation, **of_log)) if of_log else settings
 
 
 def motion_source(

@@ -12,7 +12,20 @@ from regressors.quantities import check
 @checked
 @dataclass(frozen=True)
 class Tolerances:
-    """Largest errors of a result that holds."""
+    """Largest errors of a result that holds.
+
+    Parameters
+    ----------
+    torque : float
+        Largest relative error over all equations.
+    motion : float
+        Largest error of the simulated motion of a joint, relative to its travel within a horizon.
+
+    Raises
+    ------
+    InputError
+        A tolerance that is not a positive number.
+    """
 
     torque: float = essential(
         0.10,

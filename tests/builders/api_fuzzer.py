@@ -92,7 +92,7 @@ class Api:
         gains = {"factor": np.ones(2), "covariance": np.eye(2), "origin": "here", "logs": ()}
         families = {name: {"period": 4.0, "harmonics": 5} for name in ("Cosine", "Fourier", "FourierQuintic", "Sines")}
         parts = ("Installation", "LimitChoice", "ModelChoice", "Objective", "Output", "Search", "TrajectoryChoice")
-        settings = ("Degradation", "FitSettings", "LogChoice", "Recipe", "Schedule", "SimulationSettings", "Terms")
+        settings = ("FitSettings", "LogChoice", "Recipe", "Schedule", "SimulationSettings", "Terms")
         return {
             **families,
             **{name: defaults_of(name) for name in (*parts, *settings, "PrecisionTarget", "Tolerances", "Window")},
@@ -148,7 +148,6 @@ class Api:
             "read_friction": {"path": self.folder / "friction.yaml"},
             "read_world": {"path": self.folder / "world.yaml", "robot": "", "base": None, "tip": None},
             "guess_mapping": {"path": run, "robot": robot},
-            "degrade": {"log": self.log, "degradation": excite.Degradation(hold=0.1), "seed": 0, "friction": None},
             "measured_noise": {"result": self.result, "log": 0},
             "base_parameters": {"model": excite.DifferentialModel(robot), "choice": "gautier", "tolerance": 1e-8},
         }

@@ -134,7 +134,7 @@ RIGHT: Mapping[str, tuple[str, ...]] = {
     "wrench": ("held.wrench.csv",),
     "result": ("r",),
 }
-LEFT_OUT = {"help", "ways", "executor"}
+LEFT_OUT = {"help", "help_all", "set_options", "ways", "executor"}
 
 ROBOT = """\
 name: two

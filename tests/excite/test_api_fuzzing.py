@@ -76,9 +76,9 @@ def test_the_fuzzer_sees_what_must_not_be(monkeypatch: pytest.MonkeyPatch) -> No
     def fails(seed: int) -> None:
         raise KeyError(seed)
 
-    monkeypatch.setattr(excite, "degrade", fails)
+    monkeypatch.setattr(excite, "compare", fails)
     for judge in (problem, problem_of_child):
-        assert str(judge("degrade", {"seed": 1})).startswith("KeyError: 1")
-    monkeypatch.setattr(excite, "degrade", lambda seed: os._exit(3))
-    assert problem_of_child("degrade", {"seed": 1}) == "the process ended with 3"
+        assert str(judge("compare", {"seed": 1})).startswith("KeyError: 1")
+    monkeypatch.setattr(excite, "compare", lambda seed: os._exit(3))
+    assert problem_of_child("compare", {"seed": 1}) == "the process ended with 3"
     assert problem("Tolerances", {"torque": np.array([1j])}) is None

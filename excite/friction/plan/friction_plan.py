@@ -204,7 +204,22 @@ class CoordinatePlan:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrictionPlan:
-    """Measurements of the friction of a robot; the same when it is loaded."""
+    """Measurements of the friction of a robot; the same when it is loaded.
+
+    Parameters
+    ----------
+    robot : Robot
+    coordinates : tuple of CoordinatePlan
+        One or more.
+    world : World, optional
+        Shape of the robot and its environment.
+    passages : tuple of Passage
+        From pose to pose, in the order of the coordinates; none without a world.
+    notes : tuple of str
+        Parts of the world that are not checked.
+    given_pose : bool
+        Whether the pose was given, rather than searched for.
+    """
 
     beside: ClassVar[Beside] = {
         "units": lambda _: UNITS,
@@ -213,12 +228,11 @@ class FrictionPlan:
     }
 
     robot: Robot
-    coordinates: tuple[CoordinatePlan, ...] = field(metadata=named("trajectories"))  # one or more
-    world: World | None = None  # shape of the robot and its environment
-    passages: tuple[Passage, ...] = ()  # from pose to pose, in the order of the coordinates; none without a world
-    # parts of the world that are not checked
+    coordinates: tuple[CoordinatePlan, ...] = field(metadata=named("trajectories"))
+    world: World | None = None
+    passages: tuple[Passage, ...] = ()
     notes: tuple[str, ...] = field(default=(), metadata=named("not_looked_at"))
-    given_pose: bool = False  # whether the pose was given, rather than searched for
+    given_pose: bool = False
 
     def __post_init__(self) -> None:
         """Check that there is a coordinate, and that poses are those of the robot."""
@@ -264,7 +278,19 @@ class FrictionPlan:
         raise UnknownName("coordinate of the plan", coordinate, (planned.label for planned in self.coordinates))
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write the plan into a folder, made if it does not exist."""
+        """Write the plan into a folder, made if it does not exist.
+
+        Parameters
+        ----------
+        folder : path
+        replace : bool
+            Also a plan that is already there.
+
+        Raises
+        ------
+        InputError
+            The folder holds a plan, or cannot be written to; or two coordinates would share a file.
+        """
         place, tables = Path(folder), self._tables()
         with result_folder(place):
             check_no_plan(place, tables, replace=replace)

@@ -161,7 +161,7 @@ def test_a_log_measured_again_is_that_of_another_seed(rehearsal: Rehearsal, desi
 
 def test_noise_is_measured_with_its_colour(design: Design) -> None:
     settings = replace(SETTINGS, periods=4, torque_noise=(0.2,), rate=RATE)
-    settings = replace(settings, degradation=excite.Degradation(coloured_noise=(2.0,), noise_corner=3.0))
+    settings = replace(settings, coloured_noise=(2.0,), noise_corner=3.0)
     noise = measured_noise(identified(design, excite.simulate(design, settings)))
     np.testing.assert_allclose(noise.deviation, np.hypot(2.0, 0.2), rtol=0.2)
     time = np.arange(20_000) / RATE

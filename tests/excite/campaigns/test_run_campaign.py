@@ -61,7 +61,7 @@ def test_command_writes_table_figure_and_page_and_does_nothing_twice(here: Here)
     ended = here.run(*command)
     out = here.cwd / "out"
     assert ended.returncode == 1
-    assert ended.stdout.startswith("2 of 3 cells designed within their limits; 1 infeasible\n")
+    assert ended.stdout.startswith("2 of 3 cells have a design within their limits; 1 infeasible.\n")
     assert "robot=irp6,trajectory=cosine,limits=still: infeasible: no start found a motion" in ended.stdout
     assert {path.name for path in out.glob("[!.]*")} == {
         "campaign.csv", "campaign.json", "campaign.png", "campaign.html", "cells", "manifest.json",

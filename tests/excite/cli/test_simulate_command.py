@@ -18,8 +18,6 @@ from excite.files.load_file import read_load
 from excite.files.sampled_motion import read_motion
 from excite.logs.log_reading import read_log
 from excite.logs.sidecar import read_sidecar
-from excite.simulation.degradation.degradation import Degradation
-from excite.simulation.degradation.degrade import degrade
 from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
@@ -299,23 +297,23 @@ def test_a_load_file_needs_a_mass(tmp_path: Path) -> None:
         read_load(tmp_path / "load.yaml")
 
 
-SPOILT = ("--hold", "0.06", "--clock-jitter", "0.0007,0.0085", "--delay", "0.004", "--torque-gain", "1.1,0.9,1")
+SPOILT = ("--coloured-noise", "0.6", "--noise-corner", "3", "--position-step", "1e-4", "--torque-gain", "1.1,0.9,1")
 
 
 def test_a_spoilt_log_is_that_of_the_library_and_the_sidecar_says_so(here: Here) -> None:
     simulated(here, "irp6", "--out", "run.csv", "--rate", "1000", "--seed", "3", *SPOILT)
-    options = {"hold": 0.06, "clock_jitter": (0.0007, 0.0085), "delay": (0.004,), "torque_gain": (1.1, 0.9, 1.0)}
+    gains = (1.1, 0.9, 1.0)
+    options = {"coloured_noise": (0.6,), "noise_corner": 3.0, "position_step": (1e-4,), "torque_gain": gains}
     found = simulate(here.cwd / "irp6", rate=1000.0, seed=3, **options).log
     read = read_log(here.cwd / "run.csv", ["q1", "q2", "q3"])
     for channel in ("time", "q", "dq", "effort"):
         np.testing.assert_array_equal(getattr(read, channel), getattr(found, channel))
-    calm = simulate(here.cwd / "irp6", rate=1000.0)
-    again = degrade(calm.log, Degradation(**options), seed=3, friction=calm.run.friction)
-    np.testing.assert_array_equal(found.time, again.time)
-    np.testing.assert_array_equal(found.effort, again.effort)
+    calm = simulate(here.cwd / "irp6", rate=1000.0).log
+    assert np.abs(found.q - calm.q).max() <= 5e-5 + 1e-12
+    np.testing.assert_allclose(np.std(found.effort - calm.effort * gains, axis=0), 0.6, rtol=0.5)
     beside = read_sidecar(here.cwd / "run.csv")
-    assert beside["settings"]["degradation"]["hold"] == 0.06
-    assert any("rows are stamped late, from 0.7 to 8.5 ms apart" in note for note in beside["notes"])
+    assert beside["settings"]["position_step"] == [1e-4]
+    assert any("torques have noise of 0.6 Nm (N) below 3 Hz" in note for note in beside["notes"])
 
 
 def test_an_impact_is_on_file(here: Here) -> None:
@@ -334,9 +332,8 @@ def test_an_impact_is_on_file(here: Here) -> None:
         (("--impact", "q2:1"), "expected JOINT:TIME:TORQUE"),
         (("--impact", "q2:1:x"), "expected JOINT:TIME:TORQUE"),
         (("--impact", "q7:1:5"), "no moving joint for an impact named 'q7'"),
-        (("--clock-jitter", "0.0007,0.0015"), "--clock-jitter: rows are sampled every 0.005 s"),
-        (("--hold", "6"), "'--hold': must be a number from 0 to 0.999"),
-        (("--delay", "0.1,0.2"), "delay needs one value, or 3"),
+        (("--friction-drift", "-1"), "'--friction-drift': must be a number from -0.999 to 1000"),
+        (("--position-step", "0.1,0.2"), "position_step needs one value, or 3"),
     ],
 )
 def test_what_cannot_be_done_to_a_log(here: Here, arguments: tuple[str, ...], said: str) -> None:

@@ -19,10 +19,9 @@ from matplotlib.text import Text
 from PIL import Image
 
 import excite
-from excite.plots.drawing_style import drawing_style
 from excite.plots.figure_files import drawn_figures, write_figure_files
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
-from excite.plots.style import BLUE, STYLES
+from excite.plots.style import BLUE, STYLES, drawing_style
 from excite.registry import FIGURE_FORMATS, FIGURE_WIDTHS
 from excite.storage.manifest import read_manifest
 from excite.storage.result_folder import replace_result, result_folder

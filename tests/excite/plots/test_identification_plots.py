@@ -33,10 +33,9 @@ from excite.plots import (
     write_identification_figures,
     write_verification_figures,
 )
-from excite.plots.envelope import DENSE, PERCENTILES, draw_values, envelope
 from excite.plots.estimates_plot import settled_range
 from excite.plots.figure_files import drawn_figures
-from excite.plots.fit_panels import MEASURED, PREDICTED
+from excite.plots.fit_panels import DENSE, MEASURED, PERCENTILES, PREDICTED, draw_values, envelope
 from excite.plots.identification_plots import autocorrelation
 from excite.plots.parameters_plot import decimal, differences
 from excite.plots.style import BAND, BLUE, DARK, FORBIDDEN, VERMILLION

@@ -1,4 +1,4 @@
-"""Labels of base parameters: whole sums over several lines, and rows as high as they need."""
+"""Labels of base parameters: whole sums over several lines, rows as high as they need, a colour for each unit."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from excite.information.target import target_of
-from excite.plots.parameter_labels import LINES, parameter_label, row_places, wrapped_sum
+from excite.plots.parameter_labels import LINES, parameter_label, row_places, unit_patches, unit_style, wrapped_sum
 from excite.plots.style import typeset
 from excite.tasks.task import Task
+from regressors.models.drives import _DRIVE_COLUMNS
 from regressors.readers.library import load_robot
+from regressors.robot.inertia import PARAMETER_UNITS
 
 TERM = st.sampled_from(["m1", "0.106662 m4c4z", "2 d5 m5c5z", "l2^2 m3", "$a$", "a_very_long_name_of_one_term"])
 
@@ -48,3 +50,30 @@ def test_rows_do_not_overlap() -> None:
     assert height == pytest.approx(float(np.sum(1 + 0.67 * (lines - 1))))
     for (a, m), (b, n) in itertools.pairwise(zip(places, lines, strict=True)):
         assert b - a >= 0.5 * 0.67 * (m + n)
+
+
+BUILT_IN = {*PARAMETER_UNITS, *(unit for _, *units in _DRIVE_COLUMNS.values() for unit in units), "Nm/rad", "N/m"}
+
+
+def look(unit: str) -> tuple[object, object]:
+    style = unit_style(unit)
+    return style["facecolor"], style["hatch"]
+
+
+def test_every_unit_of_a_built_in_model_has_a_look_of_its_own() -> None:
+    assert all(look(a) != look(b) for a, b in itertools.combinations(sorted(BUILT_IN), 2))
+    assert look("furlong") not in {look(unit) for unit in BUILT_IN}
+
+
+def test_a_unit_looks_the_same_on_every_robot() -> None:
+    legends = []
+    for name in ("irp6", "panda", "ur10e"):
+        units = target_of(load_robot(name), Task(name)).base.units
+        legends.append({p.get_label(): (p.get_facecolor(), p.get_hatch()) for p in unit_patches(units)})
+    for first, second in itertools.combinations(legends, 2):
+        assert set(first) & set(second)
+        assert all(first[unit] == second[unit] for unit in set(first) & set(second))
+
+
+def test_units_of_own_models_share_one_entry() -> None:
+    assert [patch.get_label() for patch in unit_patches(["W", "kg m", "cd", "kg m"])] == ["kg m", "W, cd"]
