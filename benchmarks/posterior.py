@@ -35,7 +35,7 @@ from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.logs.log import Log
-from excite.posterior.sample_posterior import PRIOR, sample_posterior
+from excite.study.sample_posterior import PRIOR, sample_posterior
 from excite.tasks.task import Task
 from regressors.models.columns import BODY_KINDS, COULOMB, STRIBECK, VISCOUS
 from regressors.models.nominal import standard_values

@@ -22,11 +22,10 @@ import scipy.stats
 
 from excite.identification.estimators.possible_set import PossibleSet
 from excite.identification.torque_target import torque_target
-from excite.posterior import chains, reflected_paths
-from excite.posterior.inner_point import coordinates_inside, inner_point
-from excite.posterior.mixing import effective_draws, split_deviation
-from excite.posterior.posterior_coordinates import PosteriorCoordinates
-from excite.posterior.sample_posterior import PRIOR, posterior_of
+from excite.study import chains as chains
+from excite.study import chains as reflected_paths
+from excite.study.chains import PosteriorCoordinates, coordinates_inside, inner_point
+from excite.study.sample_posterior import PRIOR, effective_draws, posterior_of, split_deviation
 from regressors.samples import Array
 
 CHAINS, SEED = 32, 0

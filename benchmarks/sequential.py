@@ -24,7 +24,7 @@ from excite.information.allowed_half_widths import ABOUT_ZERO, allowed_half_widt
 from excite.information.earlier_precision import deviations_of, information_in_hand
 from excite.information.parameter_sizes import base_sizes
 from excite.information.target import moving_robot, target_of
-from excite.precision.next_motion import _of_measured
+from excite.study.next_motion import _of_measured
 from excite.tasks.earlier_information import RESULT
 from regressors.models.nominal import standard_values
 

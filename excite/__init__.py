@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from constraints.limits.tool import ToolBox, ToolSpeed
     from constraints.limits.torque import TorqueLimit
     from constraints.nonlinear import NonlinearConstraint
-    from excite.accuracy.accuracy_prediction import AccuracyPrediction
-    from excite.accuracy.predict_accuracy import predict_accuracy
-    from excite.accuracy.torque_noise import TorqueNoise, measured_noise
     from excite.campaigns.campaign_table import CampaignTable, load_campaign
     from excite.campaigns.run_campaign import run_campaign
     from excite.design.campaign import plan_campaign
@@ -70,21 +67,26 @@ if TYPE_CHECKING:
     from excite.payload.calibrate_gains import CalibratedGains, calibrate_gains
     from excite.payload.identify_payload import identify_payload
     from excite.payload.known_gains import KnownGains
+    from excite.payload.load_rows import LogChoice
     from excite.payload.payload_motion import PayloadMotion, design_payload_motion
     from excite.payload.payload_result import PayloadResult
-    from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures
     from excite.plots.drawable import draw
-    from excite.posterior.posterior_samples import PosteriorSamples, load_posterior
-    from excite.posterior.sample_posterior import sample_posterior
-    from excite.precision.design_for_precision import design_for_precision
-    from excite.precision.next_motion import NextMotion, PrecisionInHand, next_motion
     from excite.report.write_report import write_report
     from excite.simulation.impact_pulse import ImpactPulse
     from excite.simulation.payload import Payload
     from excite.simulation.settings import SimulationSettings
     from excite.simulation.simulate import simulate
     from excite.simulation.simulation import Simulation
+    from excite.study.accuracy_prediction import AccuracyPrediction
+    from excite.study.design_for_precision import design_for_precision
+    from excite.study.next_motion import NextMotion, PrecisionInHand, next_motion
+    from excite.study.posterior_samples import PosteriorSamples, load_posterior
+    from excite.study.predict_accuracy import predict_accuracy
+    from excite.study.sample_posterior import sample_posterior
+    from excite.study.study_over_time import study_over_time
+    from excite.study.time_study import TimeCourse, TimeStudy
+    from excite.study.torque_noise import TorqueNoise, measured_noise
     from excite.tasks.earlier_information import EarlierInformation
     from excite.tasks.installation import Installation
     from excite.tasks.limit_choice import LimitChoice
@@ -96,9 +98,6 @@ if TYPE_CHECKING:
     from excite.tasks.task import Task
     from excite.tasks.task_motion import TaskMotion
     from excite.tasks.trajectory_choice import TrajectoryChoice
-    from excite.timecourse.study_over_time import study_over_time
-    from excite.timecourse.time_course import TimeCourse
-    from excite.timecourse.time_study import TimeStudy
     from excite.trajectories.bspline import BSpline
     from excite.trajectories.cosine import Cosine
     from excite.trajectories.family import Family
@@ -115,9 +114,8 @@ if TYPE_CHECKING:
     from regressors.models.columns import Column, Terms
     from regressors.models.differential import DifferentialModel
     from regressors.models.energy import EnergyModel
-    from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
+    from regressors.models.load import LoadIntegralModel, LoadModel, PayloadModel, Sensor
     from regressors.models.model import RegressorModel
-    from regressors.models.payload import PayloadModel
     from regressors.models.windows import Window
     from regressors.readers.library import built_in_names, load_robot
     from regressors.robot.robot import Robot
@@ -126,7 +124,7 @@ if TYPE_CHECKING:
 check_packages()
 
 _PLACES = {
-    "AccuracyPrediction": "excite.accuracy.accuracy_prediction",
+    "AccuracyPrediction": "excite.study.accuracy_prediction",
     "BSpline": "excite.trajectories.bspline",
     "Belief": "excite.tasks.objective",
     "Collisions": "constraints.collision.collision_limits",
@@ -165,16 +163,16 @@ _PLACES = {
     "ModelChoice": "excite.tasks.model_choice",
     "ModelFormat": "excite.export.models.model_format",
     "MotionFormat": "excite.export.motions.motion_format",
-    "NextMotion": "excite.precision.next_motion",
+    "NextMotion": "excite.study.next_motion",
     "NoFeasibleMotionError": "excite.errors",
     "NonlinearConstraint": "constraints.nonlinear",
     "NumericalError": "regressors.errors",
     "Objective": "excite.tasks.objective",
     "Output": "excite.tasks.output",
-    "PrecisionInHand": "excite.precision.next_motion",
+    "PrecisionInHand": "excite.study.next_motion",
     "Payload": "excite.simulation.payload",
     "PrecisionTarget": "excite.tasks.precision_target",
-    "PosteriorSamples": "excite.posterior.posterior_samples",
+    "PosteriorSamples": "excite.study.posterior_samples",
     "Recipe": "excite.identification.recipe",
     "PlausibleTorqueLimit": "constraints.limits.plausible_torque",
     "RegressorModel": "regressors.models.model",
@@ -192,11 +190,11 @@ _PLACES = {
     "TaskMotion": "excite.tasks.task_motion",
     "TaskTorques": "excite.tasks.precision_target",
     "Terms": "regressors.models.columns",
-    "TimeCourse": "excite.timecourse.time_course",
-    "TimeStudy": "excite.timecourse.time_study",
+    "TimeCourse": "excite.study.time_study",
+    "TimeStudy": "excite.study.time_study",
     "Tolerances": "excite.verification.tolerances",
     "TooLargeError": "excite.errors",
-    "TorqueNoise": "excite.accuracy.torque_noise",
+    "TorqueNoise": "excite.study.torque_noise",
     "ToolBox": "constraints.limits.tool",
     "ToolSpeed": "constraints.limits.tool",
     "TorqueLimit": "constraints.limits.torque",
@@ -208,7 +206,7 @@ _PLACES = {
     "built_in_names": "regressors.readers.library",
     "bound": "excite.optimality.design_bound",
     "compare": "excite.design.comparison",
-    "design_for_precision": "excite.precision.design_for_precision",
+    "design_for_precision": "excite.study.design_for_precision",
     "design_trajectory": "excite.design.optimisation",
     "draw": "excite.plots.drawable",
     "export_ensemble": "excite.export.models.export_ensemble",
@@ -219,29 +217,29 @@ _PLACES = {
     "identify": "excite.identification.identify",
     "load_campaign": "excite.campaigns.campaign_table",
     "load_design": "excite.files.design_json",
-    "load_posterior": "excite.posterior.posterior_samples",
+    "load_posterior": "excite.study.posterior_samples",
     "load_result": "excite.files.result_json",
     "load_robot": "regressors.readers.library",
-    "next_motion": "excite.precision.next_motion",
-    "measured_noise": "excite.accuracy.torque_noise",
+    "next_motion": "excite.study.next_motion",
+    "measured_noise": "excite.study.torque_noise",
     "plan_campaign": "excite.design.campaign",
     "plan_friction": "excite.friction.plan.plan_friction",
-    "predict_accuracy": "excite.accuracy.predict_accuracy",
+    "predict_accuracy": "excite.study.predict_accuracy",
     "read_friction": "excite.files.friction_file",
     "read_log": "excite.logs.log_reading",
     "read_mapping": "excite.logs.mapping",
     "read_recording": "excite.logs.recordings.formats",
     "read_world": "excite.files.world_file",
     "run_campaign": "excite.campaigns.run_campaign",
-    "sample_posterior": "excite.posterior.sample_posterior",
+    "sample_posterior": "excite.study.sample_posterior",
     "simulate": "excite.simulation.simulate",
-    "study_over_time": "excite.timecourse.study_over_time",
+    "study_over_time": "excite.study.study_over_time",
     "verify": "excite.verification.verify",
     "write_figures": "excite.plots",
     "CalibratedGains": "excite.payload.calibrate_gains",
     "KnownGains": "excite.payload.known_gains",
-    "LogChoice": "excite.payload.prepared_pair",
-    "PayloadModel": "regressors.models.payload",
+    "LogChoice": "excite.payload.load_rows",
+    "PayloadModel": "regressors.models.load",
     "PayloadMotion": "excite.payload.payload_motion",
     "PayloadResult": "excite.payload.payload_result",
     "calibrate_gains": "excite.payload.calibrate_gains",

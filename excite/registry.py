@@ -25,7 +25,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "energy": "regressors.models.energy:EnergyModel",
         "load": "regressors.models.load:LoadModel",
         "load-integral": "regressors.models.load:LoadIntegralModel",
-        "payload": "regressors.models.payload:PayloadModel",
+        "payload": "regressors.models.load:PayloadModel",
         "springs": "regressors.models.springs:SpringModel",
     },
     "trajectory": {
@@ -43,7 +43,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "sigma-min": "excite.information.criteria:SmallestSingularValue",
         "logdet": "excite.information.criteria:Determinant",
         "trace": "excite.information.criteria:Trace",
-        "max-deviation": "excite.information.max_deviation:MaxDeviation",
+        "max-deviation": "excite.information.criteria:MaxDeviation",
         "torque-deviation": "excite.information.torque_deviation:TorqueDeviation",
         "max-torque-deviation": "excite.information.torque_deviation:MaxTorqueDeviation",
     },
@@ -88,9 +88,9 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "isaac": "excite.export.models.isaac_model:IsaacFormat",
         "yaml": "excite.export.models.yaml_model:YamlFormat",
         "npz": "excite.export.models.npz_model:NpzFormat",
-        "csv": "excite.export.models.csv_table:CsvTable",
-        "md": "excite.export.models.markdown_table:MarkdownTable",
-        "tex": "excite.export.models.latex_table:LatexTable",
+        "csv": "excite.export.models.parameter_table:CsvTable",
+        "md": "excite.export.models.parameter_table:MarkdownTable",
+        "tex": "excite.export.models.parameter_table:LatexTable",
     },
     "motion format": {
         "ros2-yaml": "excite.export.motions.ros2_yaml:Ros2Yaml",
@@ -102,9 +102,9 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "rsi": "excite.export.motions.rsi_csv:RsiCsv",
         "rapid": "excite.export.motions.rapid_module:RapidModule",
         "egm": "excite.export.motions.egm_csv:EgmCsv",
-        "npz": "excite.export.motions.npz_motion:NpzMotion",
-        "mujoco": "excite.export.motions.mujoco_motion:MujocoMotion",
-        "mat": "excite.export.motions.mat_motion:MatMotion",
+        "npz": "excite.export.motions.motion_arrays:NpzMotion",
+        "mujoco": "excite.export.motions.motion_arrays:MujocoMotion",
+        "mat": "excite.export.motions.motion_arrays:MatMotion",
     },
     # what `excite export` calls, by what the folder holds
     "exporter": {

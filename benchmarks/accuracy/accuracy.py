@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 
 import excite
 from excite.identification.identification import Identification
-from excite.simulation.measured import joint_log
+from excite.simulation.sensors import joint_log
 from excite.simulation.simulation import Simulation
 
 HERE = Path(__file__).resolve().parent

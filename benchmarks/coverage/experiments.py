@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from excite.design.optimisation import design_trajectory
-from excite.identification.measured_regressor import measured_regressor
+from excite.identification.equations import measured_regressor
 from excite.information.target import IdentificationTarget, target_of
 from excite.logs.log import Log
 from excite.simulation.simulate import simulate

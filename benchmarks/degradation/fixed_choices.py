@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from subjects import Measurement
 
-from excite.identification.equations import equations_of
+from excite.identification.equations import equations_of, measured_regressor
 from excite.identification.estimator import Context
-from excite.identification.measured_regressor import measured_regressor
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of

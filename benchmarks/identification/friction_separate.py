@@ -29,8 +29,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.formulation import formulate
 from excite.design.optimisation import design_trajectory
 from excite.friction.fit.constant_speed_windows import ConstantWindow
-from excite.friction.fit.curve_fit import CurveFit, chosen_fit
-from excite.friction.fit.fit_uncertainty import curve_uncertainty
+from excite.friction.fit.curve_fit import CurveFit, chosen_fit, curve_uncertainty
 from excite.friction.fit.friction_equations import forms
 from excite.friction.fit.points import drive_log, points_of
 from excite.friction.fit.rigid_torques import described_model

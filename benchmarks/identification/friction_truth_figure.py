@@ -10,7 +10,7 @@ from friction_truth_case import TRUTH
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.characteristics import Characteristic
 from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, tidy
 from regressors.samples import Array
 

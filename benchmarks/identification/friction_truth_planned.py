@@ -17,19 +17,18 @@ import numpy as np
 from friction_truth_case import ENCODER, FORM, RATE, ROBOT, TRUTH, noise, shares, true_values
 
 from excite.files.motion_source import read_source
-from excite.friction.fit.characteristic import Characteristic
-from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.breakaway_torque import mean_break_aways, rest_points
+from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.curve_fit import CurveFit, fit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model
-from excite.friction.fit.stiction_points import mean_break_aways, rest_points
 from excite.friction.plan.friction_plan import load_friction_plan
 from excite.friction.plan.plan_friction import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.logs.log import Log
-from excite.simulation.measured import joint_log
 from excite.simulation.run import simulate_motion
+from excite.simulation.sensors import joint_log
 from excite.simulation.settings import SimulationSettings
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot

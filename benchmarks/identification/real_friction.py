@@ -16,8 +16,7 @@ import numpy as np
 import real_ur10e as real
 import record
 
-from excite.friction.fit.characteristic import Characteristic
-from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.rigid_torques import identified_model
 from excite.identification.estimation import estimate_parameters

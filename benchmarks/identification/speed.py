@@ -43,7 +43,7 @@ def panda_log(path: str, seconds: int, width: float) -> dict[str, float]:
     from excite.design.initial_guesses import random_motion
     from excite.information.target import target_of
     from excite.logs.log import Log
-    from excite.logs.log_writing import write_log
+    from excite.logs.log_reading import write_log
     from excite.simulation.reference import Repeated
     from excite.tasks.task import Task
     from excite.trajectories import Trajectory

@@ -25,11 +25,9 @@ from excite.identification.equations import right_sides
 from excite.payload.held_body import HeldBody
 from excite.payload.identify_payload import _frame
 from excite.payload.known_gains import stated_gains
-from excite.payload.load_equations import LoadEquations
-from excite.payload.load_estimate import estimate_load, fit_load
-from excite.payload.load_rows import paired_equations
+from excite.payload.load_estimate import LoadEquations, estimate_load, fit_load
+from excite.payload.load_rows import LogChoice, described, drives_of, loaded_parts, paired_equations, without_load
 from excite.payload.payload_result import PayloadResult
-from excite.payload.prepared_pair import LogChoice, described, drives_of, loaded_parts, without_load
 from excite.simulation.payload import Payload
 from regressors.friction.curves import CoulombViscous, FrictionCurves
 from regressors.robot.inertia import from_centre_of_mass

@@ -14,7 +14,7 @@ import numpy as np
 
 import excite
 from excite.design.formulation import formulate
-from excite.design.grid_constraint import GridConstraint
+from excite.design.grid_limits import GridConstraint
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
 

@@ -68,7 +68,7 @@ def write_log(robot_name: str, path: Path) -> None:
     """
     from excite.information.target import target_of
     from excite.logs.log import Log
-    from excite.logs.log_writing import write_log
+    from excite.logs.log_reading import write_log
     from excite.tasks.task import Task
     from regressors.models.nominal import parameter_values, standard_values
     from regressors.readers.library import load_robot

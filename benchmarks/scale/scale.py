@@ -83,7 +83,7 @@ def random_log(rows: int, rate: float) -> Any:
 
 def write(path: str, rows: int, rate: float) -> None:
     """Write such a log, as CSV, or as arrays by the suffix ``npz``."""
-    from excite.logs.log_writing import write_log
+    from excite.logs.log_reading import write_log
 
     log = random_log(rows, rate)
     if path.endswith("npz"):

@@ -1,15 +1,21 @@
-"""Extrema of nonlinear functions of a motion between its samples, from rigorous bounds refined until they decide.
+"""Enclosures of functions of a motion over continuous time, piece by piece.
 
 Around the middle m of a time interval of half length h, ``g(t)`` lies in ``g(m) + [dg/dt] [-h, h]`` with dg/dt enclosed
 over all states that the motion can have in that interval (mean value form). Undecided intervals are split.
+
+On a piece of length h a polynomial ``sum_i p_i s^i`` of degree d in ``s = t / h`` stays between the least and the
+largest of its Bernstein coefficients ``b_j = sum_{i <= j} C(j, i) / C(d, i) p_i`` [Farouki 2012, eq. 15]. Pieces whose
+coefficients do not pass what is reached at the ends of the others need no roots.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
+import numpy.polynomial.chebyshev as chebyshev
 from numpy.typing import NDArray
 
 from constraints.bounds.certificate import ENCLOSED, LimitUse, limit_uses, worst_of_each
@@ -116,3 +122,119 @@ def _mean_value(constraint: NonlinearConstraint, samples: Samples, half: Array, 
     steepest = np.maximum(np.abs(slow), np.abs(fast)).T
     value = constraint.values(samples)
     return value, steepest * h + _ROUNDING * (constraint.scale + np.abs(value))
+
+
+def hulled_extrema(breaks: Array, coefficients: Array) -> Extrema:
+    """Extrema of piecewise polynomials, to 1e-12 of the largest value; see `piecewise_extrema`."""
+    # breaks (m + 1,); coefficients (d + 1, m, k)
+    hull = _bernstein(np.diff(breaks), coefficients)
+    ends = np.concatenate([hull[0], hull[-1][-1:]])  # values at all breaks, shape (m + 1, k)
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    low_time, high_time = breaks[ends.argmin(axis=0)], breaks[ends.argmax(axis=0)]
+    slack = _ROUNDING * np.abs(ends).max(axis=0)
+    beyond = (hull.max(axis=0) > high + slack) | (hull.min(axis=0) < low - slack)
+    for i, k in zip(*np.nonzero(beyond), strict=True):
+        inner = piecewise_extrema(breaks[i : i + 2], coefficients[:, i : i + 1, k : k + 1])
+        if inner.low[0] < low[k]:
+            low[k], low_time[k] = inner.low[0], inner.low_time[0]
+        if inner.high[0] > high[k]:
+            high[k], high_time[k] = inner.high[0], inner.high_time[0]
+    return Extrema(low, high, low_time, high_time)
+
+
+def _bernstein(length: Array, coefficients: Array) -> Array:
+    """Bernstein coefficients of every piece, shape (d + 1, m, k)."""
+    d = coefficients.shape[0] - 1
+    powers = length[None] ** np.arange(d + 1.0)[:, None]  # (d + 1, m)
+    p = coefficients[::-1] * powers[:, :, None]  # of s^i
+    B = np.array([[comb(j, i) / comb(d, i) if i <= j else 0.0 for i in range(d + 1)] for j in range(d + 1)])
+    return np.asarray(np.einsum("ji,imk->jmk", B, p))
+
+
+def piecewise_extrema(breaks: Array, coefficients: Array) -> Extrema:
+    """Extrema of piecewise polynomials, from the roots of their derivatives and both ends of every piece."""
+    # breaks (m + 1,); coefficients (d + 1, m, k)
+    length = np.diff(breaks)
+    count = coefficients.shape[2]
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    low_time, high_time = np.zeros(count), np.zeros(count)
+    for i, h in enumerate(length):
+        for k in range(count):
+            piece = coefficients[:, i, k]
+            local = np.concatenate([[0.0, h], _stationary(piece, h)])
+            value = np.polyval(piece, local)
+            least, most = int(np.argmin(value)), int(np.argmax(value))
+            if value[least] < low[k]:
+                low[k], low_time[k] = value[least], breaks[i] + local[least]
+            if value[most] > high[k]:
+                high[k], high_time[k] = value[most], breaks[i] + local[most]
+    return Extrema(low, high, low_time, high_time)
+
+
+def _stationary(piece: Array, length: float) -> Array:
+    """Instants inside a piece where its derivative vanishes, in a scaled variable for good conditioning."""
+    degree = piece.size - 1
+    slope = np.polyder(piece * length ** np.arange(degree, -1.0, -1.0)) if degree > 0 else np.zeros(1)
+    size = np.abs(slope).max(initial=0.0)
+    if size == 0.0:
+        return np.zeros(0)
+    roots = np.roots(np.where(np.abs(slope) > 1e-15 * size, slope, 0.0))
+    inside = roots[(np.abs(roots.imag) < 1e-6) & (roots.real > 0.0) & (roots.real < 1.0)]
+    return np.asarray(inside.real * length)
+
+
+def chebyshev_extrema(values: Array, duration: float) -> Extrema:
+    """Extrema of smooth functions over [0, T] from their values at Chebyshev points.
+
+    Through N + 1 points ``T/2 (1 - cos(pi k / N))`` passes one polynomial of degree N; the roots of its derivative are
+    the eigenvalues of a colleague matrix. It equals the function where the Chebyshev coefficients vanish before degree
+    N.
+    """  # values (N + 1, k)
+    degree = values.shape[0] - 1
+    angle = np.pi * np.arange(degree + 1) / degree
+    weights = np.full(degree + 1, 2.0 / degree)
+    weights[[0, -1]] /= 2
+    low, high, low_time, high_time = [], [], [], []
+    for column in values.T[:, ::-1]:  # from t = T, where the cosine is one, back to 0
+        series = np.cos(np.outer(np.arange(degree + 1), angle)) @ (weights * column)
+        series[[0, -1]] /= 2
+        size = np.abs(series).max(initial=0.0)
+        kept = chebyshev.chebtrim(np.where(np.abs(series) > 1e-15 * size, series, 0.0)) if size > 0 else np.zeros(1)
+        points = np.concatenate([[-1.0, 1.0], np.cos(angle), _roots(np.asarray(chebyshev.chebder(kept), dtype=float))])
+        extrema = chebyshev.chebval(points, kept)
+        least, most = int(np.argmin(extrema)), int(np.argmax(extrema))
+        low.append(extrema[least])
+        high.append(extrema[most])
+        low_time.append(points[least])
+        high_time.append(points[most])
+    seconds = [0.5 * duration * (1.0 + np.array(x)) for x in (low_time, high_time)]
+    return Extrema(np.array(low), np.array(high), *seconds)
+
+
+def _roots(series: Array) -> Array:
+    if series.size < 2:
+        return np.zeros(0)
+    roots = np.asarray(chebyshev.chebroots(series), dtype=complex)
+    return np.asarray(np.clip(roots[np.abs(roots.imag) < 1e-6].real, -1.0, 1.0))
+
+
+def chebyshev_points(count: int, duration: float) -> Array:
+    """Points ``T/2 (1 - cos(pi k / N))``, k = 0 ... N = count - 1, from 0 to T [s]."""
+    return np.asarray(0.5 * duration * (1.0 - np.cos(np.pi * np.arange(count) / (count - 1))))
+
+
+def chebyshev_nodes(count: int, start: float, end: float) -> Array:
+    """Zeros of Chebyshev's polynomial of degree ``count`` on an interval, in ascending order.
+
+    A polynomial of degree n that stays within a bound on them stays within ``1 / cos(pi n / (2 count))`` times the
+    bound on the whole interval [Ehlich, Zeller 1964].
+    """
+    angle = np.pi * (np.arange(count) + 0.5) / count
+    return np.asarray(start + 0.5 * (end - start) * (1.0 - np.cos(angle)))
+
+
+def node_factor(degree: int, count: int) -> float:
+    """``cos(pi n / (2 count))`` of `chebyshev_nodes`; `ValueError` where the nodes do not bound that degree."""
+    if degree >= count:
+        raise ValueError(f"{count} nodes are too few for polynomials of degree {degree}; expected {degree + 1} or more")
+    return float(np.cos(np.pi * degree / (2 * count)))

@@ -10,8 +10,7 @@ from functools import cached_property, lru_cache
 import casadi as ca
 import numpy as np
 
-from constraints.collision.clearance import Gap, gaps
-from constraints.collision.frames import Frames
+from constraints.collision.clearance import Frames, Gap, gaps
 from constraints.collision.geometry import Capsule, Obstacle, Shape, World
 from constraints.limit import Limit
 from constraints.nonlinear import NonlinearConstraint

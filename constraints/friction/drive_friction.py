@@ -1,15 +1,25 @@
-"""Friction of a robot's drives in their torque limits: a viscous part, and bounds of the remainder."""
+"""Friction of the drives in limits of torques, with its bounds over states."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import singledispatch
 
 import numpy as np
 
-from constraints.friction.friction_bounds import FrictionBound, friction_bound
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurve, FrictionCurves
+from regressors.friction.curves import (
+    CoulombViscous,
+    FrictionCurve,
+    FrictionCurves,
+    Loaded,
+    Scaled,
+    Side,
+    Stribeck,
+    TableFriction,
+    Warm,
+)
 from regressors.models.columns import COULOMB, VISCOUS
 from regressors.models.drives import drive_column
 from regressors.models.partial import PartialMotion
@@ -92,3 +102,114 @@ def _fastest(robot: Robot, k: int) -> float:
 
 def _coupling(robot: Robot) -> Array:
     return np.eye(robot.n) if robot.transmission is None else robot.transmission.coupling
+
+
+@dataclass(frozen=True)
+class FrictionBound:
+    """``lower <= f(v) - viscous v <= upper`` at every speed up to a limit, in both directions and at rest."""
+
+    viscous: float  # viscous coefficient, which is taken as exact [Nm s/rad or N s/m]
+    lower: float  # bounds of the rest [Nm or N]
+    upper: float
+    share: float = 0.0  # fraction of the carried torque by which friction may be larger in either direction
+
+
+@singledispatch
+def friction_bound(curve: FrictionCurve, fastest: float) -> FrictionBound:
+    """Viscous part of a friction curve, and bounds of the rest at speeds ``|v| <= fastest``.
+
+    Coulomb-viscous and Stribeck curves are bounded for any direction of friction between -1 and 1: at each speed, in
+    both directions, and also during presliding. The bounds are those of the falling part, ``max(Fs, Fc + (Fs - Fc)
+    exp(-(fastest / vs)^delta))`` of each side, and of the difference of viscous friction between the directions, each
+    at its worst by itself: safe, but not the tightest. Tables are bounded with the sign of the velocity, and at rest
+    between both directions. Friction that is linear in temperature is bounded at all temperatures at which it was
+    measured, or at its reference temperature where these are not known.
+    """
+    kind = type(curve).__name__
+    raise InputError(
+        f"a friction curve of type {kind} has no known bound between the speeds that are tried; give a table"
+    )
+
+
+@friction_bound.register
+def _(curve: CoulombViscous, fastest: float) -> FrictionBound:
+    return FrictionBound(curve.viscous, curve.offset - curve.coulomb, curve.offset + curve.coulomb)
+
+
+@friction_bound.register
+def _(curve: Stribeck, fastest: float) -> FrictionBound:
+    viscous = 0.5 * (curve.forward.viscous + curve.backward.viscous)
+    differs = 0.5 * (curve.forward.viscous - curve.backward.viscous)  # f - viscous v holds differs |v|
+    if differs != 0.0 and not np.isfinite(fastest):
+        raise InputError("viscous friction that differs between the directions has no bound without a velocity limit")
+    extra = 0.0 if differs == 0.0 else differs * fastest
+    return FrictionBound(
+        viscous,
+        curve.offset - _largest_in_direction(curve.backward, fastest) + min(extra, 0.0),
+        curve.offset + _largest_in_direction(curve.forward, fastest) + max(extra, 0.0),
+    )
+
+
+def _largest_in_direction(side: Side, fastest: float) -> float:
+    """Largest friction in one direction without its viscous part; it is monotonic in speed, beginning at Fs."""
+    assert side.stiction is not None
+    return max(side.stiction, side.coulomb + side.drop * float(np.exp(-((fastest / side.stribeck) ** side.exponent))))
+
+
+@friction_bound.register
+def _(curve: TableFriction, fastest: float) -> FrictionBound:
+    return _of_corners(curve, curve.torque, fastest)
+
+
+def _of_corners(table: TableFriction, torque: Callable[[Array, Array], Array], fastest: float) -> FrictionBound:
+    """Bound of friction that is linear in speed between a table's corners, from its torques at them."""
+    ahead, behind = (_corners(speed, fastest) for speed, _ in table.sides)
+    speed, sign = np.concatenate([ahead, -behind]), np.repeat([1.0, -1.0], [ahead.size, behind.size])
+    friction = torque(speed, sign)
+    viscous = _slope(speed, friction, sign) if np.isfinite(fastest) else 0.0
+    rest = friction - viscous * speed
+    return FrictionBound(viscous, float(rest.min()), float(rest.max()))
+
+
+def _corners(speed: Array, fastest: float) -> Array:
+    """Speeds at the corners of one side of a table, from rest to the fastest one."""
+    return np.concatenate([[0.0], speed[speed < fastest], [fastest] if np.isfinite(fastest) else []])
+
+
+def _slope(speed: Array, friction: Array, sign: Array) -> float:
+    """Viscous part by least squares; any value gives valid bounds of the rest, this one gives tight ones."""
+    columns = np.column_stack([speed, sign, np.ones_like(speed)])
+    return float(np.linalg.lstsq(columns, friction, rcond=None)[0][0])
+
+
+@friction_bound.register
+def _(curve: Scaled, fastest: float) -> FrictionBound:
+    bound = friction_bound(curve.curve, fastest)
+    least, most = sorted((curve.factor * bound.lower, curve.factor * bound.upper))
+    return FrictionBound(curve.factor * bound.viscous, least, most, abs(curve.factor) * bound.share)
+
+
+@friction_bound.register
+def _(curve: Loaded, fastest: float) -> FrictionBound:
+    return replace(friction_bound(curve.curve, fastest), share=max(curve.shares))
+
+
+@friction_bound.register
+def _(curve: Warm, fastest: float) -> FrictionBound:
+    ends = curve.range or (curve.reference, curve.reference)
+    cold, warm = (_at(curve, temperature, fastest) for temperature in ends)  # linear in between
+    viscous = 0.5 * (cold.viscous + warm.viscous)
+    differs = 0.5 * abs(cold.viscous - warm.viscous)
+    if differs > 0.0 and not np.isfinite(fastest):
+        raise InputError("viscous friction that depends on temperature has no bound without a velocity limit")
+    extra = 0.0 if differs == 0.0 else differs * fastest
+    return FrictionBound(viscous, min(cold.lower, warm.lower) - extra, max(cold.upper, warm.upper) + extra)
+
+
+def _at(curve: Warm, temperature: float, fastest: float) -> FrictionBound:
+    table = curve.curve
+    if not isinstance(table, TableFriction):
+        return friction_bound(curve.at(temperature), fastest)
+    if not np.isfinite(fastest):
+        raise InputError("a table of friction that depends on temperature has no bound without a velocity limit")
+    return _of_corners(table, lambda v, s: curve.torque_at(v, temperature, s), fastest)

@@ -36,7 +36,7 @@ def torque_limits(
     moving drives counts in full in both directions, so that its sign is not needed: ``|tau| + F_c <= (1 - margin)
     limit``. Drive torques are ``tau_z = C^-T tau_q``. A drive with a friction curve uses the curve instead, ``F_v dz``
     and a rest between two bounds that hold in both directions up to the drive's velocity limit, see
-    `constraints.friction.friction_bounds.friction_bound`: ``-(1 - margin) limit - lower <= tau <= (1 - margin) limit -
+    `constraints.friction.drive_friction.friction_bound`: ``-(1 - margin) limit - lower <= tau <= (1 - margin) limit -
     upper``, which is safe, but not the tightest. Where friction grows by a share k of the carried torque, inertial,
     gravity and rotor torques count 1 + k times.
     """

@@ -22,10 +22,10 @@ GROUPS = {
         "excite.files",
         "excite.campaigns",
         "excite.optimality",
-        "excite.precision",
     ),
     "Criteria and solvers": ("excite.information", "excite.design.solvers"),
-    "Simulation": ("excite.simulation", "excite.timecourse", "excite.montecarlo", "excite.accuracy"),
+    "Simulation": ("excite.simulation",),
+    "How uncertain": ("excite.study",),
     "Logs and identification": (
         "excite.logs",
         "excite.signals",
@@ -35,7 +35,7 @@ GROUPS = {
     "Verification": ("excite.verification",),
     "Friction": ("excite.friction", "excite.files.friction_file"),
     "Payloads": ("excite.payload",),
-    "Exports": ("excite.export", "excite.posterior"),
+    "Exports": ("excite.export",),
     "Figures and reports": ("excite.plots", "excite.report"),
     "Errors": ("excite.errors", "regressors.errors"),
 }

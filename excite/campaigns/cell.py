@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
-from excite.design.own_code import NotComparable, plain_value, reference
-from excite.design.problem_identity import PACKAGES, own_parts
+from excite.design.problem_identity import PACKAGES, NotComparable, own_parts, plain_value, reference
 from excite.registry import part
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import PARTS, Task

@@ -1,4 +1,4 @@
-"""Execution of ``excite campaign run``: design the cells that are left, write table, figure and page."""
+"""A grid of designs from the command line."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import click
+
 from excite.campaigns.campaign_file import read_campaign_file
 from excite.campaigns.campaign_table import JSON, TABLE, CampaignTable, load_campaign
 from excite.campaigns.run_campaign import CellsLeft, run_campaign
+from excite.cli.command import Command
 from excite.cli.interrupts import one_interrupt
-from excite.cli.literal_console import console
-from excite.cli.options import FigureChoice
+from excite.cli.option_types import Folder
+from excite.cli.options import FigureChoice, executor_options, figure_options
 from excite.cli.progress import progress_of_cells
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark, say
 from excite.cli.summary import Summary
+from excite.cli.terminal import console
 from excite.cli.view_text import brief_table, print_view
 from excite.storage.result_folder import result_folder
 from excite.views.campaign_view import cells_view, leading_cells
@@ -113,3 +117,66 @@ def print_campaign(table: CampaignTable, files: Sequence[Path]) -> None:
     """Print every cell."""
     print_view(cells_view(table))
     console().print(f"written: {', '.join(map(str, files))}", soft_wrap=True)
+
+
+_GROUPS = {"Execution": ("executor", "workers")}
+
+
+@click.command(
+    cls=Command,
+    groups=_GROUPS,
+    name="run",
+    epilog="""\b
+Examples:
+  excite campaign run campaign.yaml --out campaigns/arms
+  excite campaign run campaign.yaml --out campaigns/arms --report --figures svg
+  excite campaign run campaign.yaml --out campaigns/arms --executor dask://10.0.0.1:8786
+
+\b
+Contents of FILE (YAML; options are the keys of a task file, see --task of 'excite design'):
+  common: {starts: 4, harmonics: 5}                  options of every cell
+  grid:                                              every combination of these is a cell
+    robot: [irp6, panda]
+    trajectory: [fourier, cosine]
+    limits: {slow: {velocity: 0.5}, fast: {velocity: 1.0}}    labels of long values
+    seed: [0, 1, 2]
+  exclude: [{robot: panda, limits: slow}]            combinations that are left out
+  include: [{robot: ur10e, limits: {acceleration: 3}}]        further cells
+
+\b
+What is written to DIR:
+  cells/NAME     of every cell, such as robot=irp6,seed=0, an ordinary folder of a design
+  campaign.csv   one line per cell: options, status, every criterion, tightest limit, time; campaign.json likewise
+  campaign.png   the condition numbers by each option
+  campaign.html  with --report
+
+\b
+Cells run on all cores, each with its starts one after the other. The same command again continues where it stopped.
+Exit status: 0 every cell has a design within its limits; 1 at least one has not, and the table says why.""",
+)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@executor_options("Where the cells run.", "Number of processes.  [default: one per core]")
+@figure_options()
+@click.option("--report", is_flag=True, help="Write campaign.html too: table and figure as one page.")
+@click.option("--force", is_flag=True, help="Replace cells of the same names that have other options.")
+def command(
+    file: Path, out: Path, executor: str, workers: int | None, figures: FigureChoice, report: bool, force: bool
+) -> None:
+    """Design every cell of the campaign FILE, or those that are left, and write all of them in one table."""
+    import sys
+
+    from excite.cli.interrupts import interrupted_status
+    from excite.cli.main import NOT_HELD
+    from excite.cli.summary import show
+    from excite.storage.records import json_of
+
+    ran = run_and_write(file, out, executor=executor, workers=workers, figures=figures, report=report, force=force)
+    show(
+        campaign_summary(ran.table, ran.files, out),
+        lambda: {"out": str(out), "counts": ran.table.counts, **json_of(ran.table)},
+        lambda: print_campaign(ran.table, ran.files),
+    )
+    if ran.interrupted:
+        sys.exit(interrupted_status())
+    sys.exit(0 if ran.table.holds else NOT_HELD)

@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from excite.cli.verbosity import form_options, loudness_options
+from excite.cli.streams import form_options, loudness_options
 from excite.tasks.task import PLACE
 from regressors.quoting import shortened
 

@@ -113,7 +113,7 @@ def _verdicts(judgements: Sequence[Judgement]) -> list[str]:
 
 
 def _held(judgement: Judgement, kept: str, broken: str) -> str:
-    from excite.design.unchecked import kept_headline
+    from excite.design.stated_limits import kept_headline
 
     return kept_headline(judgement.unchecked, kept) if judgement.feasible else broken
 
@@ -169,7 +169,7 @@ def _notes(judgements: Sequence[Judgement]) -> list[str]:
 def _print(judgements: Sequence[Judgement]) -> None:
     from rich.table import Table
 
-    from excite.cli.literal_console import console
+    from excite.cli.terminal import console
 
     table = Table()
     table.add_column("")

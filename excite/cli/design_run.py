@@ -11,8 +11,7 @@ from excite.cli.messages import in_options
 from excite.cli.options import FigureChoice
 from excite.cli.progress import progress_of_starts
 from excite.cli.sign_of_life import tell
-from excite.cli.streams import remark
-from excite.cli.verbosity import verbosity
+from excite.cli.streams import remark, verbosity
 from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
@@ -22,9 +21,9 @@ from excite.design.optimisation import announce_search, solve, starts_left
 from excite.files.design_folder import check_no_design, data_files, figure_files, write_design, write_starts
 from excite.files.precision_files import seeks_precision
 from excite.files.resumed_search import holds_unfinished_design, resume_search
-from excite.precision.design_for_precision import search_for_precision
 from excite.storage.atomic import writing
 from excite.storage.result_folder import result_folder
+from excite.study.design_for_precision import search_for_precision
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError

@@ -1,4 +1,4 @@
-"""Execution of ``excite identify``: read files, estimate, write files."""
+"""An identification from the command line: reading, identifying, writing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import excite
-from excite.cli.design_of_mapping import design_folder
 from excite.cli.estimate_text import estimate_summary, print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.options import FigureChoice
@@ -17,8 +16,10 @@ from excite.cli.repetition_text import repeat_and_write
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark
 from excite.cli.summary import show
+from excite.files.named_design import find_design
 from excite.files.result_json import CURVES, FIGURES, REPETITIONS, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
+from excite.logs.mapping import read_mapping
 from excite.registry import CHOSEN, is_own
 from excite.storage.figure_names import figure_names
 from excite.storage.result_folder import result_folder
@@ -136,3 +137,24 @@ def _to_choose(asked: bool | tuple[str, ...], *, repeat: bool) -> bool | tuple[s
 def _of_model(typed: Mapping[str, Any]) -> dict[str, Any]:
     named = {"model": typed["model"]} if "model" in typed else {}
     return {**named, "friction_curves": None}
+
+
+_DESIGNS = Path("designs")
+
+
+def design_folder(given: Path | None, mapping: Path | None, places: Sequence[Path]) -> Path | None:
+    """Folder of the design that was played."""
+    named = None if mapping is None or given is not None else read_mapping(mapping).design
+    if mapping is None or named is None:
+        return given
+    searched = tuple(places) or (mapping.parent, _DESIGNS)
+    found = find_design(named, searched)
+    where = ", ".join(str(place) for place in searched)
+    if found is None:
+        remark(
+            f"excite: note: {mapping} names the design {named[:12]}..., which is not in {where} nor directly below: "
+            "its model is not used; --designs names other folders, --design the design itself"
+        )
+    else:
+        remark(f"excite: note: {found} holds the design that {mapping} names; its model is used")
+    return found

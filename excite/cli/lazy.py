@@ -10,7 +10,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from excite.cli.verbosity import loudness_options
+from excite.cli.streams import loudness_options
 from regressors.quoting import shortened
 
 

@@ -63,7 +63,7 @@ def command(
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.logs.guess.mapping_file import check_mapping_free, write_mapping_file
+    from excite.logs.guess.mapping_text import check_mapping_free, write_mapping_file
 
     if write_mapping is not None:
         check_mapping_free(write_mapping, replace=force)

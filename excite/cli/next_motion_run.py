@@ -15,7 +15,7 @@ from excite.tasks.task import Task
 
 if TYPE_CHECKING:
     from excite.design.start_results import StartResult
-    from excite.precision.next_motion import NextMotion, PrecisionInHand
+    from excite.study.next_motion import NextMotion, PrecisionInHand
 
 _ROWS = 8
 _NAMES = 3  # of parameters of which nothing is asked
@@ -140,7 +140,7 @@ def _finite(value: Any) -> Any:
 def _print(step: NextMotion) -> None:
     from rich.table import Table
 
-    from excite.cli.literal_console import console
+    from excite.cli.terminal import console
 
     out = console()
     for line in _runs_lines(step):

@@ -365,7 +365,7 @@ class PriorOption(Value):
         try:
             number = number_of(value)
         except ValueError:
-            from excite.files.prior_file import read_prior
+            from excite.files.robot_yaml import read_prior
 
             return read_prior(Path(value))
         if not (math.isfinite(number) and number > 0.0):

@@ -61,7 +61,7 @@ def command(
     import excite
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
-    from excite.payload.gains_file import save_gains
+    from excite.payload.known_gains import save_gains
 
     tell("reading the logs and calibrating")
     with save_gains(out, replace=given["force"]) as write:
@@ -105,8 +105,8 @@ def _summary(calibrated: CalibratedGains, out: Path) -> Summary:
 def _print(calibrated: CalibratedGains, out: Path) -> None:
     from rich.table import Table
 
-    from excite.cli.literal_console import console
     from excite.cli.messages import in_options
+    from excite.cli.terminal import console
 
     shown, table = console(), Table()
     for heading in ("drive", "factor", "99 %"):

@@ -14,7 +14,7 @@ from excite.cli.task_options import chosen_of, settings_options, task_options
 from excite.identification.recipe import Recipe
 
 if TYPE_CHECKING:
-    from excite.payload.prepared_pair import LogChoice
+    from excite.payload.load_rows import LogChoice
 
 Command = Callable[..., Any]
 
@@ -60,7 +60,7 @@ def robot_of(given: Mapping[str, Any]) -> dict[str, Any]:
 
 def logs_of(given: Mapping[str, Any]) -> LogChoice:
     """How the logs are read."""
-    from excite.payload.prepared_pair import LogChoice
+    from excite.payload.load_rows import LogChoice
 
     mapping, drop = given["mapping"], tuple(given["drop"])
     return LogChoice(mapping, drop, given["rows"], given["without_rows"], given["cutoff"], given["low_pass"])

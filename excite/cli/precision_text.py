@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from excite.cli.summary import compact_table
-from excite.precision.period_search import runs_text
+from excite.study.period_search import runs_text
 
 if TYPE_CHECKING:
     from excite.design.design import Design
     from excite.information.precision_forecast import ParameterPrecision, PrecisionForecast
-    from excite.precision.out_of_reach import OutOfReach
+    from excite.study.out_of_reach import OutOfReach
 
 _NAMED = 3  # parameters with what they move with
 

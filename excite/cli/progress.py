@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 import click
 
 from excite.cli.sign_of_life import SECONDS, something_is_shown, tell
-from excite.cli.streams import say
+from excite.cli.streams import say, verbosity
 from excite.cli.terminal import can_move
-from excite.cli.verbosity import verbosity
 
 if TYPE_CHECKING:
     from excite.campaigns.run_campaign import CellProgress
@@ -37,7 +36,7 @@ def progress_of_starts(kept: KeptStarts) -> Iterator[Callable[[StartResult], Non
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from excite.cli.literal_console import console_of_progress
+    from excite.cli.terminal import console_of_progress
 
     columns = (
         TextColumn("designing"),
@@ -97,7 +96,7 @@ def progress_of_cells() -> Iterator[tuple[Callable[[int, int], None], Callable[[
         TimeRemainingColumn,
     )
 
-    from excite.cli.literal_console import console_of_progress
+    from excite.cli.terminal import console_of_progress
 
     columns = (
         TextColumn("designing"), BarColumn(), MofNCompleteColumn(), TextColumn("cells, last {task.fields[last]}"),

@@ -10,19 +10,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from excite.cli.interrupts import deferred_interrupt, interrupted_status, one_interrupt
-from excite.cli.literal_console import console_of_progress
 from excite.cli.messages import in_options
 from excite.cli.options import FigureChoice
 from excite.cli.sign_of_life import something_is_shown
-from excite.cli.streams import remark, say
-from excite.cli.terminal import can_move
-from excite.cli.verbosity import verbosity
+from excite.cli.streams import remark, say, verbosity
+from excite.cli.terminal import can_move, console_of_progress
 from excite.errors import LostWorkersError
 from excite.files.result_json import SO_FAR, amend_result_file
 from excite.identification.identification import Identification
 from excite.identification.result import RepeatedParameter, RepetitionSummary
-from excite.montecarlo.repetitions import Repetitions
 from excite.registry import is_addressed
+from excite.study.repetitions import Repetitions
 from regressors.errors import InputError
 
 _SILENCE = 2.0  # before the first line of progress [s]
@@ -40,7 +38,7 @@ def repeat_and_write(
     workers: int | None,
 ) -> tuple[Identification, int]:
     """Repeat an identification in simulation, add the statistics to its result, and draw them beside it."""
-    from excite.montecarlo.repetition import repetitions
+    from excite.study.repetition import repetitions
 
     try:
         with _interrupts(executor) as answer, _progress(count) as progress:

@@ -12,9 +12,8 @@ from excite.cli.command import Command
 from excite.cli.messages import in_options
 from excite.cli.option_types import RobotName
 from excite.cli.options import robot_file_of, robot_file_options
-from excite.cli.streams import remark
+from excite.cli.streams import remark, verbosity
 from excite.cli.task_options import chosen_of, task_options
-from excite.cli.verbosity import verbosity
 from excite.tasks.task import PARTS
 from regressors.errors import InputError
 
@@ -119,7 +118,7 @@ def _verdict(whole: Robot, moving: tuple[str, ...], base: Base) -> str:
 
 
 def _list() -> None:
-    from excite.cli.literal_console import console
+    from excite.cli.terminal import console
     from regressors.readers.library import built_in, built_in_names
 
     robots = {name: built_in(name) for name in built_in_names()}
@@ -172,8 +171,8 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     from rich.text import Text
 
     from constraints.linear import QUANTITIES, linear_limits
-    from excite.cli.literal_console import console
-    from excite.information.rounded_angles import left_out_by_rounding
+    from excite.cli.terminal import console
+    from excite.information.nearly_unidentifiable import left_out_by_rounding
 
     out = console()
     out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
@@ -216,7 +215,7 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
 
 def _show_health(notes: tuple[Finding, ...]) -> None:
     """What the reader noticed in the file."""
-    from excite.cli.literal_console import console
+    from excite.cli.terminal import console
 
     if not notes:
         return

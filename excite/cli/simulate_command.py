@@ -148,7 +148,7 @@ def command(
     from excite.errors import LostMotionError
     from excite.files.simulation_files import paths_of
     from excite.simulation.simulate import motion_source
-    from excite.storage.result_file import result_file
+    from excite.storage.result_folder import result_file
 
     if ways is not None:
         remark("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form")
@@ -258,8 +258,8 @@ def _print(simulation: Simulation, files: list[Path]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from excite.cli.literal_console import console
     from excite.cli.messages import in_options
+    from excite.cli.terminal import console
 
     out = console()
     samples, error = simulation.run.samples, simulation.tracking_error

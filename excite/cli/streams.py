@@ -1,4 +1,4 @@
-"""What a command prints beside its result, wherever that goes: a closed or broken stderr ends no work."""
+"""Lines on stdout and stderr, as much as was asked for."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ import io
 import logging
 import os
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TextIO
+from dataclasses import dataclass, field
+from typing import Any, TextIO
 
 import click
 
 from excite.cli.messages import in_options
-from excite.cli.sign_of_life import clear_line
-from excite.cli.verbosity import verbosity
+from excite.cli.sign_of_life import be_quiet, clear_line
 
 _LEVELS = {
-    "excite.estimates": logging.INFO, "excite.montecarlo": logging.INFO, "regressors.input_files": logging.DEBUG
+    "excite.estimates": logging.INFO, "excite.study": logging.INFO, "regressors.input_files": logging.DEBUG
 }  # fmt: skip
 _WITH_LINES = ("excite", "regressors.input_files")
 
@@ -85,3 +86,68 @@ def printed_warnings() -> Iterator[None]:
             logging.getLogger(name).removeHandler(handler)
         for name, level in before.items():
             logging.getLogger(name).setLevel(level)
+
+
+_KEY = "excite.verbosity"
+
+
+@dataclass
+class Verbosity:
+    """What the command line asks to be printed."""
+
+    quiet: bool = False  # only the verdict
+    verbose: bool = False  # all tables and notes, times, versions, and the files that are read
+    as_json: bool = False  # one JSON document on stdout instead of text
+    # when the command line was read, on the clock `time.monotonic` [s]
+    began: float = field(default_factory=time.monotonic)
+
+    @property
+    def plain(self) -> bool:
+        """True if none of the options is given."""
+        return not (self.quiet or self.verbose or self.as_json)
+
+
+def verbosity() -> Verbosity:
+    """What the command at work prints."""
+    ctx = click.get_current_context(silent=True)
+    return Verbosity() if ctx is None else _of(ctx)
+
+
+def _of(ctx: click.Context) -> Verbosity:
+    chosen: Verbosity = ctx.meta.setdefault(_KEY, Verbosity())
+    return chosen
+
+
+def _choose(ctx: click.Context, param: click.Parameter, value: Any) -> None:
+    """Note one option; a group's counts for its commands too."""
+    chosen, asked = _of(ctx), value == "json" if param.name == "form" else bool(value)
+    if not asked:
+        return
+    setattr(chosen, "as_json" if param.name == "form" else str(param.name), True)
+    if chosen.quiet and chosen.verbose:
+        raise click.UsageError("--quiet and --verbose exclude each other", ctx)
+    if chosen.quiet:
+        be_quiet()
+
+
+def _flag(names: list[str], text: str) -> click.Option:
+    return click.Option(names, is_flag=True, default=False, expose_value=False, callback=_choose, help=text)
+
+
+def loudness_options() -> list[click.Option]:
+    """``--quiet`` and ``--verbose``."""
+    return [
+        _flag(["-q", "--quiet"], "Print only the verdict, and no progress."),
+        _flag(["-v", "--verbose"], "Print all tables, notes, times and versions."),
+    ]
+
+
+def form_options(taken: Iterable[str]) -> list[click.Option]:
+    """``--json``, and its older spelling ``--format json`` where that name is free."""
+    options = [_flag(["--json", "as_json"], "Print the summary as one JSON document.")]
+    if "--format" not in taken:
+        kinds = click.Choice(["text", "json"])
+        options.append(
+            click.Option(["--format", "form"], type=kinds, hidden=True, expose_value=False, callback=_choose)
+        )
+    return options

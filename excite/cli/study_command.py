@@ -16,7 +16,7 @@ from excite.simulation.settings import SimulationSettings
 
 if TYPE_CHECKING:
     from excite.cli.summary import Summary
-    from excite.timecourse.time_study import TimeStudy
+    from excite.study.time_study import TimeStudy
 
 _GROUPS = {
     "Motions": ("designs", "trajectories", "mapping"),
@@ -117,8 +117,8 @@ def command(
     from excite.storage.figure_names import figure_names
     from excite.storage.records import json_of
     from excite.storage.result_folder import result_folder
-    from excite.timecourse.study_over_time import study_over_time
-    from excite.timecourse.time_study import FIGURE, check_free
+    from excite.study.study_over_time import study_over_time
+    from excite.study.time_study import FIGURE, check_free
 
     if not repeats and (executor != "process" or workers is not None):
         raise click.UsageError("--executor and --workers are for repetitions: give their number, --repeats N")
@@ -166,7 +166,7 @@ def _summary(study: TimeStudy, files: list[Path]) -> Summary:
 
 
 def _print(study: TimeStudy, files: list[Path]) -> None:
-    from excite.cli.literal_console import console
+    from excite.cli.terminal import console
     from excite.cli.view_text import print_view
     from excite.views.study_view import study_view
 

@@ -18,13 +18,13 @@ import click
 
 from excite.cli.messages import in_options
 from excite.cli.sign_of_life import something_is_shown
-from excite.cli.verbosity import verbosity
+from excite.cli.streams import verbosity
 from regressors.quoting import one_line
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from excite.cli.literal_console import LiteralConsole
+    from excite.cli.terminal import LiteralConsole
 
 _LINES, _COLUMNS = 24, 100
 _FIGURE, _ALIKE = "figure", 4
@@ -66,7 +66,7 @@ def _with_verdict(content: Any, verdict: str) -> Any:
 def _print_text(summary: Summary, details: Callable[[], None] | None) -> None:
     from rich.text import Text
 
-    from excite.cli.literal_console import console
+    from excite.cli.terminal import console
 
     out = console()
     width = min(out.width, _COLUMNS) if sys.stdout.isatty() else _COLUMNS
@@ -74,7 +74,7 @@ def _print_text(summary: Summary, details: Callable[[], None] | None) -> None:
         style = _CAUTION if summary.caution and summary.holds is not False else _STYLES[summary.holds]
         out.print(Text(line, style=style), soft_wrap=True)
     if details is not None:
-        from excite.cli.run_facts import print_run_facts
+        from excite.cli.view_text import print_run_facts
 
         details()
         print_run_facts(out)

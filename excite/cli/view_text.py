@@ -1,17 +1,24 @@
-"""A view in a terminal: the few columns of a summary, or every table."""
+"""Views of results as text: summaries, tables, notes."""
 
 from __future__ import annotations
 
 import math
+import platform
+import time
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from excite.cli.literal_console import console
+from rich.console import Console
+
 from excite.cli.messages import in_options
+from excite.cli.streams import verbosity
 from excite.cli.summary import compact_table
+from excite.cli.terminal import console
 from excite.views.view import Column, Format, View, ViewTable
 
 if TYPE_CHECKING:
     import rich.table
+
 
 _NUMBERS = (Format.NUMBER, Format.PERCENT)
 _MARKED = "red"
@@ -76,3 +83,14 @@ def print_view(view: View) -> None:
         if table.note:
             drawn.caption = table.note
         out.print(drawn)
+
+
+_LIBRARIES = ("numpy", "scipy", "casadi")
+
+
+def print_run_facts(out: Console) -> None:
+    """Print how long this process has run, and in which versions."""
+    named = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
+    own = f"excite {version('excite-trajectories')}, Python {platform.python_version()}, {named}"
+    elapsed = time.monotonic() - verbosity().began
+    out.print(f"{own}; {elapsed:.1f} s, {time.process_time():.1f} s CPU of this process", soft_wrap=True)

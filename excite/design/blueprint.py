@@ -12,8 +12,7 @@ from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_limits import GridLimits
 from excite.design.imposed_limits import nonlinear_limits
 from excite.design.initial_guesses import random_motion
-from excite.design.problem import InitialGuess, Problem
-from excite.design.smooth_objective import SmoothObjective
+from excite.design.problem import InitialGuess, Problem, SmoothObjective
 from excite.design.stated_limits import StatedWorld, stated_limits
 from excite.information.goal import Goal
 from excite.information.matrix import Information

@@ -8,13 +8,12 @@ import numpy as np
 
 from constraints.bounds.certificate import LimitUse
 from excite.design.approach import approach_and_return
-from excite.design.best_starts import BestStarts
 from excite.design.design import Design
 from excite.design.formulation import Formulation
 from excite.design.motion_limits import uses_of
-from excite.design.start_results import StartResult
+from excite.design.start_results import BestStarts, StartResult
 from excite.design.stated_limits import remedy
-from excite.design.suspicion import unidentifiable
+from excite.design.task_checks import unidentifiable
 from excite.errors import NoFeasibleMotionError
 from excite.information.earlier_precision import information_in_hand
 from excite.information.metrics import MotionMeasures, noise_per_row, noise_text

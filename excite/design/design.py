@@ -18,14 +18,14 @@ from excite.design.designed_motion import DesignedMotion
 from excite.design.harmonics_trial import HarmonicsTrial
 from excite.design.search_rounds import SearchSummary
 from excite.design.start_results import StartResult
-from excite.design.unchecked import Unchecked
+from excite.design.stated_limits import Unchecked
 from excite.information.metrics import PredictedAccuracy
 from excite.information.nearly_unidentifiable import NearlyUnidentifiable
 from excite.information.precision_forecast import PrecisionForecast, RunInformation
 from excite.information.target import IdentificationTarget
 from excite.information.weighting import PriorAndPosterior
 from excite.registry import built_in
-from excite.storage.content_hash import entry_sha256
+from excite.storage.manifest import entry_sha256
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from excite.trajectories.sequence import MotionSequence
@@ -34,7 +34,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 if TYPE_CHECKING:
-    from excite.precision.period_trial import PrecisionSearch
+    from excite.study.period_search import PrecisionSearch
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -10,8 +10,8 @@ from typing import Any
 
 from constraints.bounds.certificate import LimitUse
 from excite.design.approach import ApproachAndReturn
-from excite.design.unchecked import Unchecked
-from excite.storage.content_hash import sha256_of
+from excite.design.stated_limits import Unchecked
+from excite.storage.manifest import sha256_of
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from excite.trajectories.sequence import EXCITE, MotionSequence, Piece, WholeRobotMotion

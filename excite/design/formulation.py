@@ -16,10 +16,18 @@ from excite.design.design_memory import check_richness, design_prediction
 from excite.design.given_task_motion import with_task_motion
 from excite.design.imposed_limits import has_room, nonlinear_limits, roomy_pose
 from excite.design.information_in_hand import with_information_in_hand
+from excite.design.initial_guesses import initial_motion, with_initial_design
 from excite.design.problem import Problem
 from excite.design.problem_identity import ProblemIdentity, problem_identity
-from excite.design.stated_limits import StatedLimits, StatedWorld, stated_limits, stated_world
-from excite.design.suspicion import suspecting
+from excite.design.stated_limits import (
+    StatedLimits,
+    StatedWorld,
+    Unchecked,
+    gravest_first,
+    stated_limits,
+    stated_world,
+    unchecked_limits,
+)
 from excite.design.task_checks import (
     check_bounded,
     check_excitable,
@@ -27,10 +35,9 @@ from excite.design.task_checks import (
     check_model,
     check_required,
     check_solver,
+    suspecting,
+    task_notes,
 )
-from excite.design.task_notes import task_notes
-from excite.design.unchecked import Unchecked, gravest_first, unchecked_limits
-from excite.design.warm_start import initial_motion, with_initial_design
 from excite.information.goal import goal_of
 from excite.information.metrics import noise_per_row
 from excite.information.target import IdentificationTarget, model_of, target_of

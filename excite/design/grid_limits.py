@@ -1,20 +1,26 @@
-"""All limits of a motion on the grid of its family: those linear in the motion, and those of torques and distances."""
+"""All limits of a motion on the grid of its family, for solvers.
+
+Bounds are tightened so that constraints that hold on the grid hold at all times: rigorously, by the family's factor,
+for functions that are linear in the motion; by a reserve, which the design's certificate checks, for the others.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint, StackedConstraint
-from excite.design.grid_constraint import GridConstraint
-from excite.design.grid_functions import JointFunction
-from excite.design.grid_joints import GridJoints
-from excite.trajectories.motion_at_instants import GridMotion
+from excite.design.motion_limits import BoundsCheck, SampledUse, sampled_use
+from excite.trajectories.family import GridMotion, MotionTangent
 from regressors.models.partial import PartialMotion
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,3 +100,227 @@ class GridLimits:
     def violation(self, x: Array) -> float:
         """Largest excess over a linear limit, relative to half its range; <= 0 inside."""
         return max((limit.excess(limit.values(x)) for limit in self.linear), default=-np.inf)
+
+
+_RESERVE = 0.005  # of a function's scale, kept in reserve for the time between the instants of the grid
+_CURVATURE = 0.01  # of the scale: reserve for the curvature along a step
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintTangent:
+    """Functions at T instants of a grid, linearised about one x."""
+
+    slopes: Slopes  # derivatives with respect to the motion, see `excite.design.grid_limits.Slopes`
+    motion: MotionTangent  # the motion, linearised about x
+
+    def rows(self, function: Index, place: Index) -> Array:
+        """Derivatives with respect to the flat x, one function at one of the instants per row, shape (rows, x.size)."""
+        return self.motion.rows(self.slopes(function, place), place)
+
+
+@dataclass(frozen=True, eq=False)
+class GridConstraint:
+    """``lower <= g <= upper`` for k functions of the motion at the N instants of a grid."""
+
+    function: GridFunction  # g
+    grid: GridMotion  # the motion at the instants as a function of x
+    lower: Array  # (k,) bounds, tightened for the time between the instants
+    upper: Array  # (k,)
+    scale: Array  # (k,) magnitude of each function
+    reserve: Array  # (k,) reserve that a programme on tangents keeps for the curvature of its step
+
+    @classmethod
+    def on_coordinates(cls, constraint: LinearConstraint, grid: GridMotion) -> GridConstraint:
+        """Make one from a constraint that is linear in the motion of the moving coordinates."""
+        middle = 0.5 * (constraint.lower + constraint.upper)
+        half = 0.5 * (constraint.upper - constraint.lower) * grid.factor(constraint.derivative)
+        centre = middle - constraint.offset
+        lower, upper = centre - half, centre + half
+        scale = np.asarray(0.5 * (upper - lower))
+        return cls(LinearFunction(constraint, grid), grid, lower, upper, scale, np.zeros_like(lower))
+
+    @classmethod
+    def on_joints(cls, constraint: NonlinearConstraint, joints: GridJoints) -> GridConstraint:
+        """Make one from a constraint on torques, the tool or distances, as a function of all joints."""
+        scale, kept = constraint.scale, _RESERVE * constraint.scale
+        lower, upper = constraint.lower + kept, constraint.upper - kept
+        return cls(JointFunction(constraint, joints), joints.grid, lower, upper, scale, _CURVATURE * scale)
+
+    @property
+    def linear(self) -> bool:
+        """Whether its functions are linear in x, so that one tangent is exact everywhere."""
+        return self.function.linear and self.grid.linear
+
+    @cached_property
+    def sampled(self) -> LastResult[SampledUse]:
+        """The functions at the instants that a search looks at, as a function of x, see `sampled_use`."""
+        return LastResult(lambda x: sampled_use(self, x))
+
+    def values(self, x: Array) -> Array:
+        """Values of the k functions at the N instants, shape (k, N)."""
+        return self.function.values(x)
+
+    def tangent(self, x: Array, instants: Index | None = None) -> ConstraintTangent:
+        """The functions at all or some instants, linearised about x."""
+        if instants is None:
+            instants = np.arange(self.values(x).shape[1])
+        slopes = self.function.slopes(x, instants)
+        return ConstraintTangent(slopes, self.grid.tangent(x, self.function.derivatives, instants))
+
+    def uses(self, values: Array) -> Array:
+        """Use of the bounds by each value, shape (k, N): 1 at a bound, more beyond, 0 one scale away from both."""
+        room = self.upper[:, None] - values
+        np.minimum(room, values - self.lower[:, None], out=room)
+        room /= self.scale[:, None]
+        return np.asarray(np.subtract(1.0, room, out=room))
+
+    def excess(self, values: Array) -> float:
+        """Largest excess over a bound, relative to the scale; <= 0 inside."""
+        beyond = np.maximum(values - self.upper[:, None], self.lower[:, None] - values) / self.scale[:, None]
+        return float(beyond.max(initial=-np.inf))
+
+    def holds(self, x: Array) -> bool:
+        """True if every value is within the bounds, as far as a search looks, see `sampled_use`."""
+        return self._check(x)
+
+    @cached_property
+    def _check(self) -> BoundsCheck:
+        return BoundsCheck(self)
+
+    def change(self, value: Array, step: Array, end: Array) -> Array:
+        """Change of the values by a step that leaves the shape unchanged, shape (k, N)."""  # value (k, N)
+        return self.values(step) if self.linear else self.values(end) - value
+
+    def largest_part(self, value: Array, change: Array) -> float:
+        """Largest s for which ``value + s change`` stays within the bounds, each of shape (k, N); infinite if any."""
+        room = np.where(change > 0, self.upper[:, None] - value, self.lower[:, None] - value)
+        ratio = np.divide(room, change, out=np.full_like(room, np.inf), where=change != 0)
+        return float(ratio.min(initial=np.inf))
+
+
+#: Derivatives of one function at one of the instants per row, shape (rows, derivatives, n), from the numbers of both.
+Slopes = Callable[[Index, Index], Array]
+
+
+class GridFunction(ABC):
+    """k functions of the motion y of n coordinates at each of N instants."""
+
+    constraint: LinearConstraint | NonlinearConstraint  # constraint that they belong to
+    linear: bool  # whether they are linear in the motion
+
+    @property
+    @abstractmethod
+    def derivatives(self) -> tuple[int, ...]:
+        """Derivatives of y that they depend on, 0 for position to 3 for jerk."""
+
+    @property
+    @abstractmethod
+    def varies(self) -> NDArray[np.bool_]:
+        """Which of them depend on the motion at all, shape (k,)."""
+
+    @abstractmethod
+    def values(self, x: Array, instants: Index | slice | None = None) -> Array:
+        """Values at all N instants or some, shape (k, N)."""
+
+    @abstractmethod
+    def slopes(self, x: Array, instants: Index) -> Slopes:
+        """Derivatives with respect to the `derivatives` of y at some instants."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearFunction(GridFunction):
+    """``A y^(d)`` of a constraint on the moving coordinates; its offset is part of the bounds."""
+
+    constraint: LinearConstraint
+    grid: GridMotion
+    linear = True
+
+    @property
+    def derivatives(self) -> tuple[int, ...]:
+        """The limited derivative."""
+        return (self.constraint.derivative,)
+
+    @property
+    def varies(self) -> NDArray[np.bool_]:
+        """All with an entry in A."""
+        return np.asarray(self.constraint.matrix.any(axis=1))
+
+    def values(self, x: Array, instants: Index | slice | None = None) -> Array:
+        """Values at all N instants or some, shape (k, N)."""
+        values = self.grid.combined(x, self.constraint.matrix, self.constraint.derivative)
+        return values if instants is None else values[:, instants]
+
+    def slopes(self, x: Array, instants: Index) -> Slopes:
+        """Rows of the matrix, for every instant."""
+        return lambda function, _: self.constraint.matrix[function][:, None, :]
+
+
+@dataclass(frozen=True, eq=False)
+class JointFunction(GridFunction):
+    """``g(q, dq, ddq)`` of torques, the tool or distances."""
+
+    constraint: NonlinearConstraint  # k functions of all joints
+    joints: GridJoints  # motion of all joints on the grid
+    linear = False
+
+    @property
+    def derivatives(self) -> tuple[int, ...]:
+        """Those of position, velocity and acceleration that they depend on."""
+        return self.constraint.derivatives
+
+    @property
+    def varies(self) -> NDArray[np.bool_]:
+        """Those with a nonzero in the Jacobian."""
+        return self.constraint.varies
+
+    def values(self, x: Array, instants: Index | slice | None = None) -> Array:
+        """Values at all N instants or some, shape (k, N)."""
+        return self.constraint.at_instants(self.joints(x, instants))
+
+    def slopes(self, x: Array, instants: Index) -> Slopes:
+        """Derivatives with respect to the moving coordinates' position, velocity and acceleration, where used."""
+        of_joints = self.constraint.slopes_at_instants(self.joints(x, instants))
+        n, motion = self.constraint.joints, self.joints.motion
+        orders = np.array(self.derivatives)
+
+        def slopes(function: Index, place: Index) -> Array:
+            columns = (orders[:, None] * n + np.arange(n)).ravel()
+            parts = of_joints(function, place, columns).reshape(function.size, orders.size, n)
+            return parts if motion.complete else np.asarray(parts @ motion.matrix)
+
+        return slopes
+
+
+T = TypeVar("T")
+
+
+class LastResult(Generic[T]):
+    """A function of x that keeps its last result: a search asks several times for the values at one iterate."""
+
+    def __init__(self, function: Callable[[Array], T]) -> None:
+        self._function = function
+        self._x: Array | None = None
+        self._result: T
+
+    def __call__(self, x: Array) -> T:
+        """The result at x."""
+        if self._x is None or not np.array_equal(x, self._x):
+            self._result, self._x = self._function(x), x.copy()
+        return self._result
+
+
+class GridJoints:
+    """Position, velocity and acceleration of all joints on a grid of N instants, as functions of x."""
+
+    def __init__(self, grid: GridMotion, motion: PartialMotion) -> None:
+        self.grid, self.motion = grid, motion
+        self._last = LastResult(self._all)
+
+    def __call__(self, x: Array, instants: Index | slice | None = None) -> list[Array]:
+        """Three arrays of shape (n, N), at all instants or some; not to be changed."""
+        motion = self._last(x)
+        return motion if instants is None else [part[:, instants] for part in motion]
+
+    def _all(self, x: Array) -> list[Array]:
+        q, dq, ddq = (self.grid.combined(x, self.motion.matrix, derivative) for derivative in range(3))
+        return [q + self.motion.offset[:, None], dq, ddq]

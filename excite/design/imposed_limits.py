@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from constraints.feasibility.diagnosis import ContradictionError
-from constraints.feasibility.relaxation import smallest_relaxation
+from constraints.feasibility.diagnosis import ContradictionError, smallest_relaxation
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from excite.tasks.task import Task

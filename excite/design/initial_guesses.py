@@ -1,10 +1,24 @@
-"""Feasible initial guesses for an optimisation: random motions, and those of [KD96]."""
+"""Initial guesses of a search: random motions, those of [KD96], combinations, and earlier designs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
+from excite.design.designed_motion import DesignedMotion
 from excite.design.problem import Problem
+from excite.information.target import IdentificationTarget
+from excite.registry import OwnPart, is_own
+from excite.storage.atomic import read_json
+from excite.storage.commit import settle
+from excite.storage.destination import Destination
+from excite.tasks.stored_files import InitialDesign, UnopenedFile
+from excite.tasks.task import Task
+from excite.trajectories import stored_trajectory
+from regressors.errors import InputError
 from regressors.samples import Array
 
 _UNBOUNDED = 1.0
@@ -107,3 +121,133 @@ def shrunk(problem: Problem, x: Array) -> Array:
         if problem.nonlinear_hold(smaller):
             return smaller
     return problem.drawn(x, _PARTS[-1])
+
+
+_INSTANTS = 16  # per coefficient, where motions are combined as positions
+_CHILDREN = 6
+
+Combine = Callable[[Array, Array, Array, np.random.Generator], Array]
+
+
+def _exchange(x: Array, _: Array, other: Array, rng: np.random.Generator) -> Array:
+    """Some coordinates of another good motion."""
+    taken = rng.random(len(x)) < 0.5
+    if taken.all() or not taken.any():
+        taken[rng.integers(len(x))] ^= True
+    return np.where(taken[:, None], other, x)
+
+
+def _blend(x: Array, _: Array, other: Array, rng: np.random.Generator) -> Array:
+    """Between two good motions."""
+    share = rng.uniform(0.3, 0.7)
+    return (1.0 - share) * x + share * other
+
+
+def _renew(x: Array, drawn: Array, _: Array, rng: np.random.Generator) -> Array:
+    """One coordinate of a random motion."""
+    new = x.copy()
+    joint = rng.integers(len(x))
+    new[joint] = drawn[joint]
+    return new
+
+
+def _mix(x: Array, drawn: Array, _: Array, rng: np.random.Generator) -> Array:
+    """Between a good motion and a random one."""
+    share = rng.uniform(0.15, 0.7)
+    return (1.0 - share) * x + share * drawn
+
+
+def _mirror(x: Array, _: Array, __: Array, rng: np.random.Generator) -> Array:
+    """One coordinate mirrored; coordinates are about the pose at rest."""
+    new = x.copy()
+    joint = rng.integers(len(x))
+    new[joint] = -new[joint]
+    return new
+
+
+def _disturb(x: Array, _: Array, __: Array, rng: np.random.Generator) -> Array:
+    """Every coordinate changed at random, by a part of its own size."""
+    size = np.sqrt(np.mean(x**2, axis=1, keepdims=True))
+    return np.asarray(x + rng.uniform(0.1, 0.5) * size * rng.normal(size=x.shape))
+
+
+_WITH_OTHER: tuple[Combine, ...] = (_exchange, _blend)
+_ALONE: tuple[Combine, ...] = (_renew, _mix, _mirror, _disturb)
+
+
+def combinations(
+    problem: Problem, parents: Sequence[Array], rng: np.random.Generator, count: int = _CHILDREN
+) -> list[Array]:
+    """Motions within the limits that combine good ones with each other and with random ones."""
+    return [shrunk(problem, _into_limits(problem, _combined(problem, parents, rng))) for _ in range(count)]
+
+
+def _combined(problem: Problem, parents: Sequence[Array], rng: np.random.Generator) -> Array:
+    family, centre = problem.family, problem.guess.centre
+    ways = (*_WITH_OTHER, *_ALONE) if len(parents) > 1 else _ALONE
+    combine = ways[rng.integers(len(ways))]
+    first = int(rng.integers(len(parents)))
+    second = (first + 1 + int(rng.integers(max(len(parents) - 1, 1)))) % len(parents)
+    motions = parents[first], random_motion(problem, rng), parents[second]
+    if family.linear:
+        x, drawn, other = (motion - problem.rest for motion in motions)
+        return np.asarray(problem.rest + combine(x, drawn, other, rng))
+    time = family.grid(_INSTANTS * family.size)
+    x, drawn, other = ((family.motion(motion, time, 0) - centre).T for motion in motions)
+    return family.nearest(time, combine(x, drawn, other, rng).T + centre)
+
+
+def _into_limits(problem: Problem, x: Array) -> Array:
+    reach = problem.reach(x)
+    return x if reach >= 1.0 else problem.drawn(x, _WITHIN * reach)
+
+
+_SAMPLES = 1001
+
+
+def with_initial_design(task: Task) -> Task:
+    """The task with the motion itself of the design that it begins with, so that a result can hold it."""
+    begin = task.search.begin
+    if begin is None or isinstance(begin, InitialDesign):
+        return task
+    if isinstance(begin, UnopenedFile):
+        raise begin.missing()
+    if isinstance(begin, DesignedMotion):
+        series = {"joints": list(begin.moving.joint_names), **begin.trajectory.family.to_dict(begin.trajectory.x)}
+        return task.changed(begin=InitialDesign(begin.name, series, begin.trajectory))
+    return task.changed(begin=InitialDesign(str(begin), _series(Path(begin))))
+
+
+def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
+    """Positions of the moving coordinates in the design that a task starts from; None if it names none.
+
+    The motion keeps its shape over the task's period.
+    """
+    if task.search.begin is None:
+        return None
+    begin: InitialDesign = with_initial_design(task).search.begin
+    names, wanted = tuple(begin.trajectory.get("joints", ())), target.robot.joint_names
+    if names != wanted:
+        raise InputError(
+            f"{begin.name} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}"
+        )
+    trajectory = begin.motion or stored_trajectory(begin.trajectory, len(names))
+    q = trajectory.samples(np.linspace(0.0, trajectory.duration, _SAMPLES)).q
+    motion = target.motion
+    return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
+
+
+def _series(folder: Path) -> dict[str, Any]:
+    """Entries of a design's file that define its motion."""
+    path = folder / "design.json"
+    settle(Destination(folder))
+    if not path.exists():
+        raise InputError(f"{folder} is no design folder: there is no {path}")
+    content = read_json(path)
+    series, task = content.get("trajectory"), content.get("task")
+    family = task.get("trajectory") if isinstance(task, dict) else None
+    if isinstance(family, str) and is_own(family):
+        raise OwnPart("trajectory", family).missing()
+    if not isinstance(series, dict):
+        raise InputError(f"{path}: not a complete design: 'trajectory' is missing")
+    return series

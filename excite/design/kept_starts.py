@@ -10,7 +10,7 @@ from excite.design.formulation import Formulation
 from excite.design.planned_start import PlannedStart
 from excite.design.problem_identity import ProblemIdentity
 from excite.design.start_results import RUNNING, Origin, read_start, start_files
-from excite.storage.content_hash import EditedError
+from excite.storage.manifest import EditedError
 from regressors.errors import InputError
 
 _REMEDY = "`fresh` removes them, or choose another `folder`"

@@ -21,8 +21,7 @@ from excite.design.planned_start import PlannedStart
 from excite.design.search_rounds import Rounds
 from excite.design.single_start import optimise_start, optimise_starts
 from excite.design.start_results import RUNNING, StartResult, read_starts, start_file, write_start
-from excite.design.worker_process import NotPreparedError, Work, optimise_job, work_on_starts
-from excite.design.workers import Workers, environment_of_workers
+from excite.design.workers import NotPreparedError, Work, Workers, environment_of_workers, optimise_job, work_on_starts
 from excite.registry import instance
 from regressors.errors import InputError
 

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from constraints.limit import Limit
-from excite.design.best_starts import best_starts
 from excite.design.certification import certify
 from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
@@ -26,12 +25,11 @@ from excite.design.design_memory import TYPICAL_STARTS, search_seconds
 from excite.design.formulation import Formulation, formulate
 from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
-from excite.design.running_rounds import RunningRounds
-from excite.design.search_rounds import Rounds
-from excite.design.start_results import StartResult
-from excite.design.suspicion import suspecting
+from excite.design.search_rounds import Rounds, RunningRounds
+from excite.design.start_results import StartResult, best_starts
+from excite.design.task_checks import suspecting
 from excite.errors import NoFeasibleMotionError
-from excite.estimates.long_work import announce
+from excite.estimates.work_prediction import announce
 from excite.registry import part
 from excite.storage.destination import Destination
 from excite.storage.lock import locked

@@ -9,14 +9,15 @@ starts end have no say, so that the same seed gives the same motion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from excite.design.planned_start import Kind, PlannedStart
-from excite.design.population import Population
-from excite.design.start_results import StartResult
+from excite.design.kept_starts import KeptStarts
+from excite.design.planned_start import Kind, PlannedStart, number_of
+from excite.design.start_results import StartResult, read_start, start_file
 from excite.tasks.search import RANDOM_STARTS, Search
 
 
@@ -134,3 +135,81 @@ class Rounds:
         """Whether as many populations as are wanted have come to the same end, the best of all."""
         ends = np.sort(self.ends)[: self.sizes.repetitions]
         return ends.size == self.sizes.repetitions and ends[-1] <= (1.0 + self.sizes.gain) * ends[0]
+
+
+_SAME = 3e-3  # two motions whose criteria differ by less are taken to be in one basin: mirrored and reversed ones are
+_MOST = 12
+
+
+class Population:
+    """Local minima, the best first; of those in one basin the best is kept."""
+
+    def __init__(self) -> None:
+        self.members: tuple[StartResult, ...] = ()
+
+    def add(self, results: Iterable[StartResult]) -> None:
+        """Add the ends of starts, by number; those without a finite criterion are left out."""
+        for result in sorted(results, key=lambda result: result.index):
+            if np.isfinite(result.value):
+                self._add(result)
+
+    @property
+    def best(self) -> float:
+        """The least criterion; infinite where there is no member."""
+        return self.members[0].value if self.members else np.inf
+
+    def _add(self, result: StartResult) -> None:
+        near = [member for member in self.members if abs(member.value - result.value) <= _SAME * abs(result.value)]
+        if any(member.value <= result.value for member in near):
+            return
+        others = [member for member in self.members if member not in near]
+        self.members = tuple(sorted([*others, result], key=lambda member: (member.value, member.index))[:_MOST])
+
+
+class RunningRounds:
+    """Starts that are left, round by round."""
+
+    def __init__(
+        self,
+        rounds: Rounds,
+        kept: KeptStarts,
+        progress: Callable[[StartResult], None] | None = None,
+        *,
+        in_processes: bool = False,
+    ) -> None:
+        self.rounds, self._kept, self._progress = rounds, kept, progress
+        self._beside = in_processes
+        self._results: list[StartResult] = []
+        self._began = time.process_time()  # what a longer session has computed before is not of this search
+        self.in_processes = 0.0
+
+    @property
+    def spent(self) -> float:
+        """Processor time of the search in all its processes, and of starts that an earlier run finished [s]."""
+        return time.process_time() - self._began + self.in_processes + self._kept.cpu
+
+    def report(self, result: StartResult) -> None:
+        """Take the result of a start."""
+        if self._beside:
+            self.in_processes += result.cpu
+        self._take(result)
+        if self._progress is not None:
+            self._progress(result)
+
+    def __iter__(self) -> Iterator[Sequence[PlannedStart | int]]:
+        while starts := self.rounds.following(self._results, self.spent):
+            self._results = []
+            left = self._kept.left(starts)
+            if self.rounds.search.adaptive and len(left) < len(starts):
+                for start in starts:
+                    if self._kept.has(start):
+                        self._take(read_start(start_file(self._kept.folder, number_of(start)))[0])
+            for start in left:
+                if number_of(start) in self._kept.done:  # of another lineage
+                    start_file(self._kept.folder, number_of(start)).unlink(missing_ok=True)
+            if left:
+                yield left
+
+    def _take(self, result: StartResult) -> None:
+        if self.rounds.search.adaptive:
+            self._results.append(result)

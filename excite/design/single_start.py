@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from excite.design.combinations import combinations
-from excite.design.initial_guesses import candidates, shrunk
+from excite.design.initial_guesses import candidates, combinations, shrunk
 from excite.design.planned_start import PlannedStart
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Attempt, Solver, SolverResult

@@ -1,7 +1,8 @@
-"""The result of a start, and its file in the folder of the starts."""
+"""Results of starts, their files, and the best of them."""
 
 from __future__ import annotations
 
+import heapq
 import re
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, asdict, dataclass, fields
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.storage.content_hash import read_hashed, write_hashed
+from excite.storage.manifest import read_hashed, write_hashed
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -123,3 +124,52 @@ def iterate_starts(folder: Path) -> Iterator[StartResult]:
 def read_starts(folder: Path) -> list[StartResult]:
     """Read all starts on disk, by number."""
     return list(iterate_starts(folder))
+
+
+MOST_KEPT = 1000  # starts that a design keeps
+
+
+@dataclass(frozen=True)
+class BestStarts:
+    """The best starts of a search, and how many there are."""
+
+    best: tuple[StartResult, ...]  # by number; all of them, where there are not too many
+    ended: int  # numbers of starts that ended, of those stopped before, and of those without a result
+    unfinished: int
+    missing: int = 0
+
+    @classmethod
+    def of(cls, results: tuple[StartResult, ...]) -> BestStarts:
+        """Of starts in memory."""
+        unfinished = sum(result.status == RUNNING for result in results)
+        return cls(results, len(results) - unfinished, unfinished)
+
+    @property
+    def further(self) -> int:
+        """Number of starts beside the best."""
+        return self.ended + self.unfinished - len(self.best)
+
+    def note(self, *, interrupted: bool) -> str:
+        """A sentence on starts that did not end; empty where all did."""
+        if interrupted:
+            return f"interrupted: best of {self.ended} finished and {self.unfinished} unfinished starts"
+        if self.missing:
+            return f"{self.missing} of {self.ended + self.missing} starts are left out: their processes ended each time"
+        return ""
+
+
+def best_starts(folder: Path, count: int, most: int = MOST_KEPT) -> BestStarts:
+    """Read the starts below a number, and keep the best."""
+    kept: list[tuple[float, int, StartResult]] = []  # the worst of them first
+    ended = unfinished = 0
+    for start in iterate_starts(folder):
+        if start.index >= count:
+            continue
+        ended, unfinished = ended + (start.status != RUNNING), unfinished + (start.status == RUNNING)
+        entry = (-start.value, -start.index, start)
+        if len(kept) < most:
+            heapq.heappush(kept, entry)
+        else:
+            heapq.heappushpop(kept, entry)
+    best = tuple(sorted((start for *_, start in kept), key=lambda start: start.index))
+    return BestStarts(best, ended, unfinished, count - ended - unfinished)

@@ -9,21 +9,25 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.geometry import World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
 from excite.design.motion_limits import RecomputedLimits, imposed_on, recomputed_limits
-from excite.design.stored_sequence import stored_transfers
-from excite.design.unchecked import Unchecked
+from excite.design.stated_limits import Unchecked
 from excite.information.metrics import MotionMeasures, noise_per_row
 from excite.information.target import IdentificationTarget, moving_robot, target_of
-from excite.storage.content_hash import entry_sha256
+from excite.storage.manifest import entry_sha256
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
+from excite.trajectories.sequence import APPROACH, RETURN
+from excite.trajectories.transfer import Leg, SCurve, Transfer
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
+from regressors.samples import Array
 
 _ROUNDING = 1e-9  # of a metric, from process to process
 
@@ -175,3 +179,40 @@ def _confirmed(value: float, stated: object) -> float:
     """The stated value, where it is the computed one but for rounding."""
     same = isinstance(stated, float) and math.isclose(value, stated, rel_tol=_ROUNDING)
     return stated if isinstance(stated, float) and same else value
+
+
+_SAME = 1e-6  # rad or m: poses that are written and read again
+
+
+def stored_transfers(played: Mapping[str, Any]) -> ApproachAndReturn | None:
+    """Approach and return that the entry ``played`` of a ``design.json`` describes, without their limits."""
+    rate = float(played["rate"])
+    transfers = {name: _transfer(played[name]) for name in (APPROACH, RETURN) if name in played}
+    if not transfers:
+        return None
+    spans = {each["name"]: float(each["end"]) - float(each["start"]) for each in played["segments"]}
+    settle = max(round((spans[name] - transfer.duration) * rate) for name, transfer in transfers.items())
+    return ApproachAndReturn(transfers.get(APPROACH), transfers.get(RETURN), settle, rate, {})
+
+
+def check_joined(transfers: ApproachAndReturn, ends: Array) -> None:
+    """Raise `InputError` where approach and return do not meet the motion."""  # ends (2, n)
+    meets = {APPROACH: (-1, ends[0]), RETURN: (0, ends[1])}
+    for name, transfer in transfers.transfers.items():
+        place, pose = meets[name]
+        gap = float(np.abs(transfer.poses[place] - pose).max())
+        if not gap <= _SAME:
+            raise InputError(
+                f"the {name} does not meet the motion, by {gap:.3g} rad (m): the entry 'trajectory' or 'played' was "
+                "changed after the design was written; restore the file, or design the motion again"
+            )
+
+
+def _transfer(content: Mapping[str, Any]) -> Transfer:
+    assumed: dict[str, tuple[str, ...]] = {"acceleration": (), "jerk": ()}
+    return Transfer(tuple(_leg(leg) for leg in content["legs"]), float(content["shortest"]), assumed)
+
+
+def _leg(content: Mapping[str, Any]) -> Leg:
+    start, end = (np.array(content[name], dtype=float) for name in ("start", "end"))
+    return Leg(start, end, SCurve.of_jerks(content["breaks"], content["jerk"]))

@@ -1,25 +1,39 @@
-"""Checks of a task before any optimisation."""
+"""Checks of a task before an optimisation, notes for the user, and what to suspect where no motion is found."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 
+from constraints.bounds.certificate import LimitUse
+from constraints.feasibility.diagnosis import ContradictionError
 from constraints.linear import LinearConstraint, spanned
 from excite.design.blueprint import Blueprint
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
+from excite.errors import NoFeasibleMotionError
 from excite.information.criteria import Criterion
+from excite.information.friction_notes import left_out_notes, turning_drives
 from excite.information.identifiability import Identifiability, identifying_motion
-from excite.information.named_parameter import named_parameter
+from excite.information.interest import named_parameter
+from excite.information.nearly_unidentifiable import left_out_by_rounding, rounded_angles
 from excite.information.target import IdentificationTarget
-from excite.registry import CRITERIA, name_of, part
+from excite.information.task_torques import SEED, STATES
+from excite.information.torque_deviation import TorqueCriterion
+from excite.registry import CRITERIA, instance, name_of, part
 from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.friction.curves import Warm
+from regressors.friction.load_share import moving_drive_numbers
+from regressors.friction.temperature import warm_part
 from regressors.models.base import Base
+from regressors.models.columns import COULOMB
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion
+from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 _DIRECTIONS, _STEP = 5, 1e-3  # along which gradients are compared with finite differences
@@ -146,3 +160,117 @@ def _identifiable(problem: Problem, base: Base) -> tuple[int, list[str]]:
             share = np.sum(V[:, hidden] ** 2, axis=1)
             missing = [name for name, weight in zip(base.names, share, strict=True) if weight > 1e-6]
     return best, missing
+
+
+def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
+    """Notes on the robot's description, limits, prior knowledge and friction."""
+    return (
+        *left_out_by_rounding(target.robot, target.base),
+        *target.robot.reading_notes,
+        *_limit_notes(target.motion, limits),
+        *_prior_notes(task),
+        *_torque_notes(task),
+        *_friction_notes(target, task),
+    )
+
+
+def _limit_notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
+    bounded = spanned(limits, len(motion.labels), (2,))
+    free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
+    if not free:
+        return ()
+    return (f"no acceleration limit is known for {', '.join(free)}; give one with `acceleration`",)
+
+
+def _prior_notes(task: Task) -> tuple[str, ...]:
+    if task.objective.prior is None or task.objective.noise is not None:
+        return ()
+    return ("prior knowledge is weighed against the noise of the measurements, assumed to be 1; give it with `noise`",)
+
+
+def _torque_notes(task: Task) -> tuple[str, ...]:
+    """Whose torques a criterion of them is for, where nothing is stated."""
+    criterion = instance("criterion", task.objective.criterion)
+    if not isinstance(criterion, TorqueCriterion) or criterion.rows is not None or task.objective.task_motion:
+        return ()
+    return (
+        f"torques are predicted for {STATES} states, uniform within the limits (seed {SEED}); `task_motion` states the "
+        "motion that they are wanted for",
+    )
+
+
+def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]:
+    """Notes on moving drives without a curve, on parameters of those with one, and on temperatures."""
+    curves = task.known_friction
+    if curves is None:
+        return ()
+    turning = turning_drives(target)
+    imposed = (*task.limits.imposed(curves), task.limits.stated_torque(curves))
+    limited = any(limit is not None and limit.friction is curves for limit in imposed)
+    warm = {name: curve for name in turning if (curve := warm_part(curves.curve(name))) is not None} if limited else {}
+    notes = tuple(f"torque limits use friction of {name} {_temperatures(curve)}" for name, curve in warm.items())
+    without = [name for name in turning if curves.curve(name) is None]
+    terms, numbers = task.model.terms_of(target.robot), moving_drive_numbers(target.robot)
+    identified = [name for name in without if terms.include(COULOMB, numbers[name])]
+    frictionless = [name for name in without if name not in identified]
+    in_limits = "; torque limits use the friction of the robot's description" if limited else ""
+    causes = (
+        (identified, "identified with the rest"),
+        (frictionless, "assumed to have no friction in identification, as asked"),
+    )
+    said = (f"no friction curve of {', '.join(names)}: {how}{in_limits}" for names, how in causes if names)
+    return (*said, *notes, *left_out_notes(task.model, target, curves))
+
+
+def _temperatures(curve: Warm) -> str:
+    """Temperatures at which a torque limit evaluates friction, as text."""
+    if curve.range is None:
+        return f"at {curve.reference:.4g} deg C only: its file has no range"
+    low, high = (f"{end:.4g}" for end in curve.range)
+    return f"at {low} deg C only: its file has no wider range" if low == high else f"from {low} to {high} deg C"
+
+
+_NEARLY_USED = 0.9  # a limit that is used less does not hinder a motion
+
+
+@contextmanager
+def suspecting(robot: Robot) -> Iterator[None]:
+    """Put the most suspicious thing of a description before the message that no motion keeps the limits."""
+    try:
+        yield
+    except (ContradictionError, NoFeasibleMotionError) as error:
+        if doubts := _doubts(robot, str(error)):
+            more = f" (and {len(doubts) - 1} more, see the notes)" if len(doubts) > 1 else ""
+            raise type(error)(f"look at the description first: {doubts[0]}{more}; {error}") from error
+        raise
+
+
+def _doubts(robot: Robot, message: str) -> list[str]:
+    """Suspicious findings, those on joints and links that the message names first; then angles as if rounded."""
+    named = _words(message) - {"joint", "joints", "link", "links"}
+    notes = [note for note in robot.notes if note.kind == "suspicious"]
+    notes.sort(key=lambda note: named.isdisjoint(_words(note.where)))
+    angles = [f"{angle}, as if an angle had been rounded; state angles exactly" for angle in rounded_angles(robot)]
+    return [*map(str, notes), *angles]
+
+
+def _words(text: str) -> set[str]:
+    """Words without the punctuation around them."""
+    return {word.strip(".,:;()'\"") for word in text.split()}
+
+
+def unidentifiable(uses: tuple[LimitUse, ...]) -> str:
+    """Message that motions within the limits do not show every parameter, and what would help.
+
+    A limit is not to be widened unless the motion comes near to it.
+    """
+    said = "no start found a motion within the limits from which every parameter is identifiable"
+    use = max(uses, key=lambda use: use.use, default=None)
+    cures = "give more `harmonics` or a longer `period`, or leave parameters out with `nearly_unidentifiable='drop'`"
+    if use is None or use.use <= _NEARLY_USED:
+        closest = "" if use is None else f": the one used most, {use.label}, is used at {100 * use.use:.0f} %"
+        return f"{said}, and limits are not the cause{closest}; {cures}"
+    return (
+        f"{said}; the limit used most is that of {use.label}, {100 * use.use:.0f} % of {use.bound:.4g} {use.unit}: "
+        f"widen it if the robot allows more, or {cures}"
+    )

@@ -1,7 +1,8 @@
-"""What a piece of work is predicted to take: rows, columns, memory, and the option that decides on them."""
+"""What a piece of work is predicted to take, in memory and time, before it starts."""
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -104,3 +105,13 @@ def in_time(seconds: float) -> str:
         if seconds >= 2 * scale:
             return f"{seconds / scale:.2g} {unit}"
     return f"{seconds:.2g} s"
+
+
+LONG = 30.0  # [s]
+_log = logging.getLogger("excite.estimates")
+
+
+def announce(work: str, seconds: float, remedy: str = "") -> None:
+    """Log how long work will take, at level INFO, where that is more than `LONG`; the command line prints it."""
+    if seconds > LONG:
+        _log.info(f"{work} will take about {in_time(seconds)}{'; ' * bool(remedy)}{remedy}")

@@ -12,19 +12,22 @@ import warnings
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from itertools import islice
 from multiprocessing.resource_tracker import ensure_running
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from excite.design.interruption import held_signals
 from excite.design.workers import environment_of_workers, main_not_imported
 from excite.errors import LostWorkersError
-from excite.executors.dask_address import DaskAddress, dask_address
 from excite.executors.unit_executor import LostUnit, Work
 from regressors.errors import InputError
+from regressors.quoting import shortened
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
 
 _CONNECT = 10.0  # [s]
 _LOOK = 1.0  # seconds between two looks at a cluster that sends nothing
@@ -235,3 +238,42 @@ def _nothing(_: logging.LogRecord) -> bool:
 
 def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:120] or type(error).__name__
+
+
+_FORMS = "dask://HOST:PORT, dask-file:PATH of a scheduler file, or dask-local:N for N processes of this machine"
+_MOST_PORT, _MOST_PROCESSES = 65535, 1024
+
+
+@dataclass(frozen=True)
+class DaskAddress:
+    """A scheduler that runs, or one that is started on this machine."""
+
+    scheduler: str = ""  # ``tcp://HOST:PORT``; empty where it is not named
+    file: Path | None = None  # scheduler file
+    processes: int | None = None  # of a cluster on this machine; one per core if neither this nor the others are given
+
+    @property
+    def is_local(self) -> bool:
+        """Whether a cluster is started on this machine."""
+        return not self.scheduler and self.file is None
+
+    def __str__(self) -> str:
+        if self.is_local:
+            return "dask-local"
+        return self.scheduler.replace("tcp:", "dask:") if self.file is None else f"dask-file:{self.file}"
+
+
+def dask_address(text: str) -> DaskAddress:
+    """Read the name of an executor on Dask."""
+    kind, _, rest = text.partition(":")
+    if kind == "dask" and rest.startswith("//"):
+        host, _, port = rest[2:].rpartition(":")
+        if host and not set(host) & set("/@ ") and port.isascii() and port.isdigit() and 0 < int(port) <= _MOST_PORT:
+            return DaskAddress(scheduler=f"tcp://{host}:{port}")
+    elif kind == "dask-file" and rest:
+        return DaskAddress(file=Path(rest))
+    elif text == "dask-local":
+        return DaskAddress()
+    elif kind == "dask-local" and rest.isascii() and rest.isdigit() and 0 < int(rest[:6]) <= _MOST_PROCESSES:
+        return DaskAddress(processes=int(rest[:6]))
+    raise InputError(f"executor {shortened(text)}: expected {_FORMS}")

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from excite.executors.dask_cluster import DaskCluster
-from excite.executors.in_processes import InProcesses
-from excite.executors.unit_executor import InThisProcess, UnitExecutor
+from excite.executors.unit_executor import InProcesses, InThisProcess, UnitExecutor
 from excite.registry import ADDRESS_FORMS, is_addressed
 from regressors.errors import UnknownName
 from regressors.quantities import check

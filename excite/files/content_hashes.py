@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from excite.storage.content_hash import entry_sha256, sha256_of
+from excite.storage.manifest import entry_sha256, sha256_of
 from regressors.errors import InputError
 
 HASHES = "sha256"

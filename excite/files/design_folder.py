@@ -15,8 +15,8 @@ from excite.design.start_results import write_start
 from excite.files.content_hashes import HASHES, motion_hashes
 from excite.files.earlier_content import earlier_content
 from excite.files.precision_files import CONTENT, FIGURE, TABLE, seeks_precision, write_precision
+from excite.files.sampled_motion import write_trajectory
 from excite.files.task_file import task_content
-from excite.files.trajectory_csv import write_trajectory
 from excite.information.metrics import CONVENTIONS as MEANINGS
 from excite.information.metrics import noise_per_row
 from excite.information.weighting import minimised_text

@@ -1,20 +1,20 @@
-"""Designs read back from their ``design.json``: the robot, the task and the motion, for judging them again."""
+"""Designs as JSON, and the tasks that they store."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from excite.design.motion_limits import RecomputedLimits
-from excite.design.stored_design import StoredDesign
-from excite.design.stored_sequence import check_joined
+from excite.design.stored_design import StoredDesign, check_joined
 from excite.files.content_hashes import check_motion
 from excite.files.design_folder import DESIGN, KIND, SCHEMA, TRAJECTORY
+from excite.files.earlier_content import earlier_of_content
 from excite.files.stored import stored_content, stored_robot
-from excite.files.stored_task import stored_task
+from excite.files.task_file import task_from_options
 from excite.files.world_file import world_of
 from excite.information.target import moving_robot
 from excite.registry import OwnPart, is_own
@@ -22,10 +22,14 @@ from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
 from excite.storage.manifest import check_files
 from excite.storage.records import complete
+from excite.tasks.stored_files import InitialDesign, StoredRobot
+from excite.tasks.task import Task
 from excite.trajectories import stored_trajectory
 from excite.trajectories.sequence import WholeRobotMotion
 from regressors.arguments import checked
 from regressors.errors import InputError
+from regressors.readers.library import built_in_names
+from regressors.robot.robot import Robot
 
 
 @checked
@@ -86,3 +90,23 @@ def _check_joined(design: StoredDesign) -> None:
     if design.transfers is not None:
         whole = WholeRobotMotion(design.trajectory, design.task.limits.applied(design.robot), design.moving.joint_names)
         check_joined(design.transfers, whole.samples(np.array([0.0, whole.duration])).q)
+
+
+def stored_task(content: Mapping[str, Any], robot: Robot, allowed: Collection[str], own: Mapping[str, Any]) -> Task:
+    """The task of a design or a result.
+
+    A robot that is not built in is the one that the file describes, so that the task can be run again without the file
+    that it was read from.
+    """
+    options, shape = dict(content["task"]), content.get("shape")
+    if str(options["robot"]) not in built_in_names():
+        options["robot"] = StoredRobot(
+            str(options["robot"]), robot, None if shape is None else world_of(shape, "shape of the robot")
+        )
+    elif shape is None and not robot.shapes:  # built in, of a time when the built-in robots had none
+        options["self_collision"] = False
+    if content.get("begins_with") is not None:
+        options["begin"] = InitialDesign(str(options.get("begin")), content["begins_with"])
+    if content.get("after") is not None:
+        options["after"] = [earlier_of_content(each) for each in content["after"]]
+    return task_from_options(options, stored=True, allowed=allowed, **own)

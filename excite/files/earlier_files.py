@@ -19,7 +19,7 @@ from excite.information.earlier_precision import geometry, payload_text
 from excite.information.half_widths import residual_degrees_of_freedom
 from excite.information.metrics import noise_per_row
 from excite.information.target import IdentificationTarget, target_of
-from excite.storage.content_hash import sha256_of
+from excite.storage.manifest import sha256_of
 from excite.tasks.earlier_information import DESIGN, RESULT, EarlierInformation
 from excite.tasks.stored_files import UnopenedFile
 from regressors.errors import InputError

@@ -13,11 +13,10 @@ from excite.files.sampled_motion import read_motion
 from excite.files.torque_ramp_columns import read_torque
 from excite.friction.plan.friction_plan import KIND as OF_PLAN
 from excite.friction.plan.friction_plan import PLAN, load_friction_plan
-from excite.simulation.source import MotionSource
+from excite.simulation.reference import MotionSource
 from excite.storage.commit import read_settled
-from excite.storage.content_hash import sha256_of
 from excite.storage.destination import Destination
-from excite.storage.manifest import check_files
+from excite.storage.manifest import check_files, sha256_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from excite.files.content_hashes import HASHES
 from excite.files.design_folder import DESIGN
 from excite.storage.atomic import read_json
-from excite.storage.content_hash import entry_sha256, sha256_of
+from excite.storage.manifest import entry_sha256, sha256_of
 from regressors.errors import InputError
 
 _MOST = 1000  # folders in one folder that are looked into

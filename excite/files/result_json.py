@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from excite.files.design_json import stored_task
 from excite.files.friction_file import friction_of, friction_text, read_friction
 from excite.files.stored import stored_robot
-from excite.files.stored_task import stored_task
 from excite.files.task_file import stored_part, task_content
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe

@@ -1,4 +1,4 @@
-"""Robot YAML of any robot, whichever description it was read from: it reads back as the same robot, to the last bit."""
+"""Robots and prior knowledge as YAML."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from excite.storage.atomic import replacing
-from excite.storage.result_file import result_file
+from excite.storage.result_folder import result_file
+from excite.study.posterior_samples import ParameterRange, PosteriorSamples
 from regressors.errors import InputError
+from regressors.input_files import read_text
+from regressors.quantities import fault as fault_of
 from regressors.readers.description import parse_description
+from regressors.readers.documents import described, parse_document
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.robot import Branch, Drive, Joint, Limits, Link, Robot, Transmission
 
@@ -147,3 +151,74 @@ def _ratio(gear: GearFunction) -> Any:
     if isinstance(gear, BallScrew):
         return {"ball_screw": {"pitch": gear.pitch, "square": gear.square, "cosine": gear.cosine, "sine": gear.sine}}
     raise InputError(f"robot YAML cannot hold a gear of type {type(gear).__name__}")
+
+
+_KEYS = ("value", "deviation")
+
+
+def read_prior(path: Path) -> dict[str, dict[str, float]]:
+    """Read values and standard deviations from a file such as ``X7: {value: 8.125, deviation: 0.5}``, in SI."""
+    try:
+        text = read_text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read prior file {path}: {getattr(error, 'strerror', None) or error}") from error
+    document = parse_document(text, str(path))
+    assert isinstance(document.content, dict)
+    problems = {name: fault(known) for name, known in document.content.items()}
+    if any(problems.values()):
+        raise document.error(((name,), what) for name, what in problems.items() if what)
+    return {name: {key: float(known[key]) for key in _KEYS} for name, known in document.content.items()}
+
+
+def known_beforehand(prior: object) -> object:
+    """Check the entry ``prior`` of a task file: a relative uncertainty, or parameters as in a prior file."""
+    if isinstance(prior, int | float) and not isinstance(prior, bool):
+        if (wrong := fault_of("prior", prior)) is not None:
+            raise ValueError(wrong)
+        return prior
+    if not isinstance(prior, dict):
+        raise ValueError(f"expected a relative uncertainty or a mapping of parameters, given {described(prior)}")
+    for name, known in prior.items():
+        if what := fault(known):
+            raise ValueError(f"{name}: {what}")
+    return prior
+
+
+def fault(known: object) -> str:
+    """Problem with one parameter's entry as text; empty if it is valid."""
+    if isinstance(known, dict) and set(known) == set(_KEYS) and all(isinstance(known[k], int | float) for k in _KEYS):
+        wrong = ((key, fault_of(f"prior_{key}", known[key])) for key in _KEYS)
+        return next((f"{key} {what}" for key, what in wrong if what is not None), "")
+    given = f"a mapping of {', '.join(map(str, known))}" if isinstance(known, dict) else described(known)
+    return f"expected finite numbers {{value: ..., deviation: ...}}, given {given}"
+
+
+def ranges_text(samples: PosteriorSamples, level: float, comment: tuple[str, ...] = ()) -> str:
+    """The whole document, the same for the same samples."""
+    lines = [
+        *(f"# {line}" for line in comment),
+        f"robot: {_quoted(samples.robot)}",
+        f"result_sha256: {_quoted(samples.result_sha256 or '')}",
+        f"level: {_number(level)}",
+        f"samples: {len(samples)}",
+        f"seed: {samples.seed}",
+        f"prior: {_number(samples.prior)}",
+        "parameters:",
+        *map(_line, samples.ranges(level)),
+    ]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _line(one: ParameterRange) -> str:
+    numbers = ", ".join(f"{name}: {_number(getattr(one, name))}" for name in ("low", "high", "mean", "deviation"))
+    return f"  {one.name}: {{unit: {_quoted(one.unit)}, {numbers}}}"
+
+
+def _number(value: float) -> str:
+    """Text that also readers of YAML 1.1, such as PyYAML, take for this number: with a point before the exponent."""
+    digits, exponent, power = repr(float(value)).partition("e")
+    return f"{digits}{'' if '.' in digits else '.0'}{exponent}{power}"
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -1,4 +1,4 @@
-"""Motions read from files in the format of ``trajectory.csv``."""
+"""Motions sampled in files, ours or others'."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.design.design import Design
+from excite.logs.csv_motion import motion_columns, write_motion_table
 from excite.simulation.reference import SampledMotion
 from regressors.errors import InputError, UnknownName
 from regressors.input_files import LOG, opened
@@ -81,3 +83,18 @@ def _number(cell: str, path: Path, line: int) -> float:
     if not math.isfinite(number):
         raise InputError(f"{path}, line {line}: a value is not finite")
     return number
+
+
+def trajectory_columns(design: Design, speed: float = 1.0) -> tuple[list[str], Array]:
+    """Header and table: ``time``, then position, velocity, acceleration of each joint.
+
+    Locked joints are included, at their resting position; velocity and acceleration at both ends are exact zeros.
+    """
+    return motion_columns(design.robot.joint_names, design.sequence.sampled(speed)[0])
+
+
+def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:
+    """Write the motion of a design; with approach and return, a last column ``segment`` is added."""
+    samples, segments = design.sequence.sampled(speed)
+    header, table = motion_columns(design.robot.joint_names, samples)
+    write_motion_table(path, header, table, None if design.approach_and_return is None else segments)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import write_log
 from excite.logs.sidecar import LOG, SCHEMA, log_entry, saturation_content, sidecar_path
 from excite.simulation.simulation import Simulation
 from excite.storage.atomic import read_json, write_json
-from excite.storage.content_hash import sha256_of
-from excite.storage.result_file import replace_files, result_file
+from excite.storage.manifest import sha256_of
+from excite.storage.result_folder import replace_files, result_file
 from regressors.errors import InputError, TakenError
 
 

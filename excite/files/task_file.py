@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from constraints.collision.geometry import World
 from excite.files.friction_file import friction_content, friction_of_content, read_friction
-from excite.files.prior_file import known_beforehand
+from excite.files.robot_yaml import known_beforehand
 from excite.files.world_file import read_world, world_of
 from excite.registry import BUILT_IN, OwnPart, name_of, place_of
 from excite.tasks.limit_choice import OF_JOINTS, LimitChoice

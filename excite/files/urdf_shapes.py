@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from constraints.collision.capsules import enclosing_capsule, enclosing_cylinder
-from constraints.collision.geometry import Capsule, Part
+from constraints.collision.geometry import Capsule, Part, enclosing_capsule, enclosing_cylinder
 from excite.files.collada_mesh import collada_triangles
 from excite.files.mesh import MeshError, mesh_corners
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
-from regressors.readers.resting_joints import resting_pose
+from regressors.readers.chain_ends import resting_pose
 from regressors.readers.urdf_elements import XmlElement
 from regressors.readers.urdf_tree import UrdfTree, parse_tree, robot_element
 from regressors.robot.inertia import rotation_from_rpy

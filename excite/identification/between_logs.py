@@ -1,4 +1,4 @@
-"""Scatter of estimates between logs, beside what the noise of each log explains, and intervals that allow for it.
+"""Scatter of estimates between logs, beside what the noise of each log explains, and intervals that count it.
 
 For a parameter with estimates b_k of deviation s_k from K logs, ``Q = sum_k (b_k - b)^2 / s_k^2`` about their weighted
 mean b. If noise were all, ``Q / (K - 1)`` would be about one. What changes from log to log (temperature, the payload's
@@ -18,9 +18,15 @@ from typing import ClassVar
 
 import numpy as np
 import scipy.stats
+from numpy.typing import NDArray
 
-from excite.identification.each_log import EachLog
+from excite.identification.equations import equations
 from excite.identification.estimate import CONFIDENCE, Estimate
+from excite.identification.estimator import Context, Estimator
+from excite.identification.observations import Observations
+from excite.identification.stated_uncertainty import with_uncertainty
+from excite.identification.streamed_rows import StreamedRows
+from regressors.errors import ExciteError
 from regressors.samples import Array
 
 TYPICAL, FRICTION = 1.6, 3.2  # largest scatter between two logs of a real robot over stated deviations, benchmarks/real
@@ -155,3 +161,65 @@ def interval_scope(logs: int) -> str:
             "that included"
         )
     return f"the intervals hold across logs such as these {logs}: the scatter between them is included"
+
+
+@dataclass(frozen=True, eq=False)
+class EachLog:
+    """Estimates from K logs, each from one of them alone; p parameters."""
+
+    listed: ClassVar[bool] = True
+
+    logs: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    # (p,) which parameters are coefficients of friction, which changes with temperature, wear and lubrication
+    friction: NDArray[np.bool_]
+    # (K, p) estimates, and the standard deviation that each log's own residuals give them; NaN and infinite where a
+    # parameter is not identifiable from a log alone
+    values: Array
+    deviations: Array  # (K, p)
+    degrees_of_freedom: Array  # (K,) of these deviations
+
+
+def estimate_each(
+    estimator: Estimator, observations: Observations, context: Context, *, found: frozenset[str]
+) -> EachLog:
+    """Estimate from every log alone."""
+    count, base = len(observations.logs), context.target.base
+    values = np.full((count, len(observations.names)), np.nan)
+    deviations, freedom = np.full(values.shape, np.inf), np.ones(count)
+    for k in range(count):
+        alone = _alone(estimator, observations, context, k, found)
+        if alone is not None:
+            values[k], deviations[k], freedom[k] = alone.values, alone.deviation, alone.degrees_of_freedom
+    friction = np.array([base.columns[k].group == "friction" for k in base.index])
+    return EachLog(observations.logs, observations.names, observations.units, friction, values, deviations, freedom)
+
+
+def _alone(
+    estimator: Estimator, observations: Observations, context: Context, k: int, found: frozenset[str]
+) -> Estimate | None:
+    """Estimate from log k; None where it has too few equations, or none that the estimator can use."""
+    rows = np.flatnonzero(observations.log == k)
+    if rows.size <= len(observations.names):
+        return None
+    parts = context.prepared[k : k + 1]
+    if isinstance(observations.W, StreamedRows):
+        part = equations(context.target, parts, context.recipe)
+    else:
+        part = _of_log(observations.rows(rows), k)
+    try:
+        estimate = estimator.estimate(part, replace(context, prepared=parts))
+    except ExciteError:
+        return None
+    return with_uncertainty(estimate, part, context.target, parts, context.recipe, found=found)
+
+
+def _of_log(observations: Observations, k: int) -> Observations:
+    noise = observations.noise
+    return replace(
+        observations,
+        log=np.zeros_like(observations.log),
+        logs=observations.logs[k : k + 1],
+        noise=None if noise is None else noise[k : k + 1],
+    )

@@ -11,21 +11,30 @@ import scipy.stats
 
 from excite.identification.carried_payload import load_regressor
 from excite.identification.curve_uncertainty import estimate_changes
-from excite.identification.drive_gains import GainCalibration, LogFile, drive_gains
+from excite.identification.drive_gains import (
+    BLOCKS,
+    GainCalibration,
+    LogFile,
+    block_deviation,
+    corrections,
+    drive_gains,
+    drives_of_torques,
+)
 from excite.identification.equations import equations_of, right_sides
 from excite.identification.estimate import CONFIDENCE
-from excite.identification.gain_uncertainty import BLOCKS, block_deviation
+from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
-from excite.identification.torque_factors import corrections, drives_of_torques
 from excite.information.target import IdentificationTarget
-from regressors.errors import InputError
+from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
 
 if TYPE_CHECKING:
     from excite.logs.log import Log
+    from excite.trajectories import Trajectory
+
 
 KINDS = ("each", "common")
 _LEAST_KNOWN = 0.5  # half of an interval, of the gain, from which on a load does not act
@@ -104,3 +113,34 @@ def _stated_mass(observations: Observations, load: Array) -> float:
         sizes = np.array([np.sqrt(np.mean(e[equation == j] ** 2)) for j in range(len(observations.equations))])
         weight = 1.0 / np.maximum(sizes, 1e-12)[equation]
     return float(x[observations.W.shape[1]])
+
+
+def check_given(loaded: object, known_mass: float | None, kind: str) -> bool:
+    """Whether gains are to be calibrated."""
+    given = not (isinstance(loaded, list | tuple) and not loaded)
+    if kind not in KINDS:
+        raise UnknownName("kind of gains", kind, KINDS)
+    if given and known_mass is None:
+        raise InputError("`loaded` logs calibrate the drive gains from a known mass; give `known_mass` [kg]")
+    if not given and known_mass is not None:
+        raise InputError("`known_mass` is that of a load in logs of its own; give them as `loaded`")
+    return given
+
+
+def calibrated(
+    bare: Identification,
+    logs: Sequence[Log],
+    loaded: Sequence[Log],
+    known_mass: float,
+    kind: str,
+    *,
+    commanded: Trajectory | None = None,
+) -> Identification:
+    """Calibrate the gains, and identify once more in corrected torques."""
+    if twice := {log.sha256 for log in logs} & {log.sha256 for log in loaded}:
+        names = ", ".join(log.source for log in loaded if log.sha256 in twice)
+        raise InputError(f"{names}: the same log is given with and without the load")
+    calibration = calibrate(bare, loaded, known_mass, kind)
+    recipe = replace(bare.recipe, torque_factors=tuple(calibration.factors.items()))
+    result = estimate_parameters(bare.robot, bare.task, logs, recipe, commanded=commanded)
+    return with_calibration(result, calibration)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from regressors.models.load import LOAD_PARAMETERS
-from regressors.models.payload import PayloadModel
+from regressors.models.load import LOAD_PARAMETERS, PayloadModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 

@@ -8,16 +8,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.identification.autoregressive_noise import NoiseGroup, autoregressive_covariance
-from excite.identification.cumulated_noise import NoiseOrigin, NoisePaths, noise_paths
+from excite.identification.autoregressive_noise import (
+    NoiseGroup,
+    NoiseOrigin,
+    NoisePaths,
+    autoregressive_covariance,
+    noise_paths,
+)
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import LinearSolution, solve_triangular_system
 from excite.identification.estimators.huber import THRESHOLD
-from excite.identification.factors import GroupFactors, rows_of_groups
 from excite.identification.leading_autocorrelation import autocorrelation
-from excite.identification.observations import Observations
-from excite.identification.residuals import effective_samples
+from excite.identification.observations import GroupFactors, Observations, rows_of_groups
+from excite.identification.residuals import effective_samples, residual_diagnostics
 from excite.identification.row_stretches import row_stretches
-from excite.identification.solution import LinearSolution, solve_triangular_system
 from excite.identification.streamed_rows import Rows
 from excite.information.half_widths import residual_degrees_of_freedom
 from regressors.errors import InputError, UnknownName
@@ -219,3 +223,29 @@ def _bartlett(parts: Iterable[Array], width: int) -> Array:
         spread += sums.T @ sums
         carried = rows[len(rows) - width + 1 :]
     return np.asarray(spread / width)
+
+
+def with_covariance(
+    estimate: Estimate, observations: Observations, kind: str, origin: NoiseOrigin | None = None
+) -> Estimate:
+    """Choose the covariance of an estimate by the correlation of its residuals, or as asked for."""
+    cumulated = origin is not None and origin.cumulated
+    if kind == "white" or (kind == "auto" and not cumulated and _white(estimate, observations)):
+        return estimate
+    if kind == "auto" and estimate.method not in METHODS:
+        note = "residuals are correlated in time, but the intervals assume white ones: they are too narrow"
+        return replace(estimate, notes=(*estimate.notes, note))
+    return robust_covariance(estimate, observations, origin=origin)
+
+
+def _white(estimate: Estimate, observations: Observations) -> bool:
+    """True if no equation's residuals are clearly correlated in time."""
+    return all(r.whiteness > 0.001 or abs(r.lag_one) < 0.05 for r in residual_diagnostics(estimate, observations))
+
+
+def condition_number(observations: Observations) -> float:
+    """cond(W), infinite where a column vanishes or depends on others."""
+    factors = GroupFactors.of(observations)
+    R = factors.stacked(np.ones(len(factors.R)))[:, :-1]
+    sigma = np.linalg.svd(R, compute_uv=False)
+    return float(sigma[0] / sigma[-1]) if R.shape[0] >= R.shape[1] and sigma[-1] > 1e-13 * sigma[0] else np.inf

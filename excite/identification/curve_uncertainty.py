@@ -16,13 +16,12 @@ import scipy.linalg
 from excite.identification.covariance import METHODS, divisors
 from excite.identification.equations import right_sides
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import solve_triangular_system
 from excite.identification.estimators.huber import THRESHOLD
-from excite.identification.factors import GroupFactors
 from excite.identification.known_friction import carried_torques
-from excite.identification.observations import Observations
+from excite.identification.observations import GroupFactors, Observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
-from excite.identification.solution import solve_triangular_system
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves, changed, drives_with_friction

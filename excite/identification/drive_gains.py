@@ -1,4 +1,4 @@
-"""Corrections of drive gains from a load of known mass.
+"""Corrections of drive gains from a load of known mass, and their uncertainty.
 
 The torque that is "measured" is current times a stated gain. Where the stated gain of equation j is to be multiplied by
 ``g_j``, what was measured is ``y_j = (W_j beta + K_j phi) / g_j + e_j``. Without a load every scale of (g, beta, phi)
@@ -7,15 +7,23 @@ explains the same measurements; the known mass fixes the scale.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from excite.identification.observations import Observations
-from regressors.errors import InputError
+from excite.identification.recipe import Factors
+from regressors.errors import InputError, UnknownName
+from regressors.friction.load_share import drives_with_friction, torques_at_drives
 from regressors.models.base import triangular_factor
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
+
+if TYPE_CHECKING:
+    from excite.logs.log import Log
+
 
 _ROUNDS = 30
 
@@ -158,3 +166,110 @@ class GainCalibration:
             },
             "logs": [dict(vars(log)) for log in self.logs],
         }
+
+
+BLOCKS = 40  # of all logs together; long against the correlation of residuals, short against the motion
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Sums over the rows of one block, in the free parameters: ``J' V J`` and ``J' V e``."""
+
+    normal: Array
+    score: Array
+
+
+def block_deviation(observations: Observations, load: Array, gains: DriveGains, *, common: bool) -> Array:
+    """Standard deviation of each gain, from estimates that leave out one block of time each.
+
+    ``sum_b (B - 1)/B d_b d_b'`` with the step ``d_b = (A - A_b)^-1 s_b`` of the Gauss-Newton method without block b
+    [Efron, Tibshirani 1993, ch. 11].
+    """  # load (m, 10)
+    h, x = 1.0 / gains.factor, np.concatenate([gains.beta, gains.load])
+    weight = _equation_weights(observations, load, h, x)
+    count = 1 if common else h.size
+    free = np.delete(np.arange(count + x.size), count + gains.beta.size)  # all but the known mass
+    blocks = [_block(observations, load, rows, h, x, weight, common, free) for rows in _blocks(observations)]
+    whole = np.sum([block.normal for block in blocks], axis=0)
+    scale = np.sqrt(np.diag(whole))
+    steps = [
+        np.linalg.solve((whole - block.normal) / np.outer(scale, scale), block.score / scale) / scale
+        for block in blocks
+    ]
+    variance = (1 - 1 / len(blocks)) * np.sum(np.array(steps) ** 2, axis=0)
+    spread = np.sqrt(variance[:count])
+    return np.asarray(np.broadcast_to(spread, h.shape) / h**2)
+
+
+def _equation_weights(observations: Observations, load: Array, h: Array, x: Array) -> Array:
+    """One over the squared size of each equation's residuals."""
+    equation = observations.equation
+    e = observations.y - h[equation] * (np.hstack([observations.matrix, load]) @ x)
+    return np.array([1.0 / np.mean(e[equation == j] ** 2) for j in range(h.size)])
+
+
+def _blocks(observations: Observations) -> list[Index]:
+    """Rows of each block: every log is cut into blocks of equal length, in proportion to its rows."""
+    share = np.bincount(observations.log) / observations.log.size
+    blocks = []
+    for log, part in enumerate(share):
+        rows = np.flatnonzero(observations.log == log)
+        blocks += np.array_split(rows, max(2, round(BLOCKS * float(part))))
+    return blocks
+
+
+def _block(
+    observations: Observations, load: Array, rows: Index, h: Array, x: Array, weight: Array, common: bool, free: Index
+) -> _Block:
+    equation = observations.equation[rows]
+    A = np.hstack([observations.W[rows], load[rows]])
+    torque = A @ x
+    first = np.zeros((rows.size, 1 if common else h.size))
+    first[np.arange(rows.size), 0 if common else equation] = torque
+    J = np.hstack([first, h[equation, None] * A])[:, free]
+    e = observations.y[rows] - h[equation] * torque
+    return _Block(J.T @ (weight[equation, None] * J), J.T @ (weight[equation] * e))
+
+
+def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Array]:
+    """Drives whose torques are measured, and the matrix D from joint torques to theirs."""
+    names = tuple(name for name, _ in drives_with_friction(robot))
+    if len(names) == robot.n:
+        return names, torques_at_drives(robot)
+    if each:
+        raise InputError(
+            f"the torques of {robot.n} joints do not determine the gains of {len(names)} drives ({', '.join(names)}); "
+            "give `gains='common'`"
+        )
+    return robot.joint_names, np.eye(robot.n)
+
+
+def corrected(log: Log, robot: Robot, factors: Factors | Mapping[str, float] | None) -> Log:
+    """A log of the moving joints whose torques are in corrected gains."""
+    if not factors:
+        return log
+    if log.effort is None:
+        raise InputError(f"{log.source}: `torque_factors` are for joint torques, which it does not have")
+    return replace(log, effort=log.effort @ correction(robot, dict(factors)).T)
+
+
+def correction(robot: Robot, factors: Mapping[str, float]) -> Array:
+    """``D^-1 diag(g) D``, which corrects joint torques, shape (n, n)."""
+    known = {*(name for name, _ in drives_with_friction(robot)), *robot.joint_names}
+    for name in factors:
+        if name not in known:
+            raise UnknownName("drive", name, sorted(known))
+    names, D = drives_of_torques(robot, each=len(set(factors.values())) > 1)
+    g = np.array([factors.get(name, 1.0) for name in names])
+    return np.asarray(np.linalg.solve(D, g[:, None] * D))
+
+
+def corrections(robot: Robot, torque: Array, factors: Mapping[str, float], *, common: bool) -> Array:
+    """Change of corrected joint torques with the factors, shape (k, N, n); k is 1 for a common factor."""
+    # torque (N, n)
+    if common:
+        return np.asarray(torque / next(iter(factors.values())))[None]
+    names, D = drives_of_torques(robot, each=True)
+    at_drives = torque @ D.T
+    parts = [np.outer(at_drives[:, k] / factors[name], np.linalg.inv(D)[:, k]) for k, name in enumerate(names)]
+    return np.array(parts)

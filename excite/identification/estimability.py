@@ -9,8 +9,8 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from excite.identification.estimate import CONFIDENCE, Estimate
+from excite.identification.estimator import LinearSolution
 from excite.identification.observations import Observations
-from excite.identification.solution import LinearSolution
 from regressors.models.independence import independent_columns
 from regressors.samples import Array
 

@@ -7,29 +7,27 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from excite.identification.adjustment import presliding_note
-from excite.identification.between_logs import LogScatter, allowing_for_logs, log_scatter
+from excite.identification.between_logs import LogScatter, allowing_for_logs, estimate_each, log_scatter
+from excite.identification.covariance import condition_number
 from excite.identification.curve_uncertainty import allowing_for_curves
-from excite.identification.each_log import estimate_each
 from excite.identification.equations import equations
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.friction_mismatch import friction_mismatch
 from excite.identification.friction_scale import FrictionScale, allowing_for_scale, fitted_scale
+from excite.identification.given_logs import MeasuredLogs, measured_logs
 from excite.identification.identification import Identification
 from excite.identification.known_friction import without_friction
-from excite.identification.measured_logs import MeasuredLogs, measured_logs
 from excite.identification.motion_noise import allowing_for_motion_noise
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
-from excite.identification.pull_bias import allowing_for_pull
+from excite.identification.provenance import reference_of
 from excite.identification.recipe import Recipe
-from excite.identification.reference_values import reference_of
-from excite.identification.residual_covariance import condition_number
 from excite.identification.result import FitData
 from excite.identification.standstill_bias import allowing_for_standstill
-from excite.identification.stated_uncertainty import with_uncertainty
+from excite.identification.stated_uncertainty import allowing_for_pull, with_uncertainty
 from excite.information.friction_notes import left_out_notes
-from excite.information.rounded_angles import left_out_by_rounding
+from excite.information.nearly_unidentifiable import left_out_by_rounding
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 

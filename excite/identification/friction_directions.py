@@ -7,7 +7,7 @@ import numpy as np
 from excite.identification.hysteresis import measured_direction
 from excite.identification.recipe import Sizes
 from regressors.errors import InputError
-from regressors.friction.friction_drives import drives_with_friction
+from regressors.friction.curves import drives_with_friction
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 

@@ -22,17 +22,15 @@ import scipy.linalg
 import scipy.stats
 from numpy.typing import NDArray
 
-from excite.identification.covariance import METHODS, divisors
-from excite.identification.equations import kept_rows
+from excite.identification.covariance import METHODS, divisors, with_covariance
+from excite.identification.equations import friction_drives, kept_rows
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context
 from excite.identification.estimators.weighted import weighted
 from excite.identification.friction_directions import drive_directions, drive_rows
-from excite.identification.measured_regressor import friction_drives
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
-from excite.identification.residual_covariance import with_covariance
 from excite.identification.streamed_rows import StreamedRows
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array

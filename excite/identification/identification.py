@@ -21,13 +21,13 @@ from excite.identification.plausibility.doubt import Doubt
 from excite.identification.plausibility.doubts import doubts_of, warnings_of
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
 from excite.identification.preparation import PreparedLog
+from excite.identification.provenance import ReferenceValues
 from excite.identification.recipe import Recipe
-from excite.identification.reference_values import ReferenceValues
 from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDesign, RepetitionSummary
 from excite.information.target import IdentificationTarget
 from excite.registry import built_in
 from excite.storage.codec import INLINE, OBJECT, named
-from excite.storage.curves_file import chosen, short
+from excite.storage.records import chosen, short
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves

@@ -12,21 +12,20 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
 from excite.errors import ConicSolverError
-from excite.estimates.long_work import announce
-from excite.identification.calibrated import calibrated, check_given
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.identification.calibration import calibrated, check_given
 from excite.identification.choices.choose import Chosen, choose_settings
-from excite.identification.choices.drive_terms import added_columns
 from excite.identification.choices.free_settings import TERM_SETTINGS, free_settings
+from excite.identification.choices.friction_terms import added_columns
 from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
-from excite.identification.identification_memory import rows_prediction
-from excite.identification.identification_time import identification_seconds
 from excite.identification.provenance import check_played, played_design, provenance_of
 from excite.identification.recipe import Recipe
-from excite.identification.selection_uncertainty import allowing_for_selection
-from excite.identification.stated_uncertainty import FOUND
+from excite.identification.stated_uncertainty import FOUND, allowing_for_selection
+from excite.identification.streamed_rows import HELD
 from excite.information.target import friction_of_moving, moving_robot
+from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.registry import built_in
 from excite.tasks.installation import Installation
@@ -44,6 +43,7 @@ from regressors.symbolic.vectorised import interpreted_note
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator
     from excite.logs.log import Log
+
 
 _NO_BODIES = "bodies are not held physically possible: the conic solver found none for all rows together"
 _RECIPE = frozenset(field.name for field in fields(Recipe))
@@ -286,3 +286,39 @@ def _read(path: str | Path, robot: Robot) -> FrictionCurves:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return curves
+
+
+_OF_ANY, _OF_JOINT = 20.0, 13.0  # numbers of each row, and of each of its joints
+_COPIES = 2.0  # of the regressor that is held; beyond `HELD` it is computed when it is asked for
+
+
+def rows_prediction(work: str, logs: Sequence[Log]) -> WorkPrediction:
+    """Memory of work with the rows of some logs; the factors are measured."""
+    rows, joints = sum(log.count for log in logs), max(len(log.joints) for log in logs)
+    numbers = _OF_ANY + _OF_JOINT * joints
+    equations = min(_COPIES * HELD, FLOAT * rows * 10.0 * joints**2)
+    held = FLOAT * rows * numbers + equations
+    return WorkPrediction(
+        work, (MemoryPart("rows", rows, 1 + 3 * joints, held, remedy="choose fewer rows with `rows`"),)
+    )
+
+
+_CHOICES = 0.015  # seconds of choosing settings on the instants of a trial, for each joint to the third power
+_FURTHER = 0.4  # of that, for each log after the first
+_TRIED, _MOST_TRIED = 2.5e-6, 1e5  # seconds of choosing for each row and pair of joints, and rows that count
+_ROWS = 5e-7  # seconds of the estimate for each row and pair of joints
+
+
+def identification_seconds(logs: Sequence[Log], *, chosen: bool) -> float:
+    """Time of an identification on one core, without figures [s]; right within a factor of three.
+
+    The unit that it grows with is a number of the regressor: rows times joints times joints, as there are about ten
+    parameters to a joint. Measured with 800 to 2,000,000 rows, 5 to 7 joints and up to 5 logs by the estimators
+    ``weighted`` and ``physical``; others take more.
+    """
+    rows, joints = sum(log.count for log in logs), max(len(log.joints) for log in logs)
+    seconds = 0.1 + _ROWS * rows * joints**2
+    if chosen:
+        seconds += _CHOICES * joints**3 * (1.0 + _FURTHER * (len(logs) - 1))
+        seconds += _TRIED * min(rows, _MOST_TRIED) * joints**2
+    return float(seconds)

@@ -16,7 +16,7 @@ from excite.tasks.model_choice import FRICTION
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves, carried_along, drive_temperatures, drives_with_friction
-from regressors.friction.friction_drives import moving_drive_numbers
+from regressors.friction.load_share import moving_drive_numbers
 from regressors.friction.temperature import temperature_notes
 from regressors.models.columns import COULOMB, VISCOUS
 from regressors.robot.robot import Robot

@@ -6,8 +6,7 @@ import numpy as np
 
 from excite.identification.covariance import group_scale
 from excite.identification.estimate import Estimate
-from excite.identification.factors import GroupFactors
-from excite.identification.observations import Observations
+from excite.identification.observations import GroupFactors, Observations
 from regressors.samples import Array
 
 

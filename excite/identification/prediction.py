@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.identification.equations import predicted_rows
 from excite.identification.known_friction import known_torque
-from excite.identification.measured_regressor import predicted_rows
 from excite.identification.preparation import PreparedLog, measured_channel
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of

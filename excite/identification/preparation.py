@@ -9,24 +9,27 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from excite.identification.event_stretches import spans_left_out, stretches_left_out, without_impacts
+from excite.identification.drive_gains import corrected
 from excite.identification.recipe import ALL, AUTO, Recipe
-from excite.identification.saturated_rows import saturated_stretches, spans_in_mean
-from excite.identification.torque_factors import corrected
+from excite.identification.saturated_rows import (
+    saturated_stretches,
+    spans_in_mean,
+    spans_left_out,
+    stretches_left_out,
+    without_impacts,
+)
 from excite.information.target import IdentificationTarget
 from excite.logs.cleaning import cleaned
-from excite.logs.event import SATURATION, Event
-from excite.logs.event_notes import event_notes
+from excite.logs.event import SATURATION, Event, event_notes
 from excite.logs.excitation import exciting_rows
+from excite.logs.impacts import check_resets
 from excite.logs.log import Log
 from excite.logs.log_checks import check_log, joints_of
-from excite.logs.position_jumps import check_resets
 from excite.logs.saturation import Spans, within
 from excite.signals.delay import delayed
 from excite.signals.method import FilteredMotion, Method
 from excite.signals.methods import signal_method
-from excite.signals.period import repeats
-from excite.signals.periods import average_periods
+from excite.signals.periods import average_periods, repeats
 from excite.signals.resampling import Resampled, resample
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -57,7 +60,7 @@ class PreparedLog:
         What happened in it, and why these are left out.
     standing : tuple of Spans
         Stretches that make no rows of each equation, where friction may hold a drive, see
-        `excite.identification.standstill`.
+        `excite.identification.standstill_bias`.
     """
 
     log: Log

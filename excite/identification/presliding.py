@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 
+from excite.identification.equations import DirectedFriction, friction_drives, put_friction
 from excite.identification.friction_directions import directions, drive_rows
 from excite.identification.hysteresis import measured_direction
 from excite.identification.known_friction import of_drives
-from excite.identification.measured_regressor import DirectedFriction, friction_drives, put_friction
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Sizes

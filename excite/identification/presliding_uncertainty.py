@@ -12,16 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from excite.identification.covariance import METHODS, divisors
-from excite.identification.equations import kept_rows
+from excite.identification.equations import friction_drives, kept_rows
 from excite.identification.estimate import Estimate
-from excite.identification.factors import GroupFactors
+from excite.identification.estimator import solve_triangular_system
 from excite.identification.friction_directions import drive_directions
-from excite.identification.measured_regressor import friction_drives
-from excite.identification.observations import Observations
+from excite.identification.observations import GroupFactors, Observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe, Sizes
-from excite.identification.solution import solve_triangular_system
-from excite.identification.widened_rows import widened
+from excite.identification.streamed_rows import widened
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array
 

@@ -60,7 +60,7 @@ class Recipe:
         for none. See `excite.identification.hysteresis`.
     standstill : float, optional
         Speed of a drive below which rows with its torque are left out, since friction may hold it there [rad/s or m/s];
-        0 for none. See `excite.identification.standstill`.
+        0 for none. See `excite.identification.standstill_bias`.
     torque_factors : mapping of str to float, optional
         Factors on the measured torques of drives whose gains are not the stated ones.
     friction_scale : bool

@@ -9,9 +9,8 @@ import numpy as np
 import scipy.stats
 
 from excite.identification.estimate import Estimate
-from excite.identification.factors import check_observations, rows_of_groups
 from excite.identification.leading_autocorrelation import autocorrelation
-from excite.identification.observations import Observations
+from excite.identification.observations import Observations, check_observations, rows_of_groups
 from regressors.errors import InputError
 from regressors.samples import Array
 

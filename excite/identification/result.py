@@ -16,7 +16,7 @@ from excite.identification.preparation import PreparedLog
 from excite.identification.residuals import GroupResidual, residual_diagnostics
 from excite.information.target import IdentificationTarget
 from excite.logs.event import Event
-from excite.storage.curves_file import chosen, every, short
+from excite.storage.records import chosen, every, short
 from regressors.errors import InputError
 from regressors.models.motor_side import MotorSide, motor_sides
 from regressors.samples import Array, Index

@@ -1,15 +1,20 @@
-"""Rows of a log that make no equations: a torque was at its limit, and what was recorded may not be what acted."""
+"""Rows of a log that make no equations: torques at their limits, and events."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from excite.identification.recipe import AUTO, Recipe
+from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.information.target import IdentificationTarget
-from excite.logs.event import SATURATION, Event
-from excite.logs.event_notes import LEFT_OUT
+from excite.logs.event import IMPACT, LEFT_OUT, SATURATION, Event
+from excite.logs.gaps import LEAST, missing_rows
+from excite.logs.impacts import impact_events
 from excite.logs.log import Log
-from excite.logs.saturation import Saturation, Spans, measured_saturation, spans_of, within
+from excite.logs.saturation import Saturation, Spans, joined_spans, measured_saturation, spans_of, within
+from excite.signals.resampling import resample
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
@@ -78,3 +83,41 @@ def spans_in_mean(spans: Spans, mean: Log) -> Spans:
         for shift in (0.0, period):  # what passes the period's end goes on at its beginning
             lost |= (phases + shift >= begin - step / 2) & (phases + shift <= end + step / 2)
     return tuple((float(t) - step / 2, float(t) + step / 2) for t in mean.time[lost])
+
+
+_SMEAR = 0.25  # of what a filter cuts at each end: half a period of its cutoff
+_LEAST_SMEAR = 0.03  # [s]
+
+
+def without_impacts(used: Log, robot: Robot, recipe: Recipe) -> tuple[Log, tuple[Event, ...]]:
+    """The log without the rows about impacts, which would spread over the filtered motion, and these impacts.
+
+    Where all rows are asked for, the rows stay.
+    """
+    units = [robot.joints[robot.joint_index(name)].unit for name in used.joints]
+    hits = impact_events(resample(used).log, used, units)
+    if recipe.rows == ALL:
+        return used, tuple(replace(event, left_out=False) for event in hits)
+    about = within(used.time, tuple((event.begin, event.end) for event in hits))
+    return (used.without(IMPACT, about) if hits else used), hits
+
+
+def stretches_left_out(smooth: Log, cut: float, hits: Sequence[Event]) -> tuple[Event, ...]:
+    """Where rows are missing, and impacts, with the stretches over which filters spread them.
+
+    Where there are no rows for longer than 20 ms, what the filter of the positions makes of it is left out too: half a
+    period of its cutoff on either side.
+    """
+    smear = max(_LEAST_SMEAR, _SMEAR * cut)
+    lost = [event for event in missing_rows(smooth) if event.kind != IMPACT]
+    spread = [_widened(event, smear) if event.left_out and event.seconds > LEAST else event for event in (*lost, *hits)]
+    return tuple(spread)
+
+
+def _widened(event: Event, smear: float) -> Event:
+    return replace(event, begin=event.begin - smear, end=event.end + smear)
+
+
+def spans_left_out(events: Sequence[Event]) -> Spans:
+    """Spans of time of the events that make no equations, joined where they overlap [s]."""
+    return joined_spans((event.begin, event.end) for event in events if event.left_out)

@@ -1,13 +1,15 @@
-"""Rows of a regressor that are computed block by block when they are needed, in place of an array of all of them."""
+"""Rows of a regressor that are computed block by block when they are needed."""
 
 from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from excite.signals.low_pass import edge, kept_rows, low_passed
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
@@ -151,3 +153,100 @@ def joined_rows(parts: Sequence[Rows]) -> Rows:
     for part in streamed[1:]:
         together = together.joined(part)
     return together
+
+
+def widened(rows: Rows, column: Array) -> Rows:
+    """Rows with one more column at the end, streamed where they are."""  # rows (m, p); column (m,)
+    return WidenedRows(rows, column) if isinstance(rows, StreamedRows) else np.column_stack([rows, column])
+
+
+class WidenedRows(StreamedRows):
+    """Streamed rows with one more column at the end."""  # rows (m, p); column (m,)
+
+    def __init__(self, rows: StreamedRows, column: Array) -> None:
+        super().__init__((_Beside(rows, column),), (None,))
+        self.rows, self.column = rows, column
+
+    def __matmul__(self, values: Array) -> Array:
+        """See `StreamedRows`; the product of the rows without the column is often known."""
+        return np.asarray(self.rows @ values[:-1] + values[-1] * self.column)
+
+
+class _Beside(RowSource):
+    """Single rows, and the column beside them."""
+
+    def __init__(self, rows: StreamedRows, column: Array) -> None:
+        self.rows, self.column, self.shape = rows, column, (len(rows), 1, rows.shape[1] + 1)
+
+    def part(self, first: int, last: int) -> Array:
+        """See `RowSource.part`."""
+        return np.column_stack([self.rows[first:last], self.column[first:last]])[:, None]
+
+    def at(self, instants: Index) -> Array:
+        """See `RowSource.at`."""
+        return np.column_stack([self.rows[instants], self.column[instants]])[:, None]
+
+
+_MARGIN = 8  # times the edge of the filter, 16 periods of its cutoff: its memory is then below 1e-16
+
+
+@dataclass(frozen=True)
+class Decimation:
+    """The same low-pass and decimation of both sides of ``y = W beta``."""
+
+    rate: float  # of the equations before it [Hz]
+    cutoff: float | None  # [Hz]; without one, rows are only decimated
+    kept: slice  # which of the instants are left
+
+    @classmethod
+    def of(cls, time: Array, cutoff: float | None, every: int | None) -> Decimation:
+        """Decimation of equations at uniform instants."""  # time (N,)
+        rate = (time.size - 1) / float(time[-1] - time[0])
+        kept = slice(0, time.size, every) if cutoff is None else kept_rows(time.size, rate, cutoff, every)
+        return cls(rate, cutoff, kept)
+
+    def __call__(self, x: Array) -> Array:
+        """Signals at the instants that are left, from shape (N, ...)."""
+        return x[self.kept] if self.cutoff is None else low_passed(x, self.rate, self.cutoff)[self.kept]
+
+
+class DecimatedRows(RowSource):
+    """Rows of a source, low-passed and decimated."""
+
+    def __init__(self, source: RowSource, decimation: Decimation) -> None:
+        self.source, self.decimation = source, decimation
+        self.instants = np.arange(source.shape[0])[decimation.kept]
+        self.shape = (self.instants.size, *source.shape[1:])
+        self._margin = 0 if decimation.cutoff is None else _MARGIN * edge(decimation.rate, decimation.cutoff)
+        small = 8 * np.prod(source.shape) <= HELD
+        self._many = self.shape[0] if small else max(BLOCK, -(-2 * self._margin // decimation.kept.step))
+        self._known: tuple[int, Array] | None = None
+
+    def part(self, first: int, last: int) -> Array:
+        """See `RowSource.part`."""
+        if self.decimation.cutoff is None:
+            return self.source.at(self.instants[first:last])
+        pieces = []
+        for number in range(first // self._many, -(-last // self._many)):
+            start = number * self._many
+            pieces.append(self._filtered(number)[max(first - start, 0) : last - start])
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+    def _filtered(self, number: int) -> Array:
+        """One of the blocks that are filtered at once; the last one is kept, since rows are asked for in sequence."""
+        if self._known is None or self._known[0] != number:
+            self._known = None
+            self._known = number, self._filter(self.instants[number * self._many : (number + 1) * self._many])
+        return self._known[1]
+
+    def _filter(self, instants: Index) -> Array:
+        """Filtered rows of some instants, from those around them; equation by equation, to hold little at once."""
+        assert self.decimation.cutoff is not None
+        N, r, b = self.source.shape
+        start, stop = max(0, int(instants[0]) - self._margin), min(N, int(instants[-1]) + self._margin + 1)
+        W, rows = self.source.part(start, stop), np.zeros((instants.size, r, b))
+        for j in range(r):
+            used = np.flatnonzero(np.any(W[:, j], axis=0))
+            smooth = low_passed(W[:, j, used], self.decimation.rate, self.decimation.cutoff)
+            rows[:, j, used] = smooth[instants - start]
+        return rows

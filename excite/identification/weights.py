@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.identification.estimator import LinearSolution, solve_triangular_system
 from excite.identification.estimators.least_squares import residual_noise
-from excite.identification.factors import GroupFactors
-from excite.identification.observations import Observations
-from excite.identification.solution import LinearSolution, solve_triangular_system
+from excite.identification.observations import GroupFactors, Observations
 from regressors.errors import InputError
 from regressors.samples import Array
 

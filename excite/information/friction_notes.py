@@ -8,7 +8,7 @@ from excite.information.target import IdentificationTarget
 from excite.tasks.drive_choice import DriveChoice, numbers_of
 from excite.tasks.model_choice import FURTHER_FRICTION, ModelChoice
 from regressors.friction.curves import FrictionCurves, drives_with_friction
-from regressors.friction.friction_drives import moving_drive_numbers
+from regressors.friction.load_share import moving_drive_numbers
 
 _NOTHING = 1e-12  # of a drive's velocity along the motion
 

@@ -19,9 +19,9 @@ import numpy as np
 
 from excite.information.metrics import noise_per_row
 from excite.information.parameter_sizes import base_sizes
-from excite.information.rounded_angles import rounded_angles
 from excite.information.target import IdentificationTarget
 from excite.information.visible_base import FACTOR, inverse_half
+from regressors.models.base import Base
 from regressors.models.columns import ROTOR, Column
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
@@ -189,3 +189,42 @@ def _largest(hides: dict[str, float]) -> tuple[str, float]:
     if finite:
         return max(finite, key=lambda each: each[1])
     return limit if np.isfinite(limit[1]) else (limit[0], 0.0)
+
+
+_EXACT, _MEANT = 1e-9, 2e-3  # rad: rounding of a computer, and the largest error of an angle written by hand, 3.14
+
+
+def rounded_angles(robot: Robot) -> tuple[str, ...]:
+    """Axes that nearly follow the one before, or stand nearly at a right angle to it, in words.
+
+    The first joint's axis is compared with gravity.
+    """
+    before = robot.gravity / (np.linalg.norm(robot.gravity) or 1.0)
+    name = "gravity"
+    found = []
+    for joint in robot.joints:
+        axis = joint.rotation @ joint.axis
+        if text := _nearly(before, axis):
+            found.append(f"the axis of joint {joint.name} is {text} to {name}")
+        before, name = joint.axis, f"that of joint {joint.name}"
+    return tuple(found)
+
+
+def left_out_by_rounding(robot: Robot, base: Base) -> tuple[str, ...]:
+    """Note on the parameters that a base leaves out because only rounding shows them; none where there are none."""
+    if not base.by_rounding:
+        return ()
+    cause = "; ".join(rounded_angles(robot)) or "their torques are as small as those of rounded angles and lengths"
+    return (
+        f"left out of the base parameters: {', '.join(base.by_rounding)}, which exist by rounding only ({cause}); "
+        "`nearly_unidentifiable='keep'` keeps them",
+    )
+
+
+def _nearly(a: Array, b: Array) -> str:
+    parallel, square = float(np.linalg.norm(np.cross(a, b))), abs(float(a @ b))
+    if not np.any(a):
+        return ""
+    if _EXACT < parallel < _MEANT:
+        return f"{parallel:.2g} rad from parallel"
+    return f"{square:.2g} rad from a right angle" if _EXACT < square < _MEANT else ""

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.logs.excitation import mean_speed, moves
 from excite.logs.log import Log
-from excite.logs.movement import mean_speed, moves
 from regressors.robot.robot import Limits, Robot
 from regressors.samples import Array
 

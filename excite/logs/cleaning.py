@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from excite.logs.clock import with_true_time
 from excite.logs.event import Event
 from excite.logs.held_rows import without_held_rows
+from excite.logs.impacts import without_spikes
 from excite.logs.log import Log
-from excite.logs.position_jumps import without_spikes
 from regressors.robot.robot import Robot
 
 _FEWEST = 3

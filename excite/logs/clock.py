@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.logs.event import CLOCK, GARBAGE, Event
+from excite.logs.excitation import moves
+from excite.logs.gaps import missed_steps
 from excite.logs.log import Log
-from excite.logs.missed_steps import missed_steps
-from excite.logs.movement import moves
 from regressors.samples import Array, Index
 
 _EVEN = 0.02  # of a step: stamps so even are right, or near enough

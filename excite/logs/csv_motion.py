@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.storage.atomic import replacing
-from excite.storage.finite import check_table
+from excite.storage.atomic import check_table, replacing
 from regressors.samples import Array, Samples
 
 SEGMENT = "segment"

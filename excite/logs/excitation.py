@@ -1,15 +1,17 @@
-"""The exciting stretch of a log: without idling, approach and return."""
+"""The exciting stretch of a log, which joints move, and the noise of a signal."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.log import Log
-from excite.logs.movement import mean_speed, moves, runs
 from regressors.errors import InputError
+from regressors.samples import Array, Index
 
 PAUSE = 0.5
 REST = 0.1
@@ -89,3 +91,88 @@ def _side(log: Log, where: str, start: int, stop: int, moved: list[Stretch]) -> 
     lengths = [f"{_seconds(log, s.start, s.stop):.2g} s" for s in moved]
     kind = "no motion" if not lengths else f"motion of {', '.join(lengths)}"
     return f"left out {where} them: {stop - start} rows ({_seconds(log, start, stop):.3g} s) with {kind}"
+
+
+SPAN = 0.1
+_LEAST_SHARE = 0.005
+_SLOWEST = 1e-3
+_NOISE = 6.0
+_BLOCK = 32  # samples
+_KNOWN: WeakKeyDictionary[Log, NDArray[np.bool_]] = WeakKeyDictionary()  # several checks of a log ask for it
+
+
+def span_ends(log: Log) -> tuple[Index, Index]:
+    """First and last row of a span of `SPAN` seconds about every row, shorter at the ends; shapes (N,)."""
+    half = max(1, round(SPAN / 2 * log.rate))
+    row = np.arange(log.count)
+    return np.maximum(row - half, 0), np.minimum(row + half, log.count - 1)
+
+
+def mean_speed(log: Log) -> Array:
+    """Mean velocity over the spans, ``(q(b) - q(a)) / (b - a)`` [rad/s or m/s], shape (N, n)."""
+    first, last = span_ends(log)
+    duration = log.time[last] - log.time[first]
+    begin, end = int(np.count_nonzero(first == 0)) - 1, int(np.count_nonzero(last < log.count - 1))
+    speed = np.empty(log.q.shape)
+    for part in (slice(0, begin), slice(max(begin, end), log.count)):  # shorter spans
+        speed[part] = log.q[last[part]] - log.q[first[part]]
+    if begin < end:  # the spans between, row by row, without a copy of both of their ends
+        np.subtract(log.q[last[begin] : last[end - 1] + 1], log.q[: first[end - 1] + 1], out=speed[begin:end])
+    speed /= duration[:, None]
+    return speed
+
+
+def moves(log: Log) -> NDArray[np.bool_]:
+    """Whether each joint moves at each instant, shape (N, n).
+
+    It does where its mean speed is above 0.5 % of its greatest, above what noise and rounding of the positions cause at
+    rest, and above 1e-3 rad/s or m/s.
+    """
+    if log not in _KNOWN:
+        _KNOWN[log] = _moves(log)
+    return _KNOWN[log]
+
+
+def _moves(log: Log) -> NDArray[np.bool_]:
+    speed = np.abs(mean_speed(log))
+    noise = np.maximum(_NOISE * np.sqrt(2) * quietest_deviation(log.q, _BLOCK), 2 * quantum(log.q)) / SPAN
+    least = np.maximum(_LEAST_SHARE * speed.max(axis=0), noise)
+    moving = np.asarray(speed > np.maximum(least, _SLOWEST))
+    moving.flags.writeable = False
+    return moving
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First row of each run of true flags, and the row after its last."""  # flags (N,)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+_ORDERS = range(2, 9)
+
+
+def noise_deviation(x: Array) -> Array:
+    """Standard deviation of white noise on smooth signals.
+
+    White noise of deviation s has k-th differences of deviation ``s sqrt((2 k)! / (k!)^2)``, and motion only adds to
+    them: the least estimate over k = 2 ... 8 is taken, no less than that of rounding, ``quantum / sqrt(12)``.
+    """  # x (N, n)
+    orders = [k for k in _ORDERS if k < x.shape[0]]
+    estimates = [np.sqrt(np.mean(np.diff(x, k, axis=0) ** 2, axis=0) / math.comb(2 * k, k)) for k in orders]
+    return np.asarray(np.maximum(np.min(estimates, axis=0), quantum(x) / np.sqrt(12)))
+
+
+def quietest_deviation(x: Array, block: int) -> Array:
+    """Standard deviation of noise in the quietest tenth of the blocks of a signal."""  # x (N, n)
+    squares = np.diff(x, 2, axis=0) ** 2 / math.comb(4, 2)
+    count = squares.shape[0] // block
+    if count == 0:
+        return np.zeros(x.shape[1])
+    blocks = squares[: count * block].reshape(count, block, -1).mean(axis=1)
+    return np.asarray(np.sqrt(np.quantile(blocks, 0.1, axis=0)))
+
+
+def quantum(x: Array) -> Array:
+    """Least difference of two different values, shape (n,); zero where all are equal."""  # x (N, n)
+    steps = (np.diff(np.unique(column)) for column in x.T)
+    return np.array([step.min() if step.size else 0.0 for step in steps])

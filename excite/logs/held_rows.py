@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.event import HELD, RATE, Event
+from excite.logs.excitation import mean_speed, moves, quantum, runs
 from excite.logs.log import Log
-from excite.logs.movement import mean_speed, moves, runs
-from excite.logs.noise_level import quantum
 from regressors.samples import Array, Index
 
 _STEPS = 4.0  # of the encoder that a joint should have moved between two equal rows

@@ -1,4 +1,4 @@
-"""Logs read from files, in the house format or through a mapping."""
+"""Logs read from files and written, in the house format or through a mapping."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from excite.logs.csv_motion import header_text
 from excite.logs.further_files import with_further_files
 from excite.logs.guess.log_guess import certain_mapping
-from excite.logs.layout import ForeignHeader, Layout, cells, header_line, house_layout, listed
-from excite.logs.log import Log
+from excite.logs.layout import CHANNELS, ForeignHeader, Layout, cells, header_line, house_layout, listed
+from excite.logs.log import WRENCH, Log
 from excite.logs.mapping import LogMapping
 from excite.logs.motor_channels import at_the_joints
 from excite.logs.recorded_log import recorded_log
@@ -19,7 +22,8 @@ from excite.logs.sampled_channels import sampled_channels, samples_of_table, who
 from excite.logs.table import Table, sparse_table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
-from excite.storage.result_file import settle_files
+from excite.storage.atomic import check_table, replacing
+from excite.storage.result_folder import settle_files
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.robot.robot import Robot
@@ -183,3 +187,21 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
         numbers=table.lines - layout.first,
         removed=table.removed,
     )
+
+
+def write_log(log: Log, path: str | Path) -> None:
+    """Write a log as CSV that reads back to the same bits."""
+    header, columns = ["time"], [log.time[:, None]]
+    for k, joint in enumerate(log.joints):
+        for name, suffix in CHANNELS.items():
+            channel = getattr(log, name)
+            if channel is not None:
+                header.append(f"{joint}.{suffix}")
+                columns.append(channel[:, k : k + 1])
+    if log.wrench is not None:
+        header += [f"wrench.{part}" for part in WRENCH]
+        columns.append(log.wrench)
+    table = np.hstack(columns)
+    check_table(Path(path), header, table)
+    with replacing(Path(path)) as stream:
+        np.savetxt(stream, table, fmt="%.17g", delimiter=",", header=header_text(header), comments="")

@@ -40,7 +40,6 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
-from excite.logs.garbage import MOST
 from excite.logs.layout import Layout, cells, head_cells, is_number, listed, twice
 from excite.logs.log import WRENCH
 from excite.logs.mapping_sections import (
@@ -54,7 +53,8 @@ from excite.logs.mapping_sections import (
     VelocitySection,
     WrenchSection,
 )
-from excite.storage.result_file import settle_files
+from excite.logs.table import MOST
+from excite.storage.result_folder import settle_files
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.input_files import read_text

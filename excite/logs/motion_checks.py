@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from excite.logs.case import Case, Finding
+from excite.logs.excitation import span_ends
 from excite.logs.gaps import LONGEST, gaps
-from excite.logs.movement import span_ends
 
 DEGREES = 180 / np.pi
 _SLOWEST_RATE = 5.0  # [Hz]

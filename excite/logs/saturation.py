@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.logs.excitation import moves, quantum, runs
 from excite.logs.log import Log
-from excite.logs.movement import moves, runs
-from excite.logs.noise_level import quantum
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

@@ -10,8 +10,8 @@ from typing import Any
 from excite.logs.log import Log
 from excite.logs.saturation import Saturation
 from excite.storage.atomic import read_json, write_json
-from excite.storage.content_hash import sha256_of
-from excite.storage.result_file import settle_files
+from excite.storage.manifest import sha256_of
+from excite.storage.result_folder import settle_files
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,20 +16,18 @@ from threadpoolctl import threadpool_limits
 from excite.design.blueprint import restricted_limits
 from excite.design.designed_motion import DesignedMotion
 from excite.design.formulation import Formulation, formulate
+from excite.design.problem_identity import NotComparable, plain_value
 from excite.errors import BrokenLimitError
 from excite.information.target import target_of
 from excite.information.torque_deviation import TorqueCriterion
 from excite.information.weighting import minimised_text, weighting_of
 from excite.optimality.bounded_criteria import BOUNDED, BoundedCriterion
-from excite.optimality.bounded_problem import bounded_problem_sha256
-from excite.optimality.cutting_planes import CuttingPlanes
-from excite.optimality.dual_certificate import DualCertificate
-from excite.optimality.limited_states import limited_states
+from excite.optimality.cutting_planes import CuttingPlanes, DualCertificate
+from excite.optimality.limited_states import StateRows, limited_states, state_rows
 from excite.optimality.moment_conditions import MomentConditions
 from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
-from excite.optimality.state_rows import StateRows, state_rows
-from excite.registry import instance, name_of
+from excite.registry import instance, is_own, name_of
 from excite.storage.atomic import read_json
 from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
@@ -325,3 +325,24 @@ def _assumptions(formulation: Formulation, planes: CuttingPlanes) -> tuple[str, 
         )
     said.append("the bound is on means over continuous time; sampled criteria differ by the error of sampling")
     return tuple(said)
+
+
+_METHOD = 1  # to be raised where the same problem is bounded in another manner
+_PARTS = ("model", "trajectory", "objective", "limits")
+_LEFT_OUT = ("class", "criterion", "require", "interest", "task_motion", "plausible_robots")
+
+
+def bounded_problem_sha256(design: DesignedMotion) -> str | None:
+    """Hash of the problem that a design's bound belongs to; None where parts of one's own make it unknown."""
+    content: dict[str, object] = {"robot": design.robot.sha256(), "method": _METHOD}
+    try:
+        for name in _PARTS:
+            options = plain_value(getattr(design.task, name))
+            content[name] = {key: value for key, value in options.items() if key not in _LEFT_OUT}
+    except NotComparable:
+        return None
+    text = json.dumps({**content, "rate": design.task.output.rate}, sort_keys=True, separators=(",", ":"))
+    named = (design.task.model.model, design.task.trajectory.trajectory, *design.task.limits.constraints)
+    if any(isinstance(each, str) and is_own(each) for each in named):
+        return None
+    return hashlib.sha256(text.encode()).hexdigest()

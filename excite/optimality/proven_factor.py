@@ -13,10 +13,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.optimality.dual_certificate import DualCertificate
+from excite.optimality.cutting_planes import DualCertificate
 from excite.optimality.limited_states import LimitedStates
-from excite.optimality.sign_pattern import NotPolynomial, SignPattern
-from excite.optimality.sum_of_squares import SumOfSquares
+from excite.optimality.sum_of_squares import NotPolynomial, SignPattern, SumOfSquares
 from regressors.samples import Array, Index
 
 _MOST_COORDINATES, _MOST_POSITIONS = 3, 2

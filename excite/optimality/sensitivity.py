@@ -17,7 +17,7 @@ from excite.design.blueprint import grid_instants, restricted_limits
 from excite.design.design_memory import check_richness
 from excite.design.designed_motion import DesignedMotion
 from excite.design.formulation import Formulation, formulate
-from excite.design.grid_constraint import GridConstraint
+from excite.design.grid_limits import GridConstraint
 from excite.design.initial_guesses import shrunk
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver

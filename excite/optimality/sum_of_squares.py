@@ -1,19 +1,26 @@
-"""The smallest factor for which a polynomial inequality in velocities and accelerations has a certificate.
+"""The smallest factor for which the dual inequality, a polynomial in speeds, has a certificate.
 
 ``m' (factor D - Q) m = m' S m + sum of multipliers times products of bounds`` with positive semidefinite S and
 multipliers: the right side is nonnegative wherever the bounds hold [Putinar 1993; Parrilo 2003].
+
+Rows of rigid robots are ``Y = G(p) m`` with m = (1, v, a, v_i v_j), v and a the velocities and accelerations of k
+limited functions, and trigonometric polynomials G of the positions p; Coulomb friction is constant while no speed
+changes its sign. The inequality is then ``m' Q(p) m <= factor m' D(p) m``.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import clarabel
 import numpy as np
 import scipy.sparse as sp
 
+from excite.optimality.cutting_planes import DualCertificate
+from excite.optimality.limited_states import LimitedStates
 from excite.optimality.triangles import matrix_of, triangle, triangle_basis
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 Polynomial = dict[tuple[int, ...], float]  # sorted indices of the variables (v, a) of each monomial
 _MARGIN = 1e-6  # of the largest number of Q and D, which takes up what the solver leaves
@@ -141,3 +148,131 @@ def _gram(names: list[tuple[int, ...]], size: int, factor: Polynomial) -> list[P
                 total[key] = total.get(key, 0.0) + value
         polynomials.append(total)
     return polynomials
+
+
+_DEGREE = 4  # of Y'Y in each angle
+_AGREES = 1e-9
+_CHECKS = 12
+
+
+class NotPolynomial(Exception):
+    """The rows are no polynomial of the expected form."""
+
+
+def monomials(v: Array, a: Array) -> Array:
+    """``m`` at N instants, shape (N, 1 + 2 k + k (k + 1) / 2)."""
+    i, j = np.tril_indices(v.shape[1])
+    return np.concatenate([np.ones((len(v), 1)), v, a, v[:, i] * v[:, j]], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class SignPattern:
+    """``Q(p)`` and ``D(p)`` for one choice of the signs of k speeds, in scaled v and a within [-1, 1]."""
+
+    certificate: DualCertificate
+    states: LimitedStates
+    functions: Index  # (k,) the limited functions whose velocities and accelerations are v and a
+    signs: Array  # (k,)
+
+    def states_at(self, p: Array, v: Array, a: Array) -> Array:
+        """States (y, dy, ddy) of positions, shape (N, counted), and scaled velocities and accelerations."""
+        k = self.states.n
+        S = np.zeros((len(p), 3 * k))
+        S[:, :k] = self.states.centre
+        S[:, :k][:, self.certificate.conditions.counted] = p
+        inverse = np.linalg.inv(self.states.directions[self.functions])
+        S[:, k : 2 * k] = (v * self.states.velocity[self.functions]) @ inverse.T
+        S[:, 2 * k :] = (a * self.states.acceleration[self.functions]) @ inverse.T
+        return S
+
+    def matrices(self, p: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+        """``<F, lower>``, ``<F, upper> + constant`` and ``c' h`` as matrices of m, shape (N, |m|, |m|) each."""
+        k = self.states.n
+        size = 1 + 2 * k + k * (k + 1) // 2
+        v, a = self._drawn(2 * size, rng)
+        m = monomials(v, a)
+        G = np.stack([self._coefficients(np.tile(point, (len(v), 1)), v, a, m) for point in p])
+        of_h = np.stack([self._of_conditions(np.tile(point, (len(v), 1)), v, a) for point in p])
+        multipliers, prior = self.certificate.multipliers, self.certificate.rows.prior
+        lower = np.einsum("nrim,ij,nrjl->nml", G, multipliers.lower, G, optimize=True)
+        upper = np.einsum("nrim,ij,nrjl->nml", G, multipliers.upper, G, optimize=True)
+        lower[:, 0, 0] += float(np.sum(prior * multipliers.lower))
+        upper[:, 0, 0] += float(np.sum(prior * multipliers.upper)) + multipliers.constant
+        return lower, upper, of_h
+
+    def _drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        k = self.states.n
+        return self.signs * rng.uniform(0.05, 1.0, (count, k)), rng.uniform(-1.0, 1.0, (count, k))
+
+    def _coefficients(self, p: Array, v: Array, a: Array, m: Array) -> Array:
+        """``G`` at one p, shape (r, b, |m|), by least squares over twice as many instants as monomials."""
+        Y = self.certificate.rows(self.states_at(p, v, a))
+        flat = Y.reshape(len(Y), -1)
+        G, *_ = np.linalg.lstsq(m, flat, rcond=None)
+        if np.abs(m @ G - flat).max() > _AGREES * max(1.0, float(np.abs(flat).max())):
+            raise NotPolynomial
+        return np.asarray(G.T.reshape(*Y.shape[1:], m.shape[1]))
+
+    def _of_conditions(self, p: Array, v: Array, a: Array) -> Array:
+        """``c' h`` as a matrix of (1, v, a) within that of m, by least squares."""
+        k = self.states.n
+        size = 1 + 2 * k + k * (k + 1) // 2
+        i, j = np.tril_indices(1 + 2 * k)
+        more_v, more_a = np.concatenate([v] * 3), np.concatenate([a, -a[::-1], 0.5 * np.roll(a, 1, axis=0)])
+        u = np.concatenate([np.ones((len(more_v), 1)), more_v, more_a], axis=1)
+        S = self.states_at(np.tile(p[:1], (len(more_v), 1)), more_v, more_a)
+        values = self.certificate.conditions.values(S) @ self.certificate.multipliers.moments
+        products = u[:, i] * u[:, j]
+        c, *_ = np.linalg.lstsq(products, values, rcond=None)
+        if np.abs(products @ c - values).max() > _AGREES * max(1.0, float(np.abs(values).max())):
+            raise NotPolynomial
+        M = np.zeros((size, size))
+        M[i, j] += 0.5 * c
+        M[j, i] += 0.5 * c
+        return M
+
+    def curvature(self, axes: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Bounds on second derivatives of ``<F, lower> + c' h`` and of ``<F, upper>``, shape (axes, |m|, |m|) each.
+
+        From the Fourier coefficients over full turns, which are exact for trigonometric polynomials; c' h is
+        quadratic in p.
+        """  # axes (counted, counted)
+        n = int(self.certificate.conditions.counted.sum())
+        if not n:
+            size = self.matrices(np.zeros((1, 0)), rng)[0].shape
+            return np.zeros((0, *size[1:])), np.zeros((0, *size[1:]))
+        count = 2 * _DEGREE + 1
+        angles = 2 * np.pi * np.arange(count) / count
+        grid = np.stack(np.meshgrid(*[angles] * n, indexing="ij"), axis=-1).reshape(-1, n)
+        lower, upper, _ = self.matrices(grid, rng)
+        found = []
+        for values in (lower, upper):
+            c = np.fft.fftn(values.reshape(*(count,) * n, *values.shape[1:]), axes=tuple(range(n))) / count**n
+            self._check_degree(c, n, values is lower, rng)
+            orders = np.fft.fftfreq(count, 1 / count)
+            along = np.stack(np.meshgrid(*[orders] * n, indexing="ij"), axis=-1) @ axes
+            found.append(np.tensordot(np.moveaxis(along**2, -1, 0), np.abs(c), n))
+        found[0] = found[0] + self._of_quadratic(axes, rng)
+        return found[0], found[1]
+
+    def _check_degree(self, c: Array, n: int, is_lower: bool, rng: np.random.Generator) -> None:
+        p = rng.uniform(-np.pi, np.pi, (_CHECKS, n))
+        values = self.matrices(p, rng)[0 if is_lower else 1]
+        orders = np.fft.fftfreq(2 * _DEGREE + 1, 1 / (2 * _DEGREE + 1))
+        expected = np.zeros(values.shape, dtype=complex)
+        for place in np.ndindex(*c.shape[:n]):
+            phase = np.exp(1j * p @ orders[list(place)])
+            expected += phase[:, None, None] * c[place]
+        if np.abs(expected - values).max() > 1e-8 * max(1.0, float(np.abs(values).max())):
+            raise NotPolynomial
+
+    def _of_quadratic(self, axes: Array, rng: np.random.Generator) -> Array:
+        """The same of c' h: second differences, the same everywhere."""
+        n = len(axes)
+        points = np.concatenate([np.zeros((1, n)), *[np.array([e, -e, 2 * e]) for e in axes.T]])
+        h = self.matrices(points, rng)[2]
+        second = np.stack([h[1 + 3 * i] - 2 * h[0] + h[2 + 3 * i] for i in range(n)])
+        other = np.stack([h[3 + 3 * i] - 2 * h[1 + 3 * i] + h[0] for i in range(n)])
+        if np.abs(second - other).max() > 1e-8 * max(1.0, float(np.abs(h).max())):
+            raise NotPolynomial
+        return np.asarray(np.abs(second))

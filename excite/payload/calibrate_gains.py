@@ -12,14 +12,14 @@ from threadpoolctl import threadpool_limits
 from excite.identification.given_logs import LogLike
 from excite.payload.known_gains import KnownGains, stated_gains
 from excite.payload.load_estimate import LoadEstimate, estimate_load
-from excite.payload.load_rows import paired_equations
-from excite.payload.prepared_pair import (
+from excite.payload.load_rows import (
     LogChoice,
     check_different,
     check_same_joints,
     described,
     drives_of,
     loaded_parts,
+    paired_equations,
     without_load,
 )
 from excite.tasks.installation import Installation

@@ -18,25 +18,25 @@ from excite.identification.prediction import instantaneous_target
 from excite.identification.preparation import prepare
 from excite.identification.provenance import provenance_of
 from excite.information.target import target_of
-from excite.payload.gains_file import read_gains
-from excite.payload.held_body import Frame
-from excite.payload.known_gains import KnownGains, stated_gains
-from excite.payload.load_equations import LoadEquations
-from excite.payload.load_estimate import LoadEstimate, estimate_load
-from excite.payload.load_rows import modelled_equations, paired_equations, wrench_equations
-from excite.payload.model_of_result import calibrated_gains, known_parameters
-from excite.payload.payload_result import PayloadResult
-from excite.payload.prepared_pair import (
+from excite.payload.held_body import Frame, rated_payload
+from excite.payload.known_gains import KnownGains, read_gains, stated_gains
+from excite.payload.load_estimate import LoadEquations, LoadEstimate, estimate_load
+from excite.payload.load_rows import (
     LogChoice,
+    calibrated_gains,
     check_different,
     check_same_joints,
     described,
     drives_of,
+    known_parameters,
     loaded_parts,
+    modelled_equations,
+    paired_equations,
     size_of,
     without_load,
+    wrench_equations,
 )
-from excite.payload.rated_payload import rated_payload
+from excite.payload.payload_result import PayloadResult
 from excite.registry import built_in
 from excite.tasks.installation import Installation
 from regressors.arguments import checked

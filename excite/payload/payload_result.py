@@ -12,13 +12,11 @@ import numpy as np
 
 from excite.logs.log import LogReference
 from excite.payload.controllers import CONTROLLERS, FILES, controller_text, frame_of
-from excite.payload.held_body import UPPER, Frame, HeldBody, spread_of
+from excite.payload.held_body import UPPER, Frame, HeldBody, is_possible, nearest_possible, spread_of
 from excite.payload.known_gains import KnownGains
 from excite.payload.load_estimate import LoadEstimate
-from excite.payload.possible_body import is_possible, nearest_possible
 from excite.storage.atomic import replacing
-from excite.storage.curves_file import NUMBERS, every
-from excite.storage.records import read_record, write_record
+from excite.storage.records import NUMBERS, every, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.robot.robot import Robot
 from regressors.samples import Array

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from excite.campaigns.campaign_table import CampaignRow, CampaignTable
-from excite.plots.panels import Panel, head, legend_below, panels
+from excite.plots.panels import Panel, ends, head, legend_below, panels
 from excite.plots.style import (
     BLUE,
     DARK,
@@ -26,7 +26,6 @@ from excite.plots.style import (
     plain,
     size_of,
 )
-from excite.plots.timeline import ends
 
 FIGURE = "campaign"
 _MOST_PANELS, _COLUMNS, _MOST_LABELS, _LETTERS = 6, 3, 12, 14

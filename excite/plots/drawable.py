@@ -29,8 +29,8 @@ from excite.plots.identification_plots import identification_figures
 from excite.plots.time_course_plot import estimates_over_time_figure
 from excite.plots.verification_plots import verification_figures
 from excite.registry import built_in
-from excite.timecourse.time_study import KIND as STUDY
-from excite.timecourse.time_study import TimeStudy
+from excite.study.time_study import KIND as STUDY
+from excite.study.time_study import TimeStudy
 from excite.verification.verification import Verification
 from regressors.arguments import checked
 from regressors.errors import InputError

@@ -11,16 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.plots.panels import Panel, head, legend_below, panels, value_axis
+from excite.plots.panels import Panel, Timeline, head, legend_below, panels, value_axis
 from excite.plots.style import BAND, BLUE, DARK, GREY, VERMILLION, columns_that_fit, significant
-from excite.plots.timeline import Timeline
 from regressors.errors import InputError
 from regressors.samples import Array
 
 if TYPE_CHECKING:
     from excite.identification.estimate import Estimate
     from excite.identification.identification import Identification
-    from excite.identification.reference_values import ReferenceValues
+    from excite.identification.provenance import ReferenceValues
 
 _FEW = 24  # parameters, above which panels are smaller
 _LEAST = 1.15  # width of a panel with its numbers [in]

@@ -13,9 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.plots.panels import Panel, head, split, value_axis
+from excite.plots.panels import Panel, Timeline, head, split, value_axis
 from excite.plots.style import BLUE, DARK, GREY, SKY, VERMILLION, significant
-from excite.plots.timeline import Timeline
 from regressors.samples import Array, Index
 
 MEASURED: dict[str, Any] = {

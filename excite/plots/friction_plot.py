@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.breakaway_torque import mean_break_aways
+from excite.friction.fit.characteristics import Characteristic
 from excite.friction.fit.friction_equations import Conditions
-from excite.friction.fit.stiction_points import mean_break_aways
 from excite.plots.figure_files import write_figure_files
 from excite.plots.panels import legend_below
 from excite.plots.style import (

@@ -24,15 +24,14 @@ from excite.plots.fit_panels import (
     relative_error,
     values_legend,
 )
-from excite.plots.panels import Panel, head, legend_below, panels, value_axis
+from excite.plots.panels import Panel, Timeline, head, legend_below, panels, value_axis
 from excite.plots.parameters_plot import parameters_figure
 from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, significant
-from excite.plots.timeline import Timeline
 from regressors.samples import Array, Index
 
 if TYPE_CHECKING:
     from excite.identification.identification import Identification
-    from excite.identification.reference_values import ReferenceValues
+    from excite.identification.provenance import ReferenceValues
 
 _WHITE = 2.5758  # standard deviations that 99 % of white noise's autocorrelations stay within
 _LAGS = 0.1  # of the longest log

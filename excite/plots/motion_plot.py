@@ -16,9 +16,9 @@ from matplotlib.patches import Patch
 from constraints.bounds.certificate import LimitUse
 from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design.design import Design
-from excite.design.unchecked import checked_text, kept_headline
+from excite.design.stated_limits import checked_text, kept_headline
 from excite.plots.limit_panel import CURVE, DOT, LimitedTorque, draw_limited, limited_torques, write_use
-from excite.plots.panels import Panel, legend_below, panels
+from excite.plots.panels import Panel, ends, legend_below, panels
 from excite.plots.style import (
     BAND,
     BLUE,
@@ -33,7 +33,6 @@ from excite.plots.style import (
     size_of,
     typeset,
 )
-from excite.plots.timeline import ends
 from excite.trajectories.sequence import EXCITE
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples

@@ -37,7 +37,7 @@ from regressors.samples import Array
 
 if TYPE_CHECKING:
     from excite.identification.identification import Identification
-    from excite.identification.reference_values import ReferenceValues
+    from excite.identification.provenance import ReferenceValues
 
 _GROUPS = {"inertial": "Links", "rotor": "Rotors", "friction": "Friction", "other": "Other"}
 _ESTIMATE = "estimate ± half-width"

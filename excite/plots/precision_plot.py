@@ -23,7 +23,7 @@ from excite.plots.style import (
     plain,
     tidy,
 )
-from excite.precision.period_trial import PeriodTrial, PrecisionSearch
+from excite.study.period_search import PeriodTrial, PrecisionSearch
 from regressors.errors import InputError
 
 _MOST_RUNS = 200

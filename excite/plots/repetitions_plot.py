@@ -14,7 +14,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from excite.identification.estimate import CONFIDENCE
-from excite.montecarlo.repetitions import Repetitions
 from excite.plots.figure_files import write_figure_files
 from excite.plots.panels import legend_below
 from excite.plots.style import (
@@ -30,6 +29,7 @@ from excite.plots.style import (
     tidy,
     typeset,
 )
+from excite.study.repetitions import Repetitions
 from regressors.samples import Array
 
 FIGURE = "repetitions"

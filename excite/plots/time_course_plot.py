@@ -30,8 +30,7 @@ from excite.plots.style import (
 from regressors.samples import Array
 
 if TYPE_CHECKING:
-    from excite.timecourse.time_course import TimeCourse
-    from excite.timecourse.time_study import TimeStudy
+    from excite.study.time_study import TimeCourse, TimeStudy
 
 _COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 _FEW = 24  # parameters, above which panels are smaller

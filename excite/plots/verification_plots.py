@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from excite.plots.figure_files import write_figure_files
 from excite.plots.fit_panels import MEASURED, PREDICTED, draw_fit, error_text, fit_legend, fit_panel, relative_error
-from excite.plots.panels import Panel, head, legend_below, panels, value_axis
+from excite.plots.panels import BINS, Panel, Timeline, ends, extremes, head, legend_below, panels, value_axis
 from excite.plots.style import (
     DARK,
     LABEL,
@@ -28,7 +28,6 @@ from excite.plots.style import (
     tidy,
     typeset,
 )
-from excite.plots.timeline import BINS, Timeline, ends, extremes
 from regressors.errors import InputError
 from regressors.samples import Array
 

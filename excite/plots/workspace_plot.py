@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
+from constraints.collision.clearance import link_poses
 from constraints.collision.collision_limits import Clearance
-from constraints.collision.frames import link_poses
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Shape
 from excite.design.design import Design
 from excite.plots.panels import Panel, legend_below, panels, value_axis

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.design.comparison import Judgement, compare
 from excite.design.designed_motion import DesignedMotion
-from excite.design.unchecked import kept_headline
+from excite.design.stated_limits import kept_headline
 from excite.identification.identification import Identification
 from excite.information.metrics import CONVENTIONS
 from excite.report.sections import ReportCell, ReportSection, ReportTable, number, percent, plain_number, unit

@@ -9,31 +9,31 @@ from typing import TYPE_CHECKING, Any
 
 from excite.design.design import Design
 from excite.design.designed_motion import DesignedMotion
+from excite.design.stated_limits import Unchecked, collisions_unchecked, kept_text
 from excite.design.stored_design import StoredDesign
-from excite.design.unchecked import Unchecked, collisions_unchecked, kept_text
 from excite.files.design_folder import design_content
 from excite.information.metrics import CONVENTIONS
 from excite.optimality.design_bound import NAME as BOUND
 from excite.optimality.design_bound import stored_bound
 from excite.optimality.sensitivity import Sensitivity
 from excite.report.drawings import drawn
-from excite.report.player_motion import player_motion
-from excite.report.player_shapes import matches
-from excite.report.provenance_facts import facts
+from excite.report.player_data import matches, player_motion
 from excite.report.restored_design import restore
 from excite.report.sections import (
     ReportCell,
     ReportFigure,
     ReportSection,
     ReportTable,
+    asked,
+    facts,
     kept,
     number,
     percent,
     plain_number,
     raised,
+    task_file,
     unit,
 )
-from excite.report.task_text import asked, task_file
 from regressors.errors import ExciteError
 
 if TYPE_CHECKING:

@@ -1,18 +1,29 @@
-"""Figures of a page: drawn as SVG, or taken from the folder of a result as they were written."""
+"""Drawings of a page, in light and dark colours, with fewer points.
+
+Greys and faint tints turn their lightness round; colours that carry a meaning keep their hue, and are lightened where
+they would be too dark to read. Lightness is that of Oklab (B. Ottosson, "A perceptual color space for image
+processing", 2020).
+"""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from excite.report.sections import ReportFigure
 from excite.storage.manifest import Entry, check_files, read_manifest
 from regressors.errors import ExciteError, InputError
+from regressors.samples import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
 
 _LARGEST = 4_000_000  # bytes of a picture that a page takes in
 
@@ -62,3 +73,129 @@ def _address(path: Path) -> str:
         return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
+
+
+CARD = "#1c2127"  # behind figures on a dark page, as in style.css
+_COLOUR = re.compile(r'\b(fill|stroke|stop-color)="(#[0-9a-fA-F]{6})"')
+_DARKEST, _LIGHTEST = 0.245, 0.945  # lightness of what is white and of what is black on paper
+_GREY, _TINT = 0.035, 0.85  # chroma below which, and lightness above which, a colour has no meaning of its own
+_READABLE, _LEAST = 0.62, 0.55  # lightness of colours that stay, and of the darkest ones
+_BEND = 0.7
+_TO_CONES = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+_TO_LAB = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+
+
+def dark_rules(figures: Iterable[str]) -> str:
+    """Style rules for every colour of some figures, empty where there are none."""
+    found = sorted({(name, colour) for figure in figures for name, colour in _COLOUR.findall(figure)})
+    rules = "\n".join(
+        f'  :root:not(.printed) .paper [{name}="{value}"] {{ {name}: {dark(value)}; }}' for name, value in found
+    )
+    return f"\n@media screen and (prefers-color-scheme: dark) {{\n{rules}\n}}\n" if found else ""
+
+
+def dark(colour: str) -> str:
+    """The colour on a dark page."""
+    lightness, *hue = _oklab(colour)
+    chroma = float(np.hypot(hue[0], hue[1]))
+    if colour.lower() == "#ffffff":
+        return CARD
+    if chroma < _GREY or lightness > _TINT:
+        new = _DARKEST + (_LIGHTEST - _DARKEST) * max(0.0, 1.0 - lightness) ** _BEND
+    else:
+        new = max(lightness, _LEAST + (_READABLE - _LEAST) * lightness / _READABLE)
+    return _in_gamut(new, np.array(hue))
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of WCAG 2, from 0 to 1."""
+    return float(np.array([0.2126, 0.7152, 0.0722]) @ _linear(colour))
+
+
+def contrast(one: str, other: str) -> float:
+    """Contrast ratio of WCAG 2, from 1 to 21."""
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _linear(colour: str) -> Array:
+    """Red, green and blue in proportion to light."""
+    rgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+
+
+def _oklab(colour: str) -> tuple[float, float, float]:
+    lightness, a, b = _TO_LAB @ np.cbrt(np.asarray(_TO_CONES @ _linear(colour)))
+    return float(lightness), float(a), float(b)
+
+
+def _in_gamut(lightness: float, hue: Array) -> str:
+    """The colour of a lightness with as much of its chroma as a screen shows."""
+    for part in np.linspace(1.0, 0.0, 41):
+        cones = np.linalg.solve(_TO_LAB, np.array([lightness, *(part * hue)])) ** 3
+        light = np.linalg.solve(_TO_CONES, cones)
+        if light.min() >= -1e-4 and light.max() <= 1 + 1e-4:
+            break
+    light = light.clip(0.0, 1.0)
+    rgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return "#" + "".join(f"{round(255 * float(x)):02x}" for x in rgb)
+
+
+_CELLS = (192, 128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # along the longest side
+_STEPS = 65535  # of a stored coordinate, over the longest side
+MOST = 2500  # triangles
+
+
+@dataclass(frozen=True, eq=False)
+class CoarseMesh:
+    """A mesh of few triangles."""
+
+    corners: Array  # (N, 3)
+    faces: Array  # (M, 3)
+
+    def to_dict(self) -> dict[str, object]:
+        """Corners as 16-bit steps from a point and faces as 16-bit indices, both in base64."""
+        origin = self.corners.min(axis=0)
+        scale = max(float(np.ptp(self.corners, axis=0).max()), 1e-9) / _STEPS
+        steps = np.rint((self.corners - origin) / scale).astype("<u2")
+        return {
+            "origin": [float(f"{x:.7g}") for x in origin],
+            "scale": float(f"{scale:.7g}"),
+            "corners": base64.b64encode(steps.tobytes()).decode("ascii"),
+            "faces": base64.b64encode(self.faces.astype("<u2").tobytes()).decode("ascii"),
+        }
+
+
+def decimated(triangles: Array, most: int = MOST) -> CoarseMesh:
+    """A mesh of at most so many triangles, on the finest of several grids that leaves no more."""
+    # triangles (N, 3, 3)
+    points = triangles.reshape(-1, 3)
+    low, side = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-9)
+    for cells in _CELLS:
+        mesh = _clustered(points, np.floor((points - low) * (cells / side)).astype(np.int64))
+        if len(mesh.faces) <= most:
+            return mesh
+    return mesh
+
+
+def _clustered(points: Array, cells: Array) -> CoarseMesh:
+    """The mesh whose corners are the means of those in each cell, without triangles that became lines."""
+    _, place, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    place = place.reshape(-1)
+    means = np.column_stack([np.bincount(place, points[:, k]) for k in range(3)]) / count[:, None]
+    faces = place.reshape(-1, 3)
+    real = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    _, first = np.unique(np.sort(faces[real], axis=1), axis=0, return_index=True)
+    return CoarseMesh(means, faces[real][np.sort(first)])

@@ -16,15 +16,22 @@ from constraints.linear import linear_limits
 from excite.files.motion_source import read_source
 from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
 from excite.report.drawings import drawn
-from excite.report.player_data import LimitCourse, PlayedMotion, player_data, tightest
+from excite.report.player_data import (
+    LimitCourse,
+    PlayedMotion,
+    bodies_of,
+    linear_courses,
+    matches,
+    nearest_pairs,
+    nonlinear_courses,
+    player_data,
+    tightest,
+)
 from excite.report.player_log import Appearance
-from excite.report.player_motion import bodies_of, linear_courses, nearest_pairs, nonlinear_courses
-from excite.report.player_shapes import matches
 from excite.report.sections import ReportSection
 from excite.report.view_section import section_of
 from excite.simulation.played_limits import played_uses
-from excite.simulation.reference import SampledMotion
-from excite.simulation.source import MotionSource
+from excite.simulation.reference import MotionSource, SampledMotion
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task

@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from excite.report.dark_colours import dark_rules
+from excite.report.drawings import dark_rules
 from excite.report.sections import ReportSection
 from regressors.quoting import printable
 

@@ -1,19 +1,29 @@
-"""Data of the 3D player: bodies and their joints, the motion, and limited functions along it."""
+"""What the 3D player of a page needs of a design: shapes, motion, limits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from constraints.collision.geometry import World
-from excite.report.player_shapes import player_shapes
+from constraints.collision.collision_limits import Clearance
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
+from constraints.linear import LinearConstraint, linear_limits
+from constraints.nonlinear import NonlinearConstraint
+from excite.design.design import Design
+from excite.design.imposed_limits import nonlinear_limits
+from excite.design.stated_limits import StatedWorld, stated_limits
+from excite.files.urdf_meshes import urdf_meshes
+from excite.report.drawings import decimated
 from excite.report.sections import raised
 from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.readers.urdf import read_urdf
 from regressors.robot.robot import BASE, Robot
-from regressors.samples import Array
+from regressors.samples import Array, Samples
 
 _JOINT_SIZE = 0.035  # of the robot's reach
 
@@ -126,3 +136,177 @@ def _nearest(group: Sequence[LimitCourse]) -> LimitCourse:
     values = np.array([course.values for course in alike])
     room = np.minimum(values - group[0].lower, group[0].upper - values)
     return replace(group[0], values=values[room.argmin(axis=0), np.arange(values.shape[1])])
+
+
+FRAMES = 600  # of the motion in a page; between them it is interpolated
+_PAIRS = 12  # nearest pairs of bodies whose distance is shown
+_TORQUE = " torque"
+_ABOUT = (
+    "Torques are computed from the description's parameters; their limits are less the reserve and friction. Values "
+    "between samples are interpolated; the certified extremes are in the table of margins."
+)
+
+
+def player_motion(design: Design, robot_file: str | None = None) -> dict[str, Any]:
+    """Everything that the player of a page needs of a design, as plain values."""
+    robot = design.task.limits.applied(design.robot)
+    samples, _ = design.sequence.sampled()
+    shown = _some(samples)
+    ends = tuple((name, end) for name, (_, end) in design.sequence.spans().items())
+    courses = limit_courses(design, robot, shown)
+    motion = PlayedMotion(shown.time, shown.q, shown.dq, ends, courses, _ABOUT)
+    return player_data(motion, robot, design.task, design.shape, robot_file)
+
+
+def _some(samples: Samples) -> Samples:
+    """At most `FRAMES` of the samples, both ends among them."""
+    count = samples.time.size
+    index = np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(int))
+    motion = (samples.q, samples.dq, samples.ddq, samples.dddq)
+    return Samples(samples.time[index], *(each[index] for each in motion))
+
+
+def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitCourse]:
+    """Every limit of joints, drives, torques, the tool and distances along a motion.
+
+    Where the motion begins and ends at home, limits of every joint, since all of them move on the way; else those of
+    the joints that the design moves.
+    """
+    whole = design.approach_and_return is not None
+    joints = robot.joint_names if whole else design.moving.joint_names
+    index = [robot.joint_names.index(name) for name in joints]
+    motion = Samples(samples.time, *(x[:, index] for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))
+    linear = linear_limits(robot if whole else design.moving)
+    bodies = bodies_of(robot, joints, linear)
+    courses = [course for limit in linear for course in linear_courses(limit, motion, bodies)]
+    distances: list[LimitCourse] = []
+    for constraint in _nonlinear(design, joints) if whole else design.nonlinear:
+        near = isinstance(constraint, Clearance)
+        (distances if near else courses).extend(nonlinear_courses(constraint, motion, bodies))
+    return [*tightest(courses), *nearest_pairs(distances)]
+
+
+def nearest_pairs(distances: Sequence[LimitCourse]) -> list[LimitCourse]:
+    """The nearest pairs of bodies, those that come nearest first."""
+    return sorted(tightest(distances), key=lambda course: course.nearest)[:_PAIRS]
+
+
+def _nonlinear(design: Design, joints: tuple[str, ...]) -> tuple[NonlinearConstraint, ...]:
+    stated = stated_limits(design.robot, joints, design.task, StatedWorld(design.shape))
+    return (*nonlinear_limits(design.robot, joints, design.task), *stated.constraints)
+
+
+def bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstraint]) -> dict[str, tuple[str, ...]]:
+    """Links whose joints a joint or a drive moves, by its name in labels."""
+    link = {joint.name: body.name for joint, body in zip(robot.joints, robot.links, strict=True)}
+    owners: dict[str, tuple[str, ...]] = {f"joint {name}": (link[name],) for name in joints}
+    for limit in linear:
+        for label, row in zip(limit.labels, limit.matrix, strict=True):
+            moved = tuple(link[name] for name, factor in zip(joints, row, strict=True) if factor != 0.0)
+            owners.setdefault(label.removesuffix(f" {limit.quantity}"), moved)
+    return owners
+
+
+def linear_courses(
+    limit: LinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
+) -> Iterator[LimitCourse]:
+    """Functions that are limited linearly, along a motion."""
+    motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[limit.derivative]
+    values = motion @ limit.matrix.T + limit.offset
+    for k, label in enumerate(limit.labels):
+        owner = label.removesuffix(f" {limit.quantity}")
+        bounds = float(limit.lower[k]), float(limit.upper[k])
+        yield LimitCourse(owner, limit.quantity, limit.units[k], *bounds, values[:, k], bodies.get(owner, ()))
+
+
+def nonlinear_courses(
+    limit: NonlinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
+) -> Iterator[LimitCourse]:
+    """Functions that are limited otherwise, along a motion."""
+    values = limit.shown(limit.values(samples))
+    pairs = {pair.label: pair for pair in limit.pairs} if isinstance(limit, Clearance) else {}
+    for k, label in enumerate(limit.labels):
+        bounds = float(limit.lower[k]), float(limit.upper[k])
+        names: tuple[str, ...] = ()
+        owner, quantity = label, "tool"
+        if label in pairs:
+            names, quantity = (pairs[label].link, pairs[label].other), "distance"
+        elif label.endswith(_TORQUE):
+            owner, quantity = label.removesuffix(_TORQUE), "torque"
+            names = bodies.get(owner, ())
+        yield LimitCourse(owner, quantity, limit.units[k], *bounds, values[:, k], names)
+
+
+def player_shapes(
+    robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None = None
+) -> dict[str, Any]:
+    """Entries ``meshes``, ``capsules``, ``objects``, ``drawn_as`` and ``left_out`` of the player's data."""
+    world = task.limits.known_world
+    known = world if world is not None else shape
+    meshes, reasons = ([], ()) if robot_file is None else _meshes(robot, task, robot_file, number)
+    parts = () if known is None or meshes else known.parts
+    drawn = "meshes of its URDF" if meshes else "capsules" if parts else "lines through the frames of its joints"
+    return {
+        "meshes": meshes,
+        "capsules": [_part(part, number) for part in parts if part.link in number],
+        "objects": [_object(each) for own in (world, shape) if own is not None for each in own.obstacles],
+        "drawn_as": drawn,
+        "left_out": _left_out(reasons),
+    }
+
+
+def matches(robot: Robot, task: Task, robot_file: str) -> bool:
+    """True if a URDF describes the robot of a task."""
+    try:
+        read = read_urdf(robot_file, base=task.base_link, tip=task.tip, snap_angles=task.snap_angles)
+    except InputError:
+        if Path(robot_file).is_file():
+            return False  # a URDF without this chain
+        raise
+    places = [[(joint.name, joint.kind) for joint in each.joints] for each in (read, robot)]
+    return places[0] == places[1] and all(
+        np.allclose(a.rotation, b.rotation) and np.allclose(a.translation, b.translation)
+        for a, b in zip(read.joints, robot.joints, strict=True)
+    )
+
+
+def _meshes(
+    robot: Robot, task: Task, robot_file: str, number: Mapping[str, int]
+) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
+    """Meshes of few triangles, and what is said of files that are left out."""
+    read = urdf_meshes(Path(robot_file), robot, task.base_link, snap_angles=task.snap_angles)
+    together = {name: [each.triangles for each in read.meshes if each.link == name] for name in number}
+    meshes = [
+        {"body": number[name], **decimated(np.concatenate(triangles)).to_dict()}
+        for name, triangles in together.items()
+        if triangles
+    ]
+    return meshes, read.left_out
+
+
+def _left_out(reasons: Sequence[str]) -> str:
+    """A sentence on files that are not shown."""
+    if not reasons:
+        return ""
+    more = f"; and {len(reasons) - 1} more" if len(reasons) > 1 else ""
+    return f"Some meshes of its URDF are not shown: {reasons[0]}{more}."
+
+
+def _part(part: Part, number: Mapping[str, int]) -> dict[str, Any]:
+    return {"body": number[part.link], **_capsule(part.capsule)}
+
+
+def _capsule(capsule: Capsule) -> dict[str, Any]:
+    return {"from": list(capsule.start), "to": list(capsule.end), "radius": capsule.radius}
+
+
+def _object(each: Obstacle) -> dict[str, Any]:
+    shape = each.shape
+    place: dict[str, Any]
+    if isinstance(shape, Box):
+        place = {"kind": "box", "centre": list(shape.centre), "size": list(shape.size), "rpy": list(shape.rpy)}
+    elif isinstance(shape, HalfSpace):
+        place = {"kind": "plane", "normal": list(shape.normal), "offset": shape.offset}
+    else:
+        place = {"kind": "capsule", **_capsule(shape)}
+    return {"name": each.name, **place}

@@ -12,9 +12,17 @@ import numpy as np
 from constraints.collision.collision_limits import Collisions
 from constraints.collision.geometry import World
 from constraints.linear import linear_limits
-from excite.report.player_data import LimitCourse, PlayedMotion, player_data, tightest
-from excite.report.player_motion import bodies_of, linear_courses, nearest_pairs, nonlinear_courses
-from excite.report.player_shapes import matches
+from excite.report.player_data import (
+    LimitCourse,
+    PlayedMotion,
+    bodies_of,
+    linear_courses,
+    matches,
+    nearest_pairs,
+    nonlinear_courses,
+    player_data,
+    tightest,
+)
 from excite.tasks.task import Task
 from excite.trajectories.sequence import whole_pose
 from regressors.errors import ExciteError

@@ -1,12 +1,17 @@
-"""What a page shows, without its form: sections with a verdict, tables, figures, a motion and how to repeat it."""
+"""Parts of which sections of a page consist: text, tables, drawings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import dataclasses
+import json
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from excite.tasks.option import options_of
+from excite.tasks.task import PARTS
 
 DIGITS = 6  # significant, of numbers that are read; the page has all of them beside
 
@@ -116,3 +121,55 @@ def text_of(value: Any) -> str:
     if isinstance(value, Iterable) and not isinstance(value, str):
         return ", ".join(text_of(each) for each in value) or "none"
     return "none" if value is None else str(value)
+
+
+_LIMITS = "limits"
+_BESIDE = ("executor", "workers")  # change nothing in the result
+_LONG = 200  # characters
+
+
+def asked(task: Mapping[str, Any], always: Collection[str]) -> tuple[tuple[str, str], ...]:
+    """Some options of a task, and every other one that is not the default, as names and texts."""
+    changed = {name: value for name, value in _flat(task).items() if name in always or not _is_default(name, value)}
+    return tuple((name.replace("_", " "), _cut(text_of(value))) for name, value in changed.items())
+
+
+def task_file(task: Mapping[str, Any]) -> str:
+    """The same task as the text of a task file, an option per line; JSON is YAML."""
+    limits = {name: value for name, value in (task.get(_LIMITS) or {}).items() if value is not None}
+    plain = {name: value for name, value in task.items() if value is not None and name != _LIMITS}
+    options = {**plain, **({_LIMITS: limits} if limits else {})}
+    lines = (f"{json.dumps(name)}: {json.dumps(value, ensure_ascii=False)}" for name, value in options.items())
+    return "{\n  " + ",\n  ".join(lines) + "\n}\n"
+
+
+def _flat(task: Mapping[str, Any]) -> dict[str, Any]:
+    limits = {f"{name}_limit": value for name, value in (task.get(_LIMITS) or {}).items()}
+    return {**{name: value for name, value in task.items() if name not in (_LIMITS, *_BESIDE)}, **limits}
+
+
+def _is_default(name: str, value: Any) -> bool:
+    if name == "snap_angles":
+        return bool(value)
+    known = _defaults().get(name)
+    return value is None or value == known or (isinstance(value, list) and tuple(value) == known)
+
+
+def _defaults() -> dict[str, Any]:
+    fields = [(field, part) for part in PARTS.values() for field, _ in options_of(part)]
+    return {field.name: field.default if field.default is not dataclasses.MISSING else None for field, _ in fields}
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONG else f"{text[: _LONG - 1]}\N{HORIZONTAL ELLIPSIS}"
+
+
+_NAMES = {"wall_seconds": "time taken [s]", "cpu_seconds": "processor time [s]", "problem": "hash of the problem"}
+_LEFT_OUT = ("run",)
+
+
+def facts(provenance: Mapping[str, Any], **hashes: Any) -> tuple[tuple[str, str], ...]:
+    """Provenance of a result."""
+    shown = {name.replace("_", " "): value for name, value in hashes.items() if value is not None}
+    shown |= {_NAMES.get(name, name): value for name, value in provenance.items() if name not in _LEFT_OUT}
+    return tuple((name, text_of(value)) for name, value in shown.items() if value not in (None, [], ()))

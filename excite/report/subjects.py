@@ -26,8 +26,8 @@ from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
 from excite.storage.migrations import is_of_kind
-from excite.timecourse.time_study import KIND as STUDY
-from excite.timecourse.time_study import TimeStudy, load_time_study
+from excite.study.time_study import KIND as STUDY
+from excite.study.time_study import TimeStudy, load_time_study
 from excite.verification.verification import KIND as VERIFICATION
 from excite.verification.verification import Verification, load_verification
 from regressors.arguments import check_of, fit

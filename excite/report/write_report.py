@@ -19,20 +19,18 @@ from excite.identification.identification import Identification
 from excite.report.campaign_section import campaign_section, cells_section
 from excite.report.comparison_section import comparison_section, parameters_section
 from excite.report.design_section import design_section
-from excite.report.friction_fit_section import friction_fit_section
 from excite.report.friction_plan_section import friction_plan_section
 from excite.report.page_text import page_text
+from excite.report.player_data import matches
 from excite.report.player_log import Appearance
-from excite.report.player_shapes import matches
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
 from excite.report.subjects import Filed, Subject, subjects_of
-from excite.report.time_study_section import time_study_section
-from excite.report.verification_section import verification_section
+from excite.report.view_section import friction_fit_section, time_study_section, verification_section
 from excite.storage.atomic import replacing
 from excite.storage.records import complete
-from excite.storage.result_file import replace_files, result_file
-from excite.timecourse.time_study import TimeStudy
+from excite.storage.result_folder import replace_files, result_file
+from excite.study.time_study import TimeStudy
 from excite.views.campaign_view import designs_of
 from regressors.arguments import checked
 from regressors.errors import ExciteError, InputError

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from excite.signals.bandwidth import chosen_cutoff
 from excite.signals.cut import check_positive, cut_motion
 from excite.signals.differences import smooth_differences
 from excite.signals.low_pass import ORDER, edge, low_passed
 from excite.signals.method import FilteredMotion, Method, spacing
+from excite.signals.periods import chosen_cutoff
 from regressors.samples import Array
 
 
@@ -18,7 +18,7 @@ class Butterworth(Method):
     """Filter forwards and backwards, see `excite.signals.low_pass.low_passed`, then seven-point differences."""
 
     # frequency at which the amplitude is halved [Hz]; chosen from the positions if not given, see
-    # `excite.signals.bandwidth.chosen_cutoff`
+    # `excite.signals.periods.chosen_cutoff`
     cutoff: float | None = None
     order: int = ORDER  # of one pass
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.signals.cut import check_positive, cut_motion
 from excite.signals.method import FilteredMotion, Method, spacing
-from excite.signals.period import estimated_period
+from excite.signals.periods import estimated_period
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -25,7 +25,7 @@ class FourierFit(Method):
     Velocity and acceleration are the exact derivatives of the series.
     """
 
-    # [s]; estimated where the motion repeats itself, see `excite.signals.period.estimated_period`, if not given
+    # [s]; estimated where the motion repeats itself, see `excite.signals.periods.estimated_period`, if not given
     period: float | None = None
     # number of k; if not given, the one with the least Bayesian information criterion, 60 at most
     harmonics: int | None = None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.signal
 
-from excite.signals.bandwidth import bandwidth
+from excite.signals.periods import bandwidth
 from regressors.errors import InputError
 from regressors.samples import Array
 

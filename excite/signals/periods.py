@@ -1,4 +1,4 @@
-"""Average over the periods of a periodic motion, and the noise about it."""
+"""Periods of a periodic motion: their length, the average over them, the noise about it, its bandwidth."""
 
 from __future__ import annotations
 
@@ -6,14 +6,83 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.fft
 import scipy.interpolate
+import scipy.optimize
 
 from excite.logs.log import Log
 from excite.signals.cut import check_positive
 from excite.signals.method import spacing
-from excite.signals.period import ALIKE, estimated_period
 from regressors.errors import InputError
 from regressors.samples import Array
+
+ALIKE = 0.02
+_MOST = 40
+
+
+def estimated_period(time: Array, q: Array) -> float:
+    """Shortest lag after which a motion repeats itself [s].
+
+    The mean square difference ``d(T)`` of ``q(t)`` and ``q(t + T)``, over all joints, is least there, relative to the
+    ``2 var q`` of uncorrelated motions.
+    """  # time (N,); q (N, n)
+    h = spacing(time, "period", 16)
+    scale = 2 * float(q.var(axis=0).sum())
+    if scale == 0.0:
+        raise InputError("no joint moves, so the motion has no period")
+    d = _difference(q) / scale
+    dips = np.flatnonzero((d[1:-1] <= d[:-2]) & (d[1:-1] <= d[2:])) + 1
+    dips = np.sort(dips[np.argsort(d[dips])][:_MOST])
+    spline = scipy.interpolate.make_interp_spline(time, q, axis=0)
+
+    def unlike(lag: float) -> float:
+        start = time[time <= time[-1] - lag]
+        return float(np.mean(np.sum((spline(start + lag) - q[: start.size]) ** 2, axis=1))) / scale
+
+    lags = [h * (k + _vertex(*d[k - 1 : k + 2])) for k in dips]
+    differences = np.array([unlike(lag) for lag in lags])
+    if not differences.size or differences.min() > ALIKE**2:
+        best = f"; best after {lags[int(differences.argmin())]:.4g} s" if differences.size else ""
+        raise InputError(
+            f"no period: the motion does not repeat itself within {(time[-1] - time[0]) / 2:.4g} s{best}; "
+            "give `period` if it is known"
+        )
+    first = lags[int(np.argmax(differences <= 2 * differences.min() + 1e-6))]
+    result = scipy.optimize.minimize_scalar(
+        unlike, bounds=(first - h, min(first + h, time[-1] - time[0])), method="bounded", options={"xatol": 1e-6 * h}
+    )
+    return float(result.x)
+
+
+def repeats(time: Array, q: Array) -> bool:
+    """True if a motion has a period, see `estimated_period`."""
+    try:
+        estimated_period(time, q)
+    except InputError:
+        return False
+    return True
+
+
+def _difference(q: Array) -> Array:
+    """Mean square difference of q and q shifted by k samples, summed over joints; by FFT.
+
+    For k = 0 ... N/2 + 1, so that a lag of half the time has neighbours on both sides.
+    """
+    x = q - q.mean(axis=0)
+    count, most = x.shape[0], x.shape[0] // 2 + 1
+    spectrum = scipy.fft.rfft(x, scipy.fft.next_fast_len(2 * count), axis=0)
+    product = scipy.fft.irfft(np.abs(spectrum) ** 2, axis=0)[: most + 1].sum(axis=1)
+    squares = np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))])
+    lag = np.arange(most + 1)
+    sums = squares[count - lag] + squares[count] - squares[lag]
+    return np.asarray((sums - 2 * product) / (count - lag))
+
+
+def _vertex(left: float, middle: float, right: float) -> float:
+    """Minimum of the parabola through three values, one sample apart; from the middle [samples]."""
+    curvature = left - 2 * middle + right
+    return 0.0 if curvature <= 0 else 0.5 * (left - right) / curvature
+
 
 _WHOLE = 1e-3  # of a sample
 _LEAST_MOTION = 0.1  # of that of the joint that moves most
@@ -88,3 +157,41 @@ def _check_periodic(log: Log, length: float, mean: Array, noise: Array, toleranc
             f"{log.source}: not periodic with {length:.6g} s: {log.joints[worst]} differs by {noise[worst]:.3g} from "
             f"period to period, {100 * share[worst]:.2g} % of its motion; at most {100 * tolerance:g} % are allowed"
         )
+
+
+SHARE = 0.999
+_ABOVE_FLOOR = 10.0
+_HIGHEST = 0.35  # of the sample rate
+_TIMES = 10.0
+_RESTS = 0.01
+
+
+def bandwidth(q: Array, rate: float) -> float:
+    """Frequency below which 99.9 % of the power of the velocity lies, in the joint where it is highest [Hz].
+
+    The power is that of the positions, without their mean slope and through a Hann window, times ``(2 pi f)^2``.
+    Lines that are not above ten times the noise floor, the median of the upper half of the spectrum, do not count, nor
+    do joints that rest: those that move by less than a hundredth of the one that moves most, or mostly by noise.
+    """  # q (N, n)
+    count = q.shape[0]
+    ramp = np.linspace(0.0, 1.0, count)[:, None]
+    level = q - q[0] - ramp * (q[-1] - q[0])
+    power = np.abs(np.fft.rfft((level - level.mean(axis=0)) * np.hanning(count)[:, None], axis=0)) ** 2
+    frequency = np.fft.rfftfreq(count, 1.0 / rate)
+    floor = np.median(power[frequency.size // 2 :], axis=0)
+    lines = np.where(power > _ABOVE_FLOOR * floor, power, 0.0)
+    strays, by_noise = power.sum(axis=0), lines.sum(axis=0) <= 0.5 * power.sum(axis=0)
+    power = lines * frequency[:, None] ** 2
+    moving = (strays > _RESTS**2 * strays.max()) & ~by_noise & (power.sum(axis=0) > 0.0)
+    if not np.any(moving):
+        raise InputError("no joint moves, so no cutoff can be chosen; give one")
+    cumulated = np.cumsum(power[:, moving], axis=0)
+    line = np.argmax(cumulated >= SHARE * cumulated[-1], axis=0)
+    return float(frequency[line].max())
+
+
+def chosen_cutoff(q: Array, rate: float) -> tuple[float, str]:
+    """Cutoff for a low-pass filter of positions: ten times the bandwidth, at most 0.35 of the sample rate [Hz]."""
+    highest = bandwidth(q, rate)
+    cutoff = min(_TIMES * highest, _HIGHEST * rate)
+    return cutoff, f"{cutoff:.3g} Hz (chosen; 99.9 % of the velocity's power lies below {highest:.3g} Hz)"

@@ -1,4 +1,4 @@
-"""Resampling of logs with jittering time stamps to uniform instants."""
+"""Resampling of logs to uniform instants, also across gaps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import scipy.interpolate
 from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.logs.gaps import LONGEST, Gap, gaps
 from excite.logs.log import Log
-from excite.signals.bridging import bridged
 from excite.signals.cut import check_positive
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -34,7 +33,7 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
 
     Positions and velocities by cubic splines, torques, wrenches and temperatures linearly. A log whose instants are
     uniform to 1e-6 of its sample time is left as it is. Where rows are missing, the others keep their instants; gaps of
-    up to a second are bridged by polynomials, see `excite.signals.bridging`.
+    up to a second are bridged by polynomials, see `excite.signals.resampling`.
     """
     check_positive("resampling", rate=rate)
     if log.count < 4:
@@ -106,3 +105,32 @@ def _cubic(time: Array, x: Array, new: Array) -> Array:
 
 def _linear(time: Array, x: Array, new: Array) -> Array:
     return np.column_stack([np.interp(new, time, column) for column in x.T])
+
+
+_DEGREE = 5
+_BESIDE = 0.05  # least length of the fit on either side of a gap [s]
+_FEWEST = 5  # rows on either side
+
+
+def bridged(time: Array, x: Array, gaps: tuple[Gap, ...], step: float) -> tuple[Array, Array]:
+    """Samples with further ones in the gaps, on polynomials of degree 5 through both sides."""
+    # time (N,); x (N, n); result (M,); result (M, n)
+    rows = [_bridge(time, x, gap, step) for gap in gaps]
+    after = np.concatenate([np.full(t.size, gap.row + 1) for gap, (t, _) in zip(gaps, rows, strict=True)])
+    times = np.concatenate([t for t, _ in rows])
+    values = np.concatenate([values for _, values in rows])
+    return np.insert(time, after, times), np.insert(x, after, values, axis=0)
+
+
+def _bridge(time: Array, x: Array, gap: Gap, step: float) -> tuple[Array, Array]:
+    """Times and values in one gap."""
+    count = max(1, round(gap.length / step) - 1)
+    inside = gap.time + gap.length * np.arange(1, count + 1) / (count + 1)
+    length = max(gap.length, _BESIDE)
+    first = min(int(np.searchsorted(time, gap.time - length)), gap.row + 1 - _FEWEST)
+    last = max(int(np.searchsorted(time, gap.time + gap.length + length)), gap.row + 1 + _FEWEST)
+    near = slice(max(0, first), min(time.size, last))
+    middle, scale = gap.time + gap.length / 2, length + gap.length / 2
+    powers = ((time[near] - middle) / scale)[:, None] ** np.arange(_DEGREE + 1)
+    coefficients = np.linalg.lstsq(powers, x[near], rcond=None)[0]
+    return inside, ((inside - middle) / scale)[:, None] ** np.arange(_DEGREE + 1) @ coefficients

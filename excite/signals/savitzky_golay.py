@@ -11,9 +11,9 @@ import numpy as np
 import scipy.fft
 import scipy.signal
 
-from excite.signals.bandwidth import chosen_cutoff
 from excite.signals.cut import check_positive, cut_motion
 from excite.signals.method import FilteredMotion, Method, spacing
+from excite.signals.periods import chosen_cutoff
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -25,7 +25,7 @@ class SavitzkyGolay(Method):
     """Least-squares polynomial over a window about every sample; its derivatives are those of the motion."""
 
     # length of the window [s]. If not given, the one whose filter has the cutoff of
-    # `excite.signals.bandwidth.chosen_cutoff`: with M samples to each side and degree d its cutoff is ``(d + 1) /
+    # `excite.signals.periods.chosen_cutoff`: with M samples to each side and degree d its cutoff is ``(d + 1) /
     # (3.2 M - 4.6)`` of half the sample rate [Schafer, What is a Savitzky-Golay filter?, IEEE Signal Processing
     # Magazine 28(4), 2011]
     window: float | None = None

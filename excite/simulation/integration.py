@@ -14,7 +14,7 @@ import numpy as np
 
 from excite.design.interruption import deferred_interruption
 from excite.errors import LostMotionError
-from excite.simulation.controlled import ControlledRobot
+from excite.simulation.control import ControlledRobot
 from excite.simulation.direction import friction_rows, unloaded
 from excite.simulation.impact_pulse import Impacts
 from excite.simulation.ramps import GivenTorque

@@ -15,8 +15,7 @@ from constraints.linear import linear_limits
 from excite.design.stated_limits import why_no_torques
 from excite.errors import BrokenLimitError
 from excite.information.target import moving_robot
-from excite.simulation.reference import SampledMotion
-from excite.simulation.source import MotionSource
+from excite.simulation.reference import MotionSource, SampledMotion
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.models.partial import of_joints

@@ -1,16 +1,21 @@
-"""Reference motions: anything that can be sampled at any time; repeated, delayed, or interpolated from samples."""
+"""Reference motions, from a design or a file: anything that can be sampled at any time."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.interpolate import PPoly
 
 from constraints.bounds.interpolation import Curve, curve_pieces
+from excite.simulation.ramps import GivenTorque
+from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 _CLOSED = 1e-6  # rad or m
@@ -106,3 +111,34 @@ def check_joints(reference: Samples, joints: tuple[str, ...]) -> None:
         raise InputError(
             f"the motion has {reference.q.shape[1]} joints, the robot that moves has {len(joints)}: {', '.join(joints)}"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSource:
+    """A motion and its origin.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+        Gives the moving joints.
+    motion : Reference
+    ramps : GivenTorque or None
+    file : Path or None
+        File of the motion, where it is not the design's own.
+    origin : mapping
+        Design or friction plan, for the sidecar of a log.
+    """
+
+    robot: Robot
+    task: Task
+    motion: Reference
+    ramps: GivenTorque | None
+    file: Path | None
+    origin: Mapping[str, Any]
+
+    @property
+    def planned(self) -> bool:
+        """True if the motion is from a friction plan."""
+        return self.origin["friction_plan"] is not None

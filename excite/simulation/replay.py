@@ -1,4 +1,4 @@
-"""Motion of an identified model under measured torques, as compared with the measured motion in [KD96] Fig. 17.
+"""Motion of an identified model under measured torques, against the measured motion [KD96] Figs. 15, 16.
 
 ``M(q) ddq = tau - b(q, dq) - C' f(C dq)`` with ``Y beta = M ddq + b``, hence ``M = d(Y beta) / d ddq``. Such an
 open-loop motion drifts away from the measured one; restarting it from the measured state after each horizon keeps the
@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.simulation.integration import rk4_step
-from excite.simulation.model_motion import ModelMotion
-from excite.simulation.window_choice import chosen_windows
+from excite.simulation.plant import ModelMotion
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import Base
@@ -287,3 +286,19 @@ def _joined(
         kept = np.arange(stop - first) < max(good, 1)
         motion[first:stop] = np.where(kept[:, None], window[: stop - first], np.nan)
     return motion, failures
+
+
+_GOLDEN = (np.sqrt(5) - 1) / 2
+
+
+def chosen_windows(count: int, most: int) -> Index:
+    """Windows to simulate, one in each of as many equal stretches of the motion.
+
+    The place within the k-th stretch is the fractional part of ``k (sqrt(5) - 1) / 2``, of which any sequence is spread
+    evenly over 0 to 1: at equal distances, windows of a motion that repeats itself would all see the same part of it.
+    """
+    if count <= most:
+        return np.arange(count)
+    edges = np.arange(most + 1) * count // most
+    place = np.arange(most) * _GOLDEN % 1.0
+    return np.asarray(edges[:-1] + (place * np.diff(edges)).astype(int))

@@ -3,36 +3,38 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace as with_truth
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.estimates.long_work import announce
+from excite.estimates.work_prediction import announce
 from excite.information.target import friction_of_moving, moving_robot
-from excite.simulation.control import TorqueLimits
+from excite.simulation.control import ControlledRobot, TorqueLimits, controller_of
 from excite.simulation.impact_pulse import Impacts
 from excite.simulation.integration import Progress, SimulatedRun, simulated_run
-from excite.simulation.measured import joint_log, wrench_log_of
 from excite.simulation.outcome import simulation_outcome
 from excite.simulation.payload import Payload, sensor_of
-from excite.simulation.plant import plant_of
-from excite.simulation.reference import Awaited, Reference, Repeated
-from excite.simulation.robot_under_control import controlled_robot
-from excite.simulation.run_notes import impact_notes, ramp_notes, run_notes, sensor_notes
+from excite.simulation.plant import Plant, plant_of
+from excite.simulation.ramps import GivenTorque, RampedDrive, broken_loose
+from excite.simulation.reference import Awaited, Reference, Repeated, check_joints
+from excite.simulation.sensors import joint_log, wrench_log_of
 from excite.simulation.settings import SimulationSettings, one_each
-from excite.simulation.simulation import Simulation, TorqueUse
+from excite.simulation.simulation import Simulation, TorqueUse, true_parameters
 from excite.simulation.simulation_memory import simulation_prediction
-from excite.simulation.steps import steps_for
+from excite.simulation.steps import Steps, steps_for
 from excite.simulation.temperature import friction_at
-from excite.simulation.true_values import true_parameters
 from regressors.errors import InputError
+from regressors.friction.curves import drives_with_friction
+from regressors.samples import Samples
 
 if TYPE_CHECKING:
     from excite.simulation.ramps import GivenTorque
     from excite.tasks.task import Task
     from regressors.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
+
 
 _SETTLING = 2.0  # periods of the controlled joints' natural frequency before the motion begins
 
@@ -133,3 +135,78 @@ def _torques(limits: TorqueLimits, simulated: SimulatedRun) -> tuple[TorqueUse, 
         TorqueUse(label, float(size.max()), float(bound), int(np.count_nonzero(size > bound)))
         for label, size, bound in zip(labels, magnitudes.T, bounds, strict=True)
     )
+
+
+def run_notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None) -> list[str]:
+    """Notes on the sign change of friction, extrapolation, and the load."""
+    notes = []
+    if plant.friction.curves:
+        notes.append(_steps_note(steps))
+    notes += plant.friction.speed_notes(plant.robot, samples.dq)
+    if load is not None:
+        notes.append("the standard parameters of its link include the load; those of the load alone are listed too")
+    return notes
+
+
+def _steps_note(steps: Steps) -> str:
+    """Note on the sign change of friction."""
+    if steps.sticking is None:
+        why = ", widened to suit the substep" if steps.widened else ""
+        return f"friction changes sign within {steps.width:.3g} rad/s (m/s) of drive velocity{why}"
+    why = ", widened to suit the substep" if steps.widened else ""
+    return f"friction is presliding: it changes direction over {steps.sticking.distance:.3g} rad (m) of a drive{why}"
+
+
+def ramp_notes(plant: Plant, samples: Samples, settings: SimulationSettings, ramps: GivenTorque | None) -> list[str]:
+    """Note on the torque ramps that broke the drive loose."""
+    if ramps is None:
+        return []
+    row = dict(drives_with_friction(plant.robot))[ramps.drive]
+    loose = broken_loose(ramps.delayed(0.0), samples.time, samples.q @ row, settings.catch)
+    return [
+        f"{ramps.drive} was given {ramps.count} ramps of torque, each until it moves by {settings.catch:g} rad (m); "
+        f"it moved in {sum(loose)} of them"
+    ]
+
+
+def impact_notes(settings: SimulationSettings) -> list[str]:
+    """Note on each impact."""
+    return [
+        f"an impact of up to {one.torque:g} Nm (N) acts on {one.joint} from {one.time:g} s on for {one.duration:g} s"
+        for one in settings.impact
+    ]
+
+
+def sensor_notes(settings: SimulationSettings) -> list[str]:
+    """Note on each error of the torques and steps of the positions."""
+    notes = []
+    if settings.friction_drift:
+        notes.append(f"friction changes by {100 * settings.friction_drift:+g} % from the first instant to the last")
+    if any(gain != 1 for gain in settings.torque_gain):
+        notes.append(f"measured torques are {_listed(settings.torque_gain)} times the true ones")
+    if any(settings.coloured_noise):
+        notes.append(
+            f"torques have noise of {_listed(settings.coloured_noise)} Nm (N) below {settings.noise_corner:g} Hz"
+        )
+    if any(settings.position_step):
+        notes.append(f"positions are in steps of {_listed(settings.position_step)} rad (m)")
+    return notes
+
+
+def _listed(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
+
+
+def controlled_robot(
+    plant: Plant, nominal: Plant, motion: Reference, settings: SimulationSettings, ramps: GivenTorque | None
+) -> ControlledRobot:
+    """Plant, controller with the settings' model error, torque limits, and ramps or impacts where there are any."""
+    start = motion.samples(np.linspace(0.0, motion.duration, 101))
+    check_joints(start, plant.robot.joint_names)
+    middle = (start.q.min(axis=0) + start.q.max(axis=0)) / 2
+    # separate stream: the same model error with and without noise
+    model = nominal.with_errors(settings.model_error, np.random.default_rng([settings.seed, 1]))
+    controller = controller_of(settings.controller, model, settings.bandwidth, middle)
+    ramped = None if ramps is None else RampedDrive(model, ramps.drive, settings.catch)
+    limits = TorqueLimits(plant.robot) if settings.torque_limits else None
+    return ControlledRobot(plant, controller, limits, ramped, struck=bool(settings.impact))

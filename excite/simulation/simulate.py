@@ -11,10 +11,10 @@ from excite.registry import built_in
 from excite.simulation.integration import Progress
 from excite.simulation.payload import Payload
 from excite.simulation.played_limits import check_played
+from excite.simulation.reference import MotionSource
 from excite.simulation.run import simulate_motion
 from excite.simulation.settings import AUTO, SimulationSettings
 from excite.simulation.simulation import Simulation
-from excite.simulation.source import MotionSource
 from regressors.arguments import checked
 from regressors.friction.curves import FrictionCurves
 from regressors.numerical import numerical_work

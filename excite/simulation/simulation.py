@@ -12,9 +12,16 @@ from excite.logs.log import Log
 from excite.registry import built_in
 from excite.simulation.integration import SimulatedRun
 from excite.simulation.outcome import SimulationOutcome
+from excite.simulation.plant import Plant
+from excite.simulation.reference import MotionSource
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.source import MotionSource
 from excite.simulation.steps import Steps
+from regressors.friction.curves import CoulombViscous
+from regressors.friction.load_share import moving_drive_numbers
+from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS
+from regressors.models.differential import DifferentialModel
+from regressors.models.drives import drive_column
+from regressors.models.nominal import standard_values
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -127,3 +134,21 @@ class Simulation:
         """Largest ``|work - change of energy - friction losses|`` over the run [J]."""
         run = self.run
         return float(np.abs(run.work - (run.energy - run.energy[0]) - run.loss).max())
+
+
+def true_parameters(plant: Plant) -> dict[str, float]:
+    """Standard parameters of the simulated robot, by the names of the differential model."""
+    columns = DifferentialModel(plant.robot).standard_columns
+    names, rotors = {c.name for c in columns}, (c.name for c in columns if c.kind == ROTOR)
+    known = {name: value for name, value in standard_values(plant.robot).items() if name in names}
+    known |= dict(zip(rotors, plant.rotors.tolist(), strict=True))
+    for drive, number in moving_drive_numbers(plant.robot).items():
+        curve = plant.friction.curve(drive)
+        coulomb, viscous, offset = (drive_column(number, kind).name for kind in (COULOMB, VISCOUS, OFFSET))
+        known.pop(coulomb, None)
+        known.pop(viscous, None)
+        if curve is None:
+            curve = CoulombViscous()
+        if isinstance(curve, CoulombViscous):
+            known |= {coulomb: curve.coulomb, viscous: curve.viscous, offset: curve.offset}
+    return known

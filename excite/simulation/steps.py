@@ -8,7 +8,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
-from excite.simulation.controlled import ControlledRobot
+from excite.simulation.control import ControlledRobot
 from excite.simulation.direction import Sticking, leads
 from excite.simulation.reference import Reference
 from regressors.errors import InputError

@@ -1,4 +1,4 @@
-"""``manifest.json`` of a result folder: the run and the files of every result in it, with their hashes.
+"""The manifest of a result folder: its runs, and the hash of each of its files.
 
 Several results may share a folder, such as an identification and its verifications; each has an entry of its own.
 """
@@ -6,14 +6,17 @@ Several results may share a folder, such as an identification and its verificati
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterable, Mapping
+import json
+import os
+from collections.abc import Collection, Generator, Iterable, Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from excite.storage.atomic import read_json, write_json
+from excite.storage.atomic import check_content, read_json, write_json
 from excite.storage.destination import MANIFEST, plain_name
-from excite.storage.folder_hash import FolderHash
 from regressors.errors import InputError
 
 SCHEMA = "excite.manifest/1"
@@ -132,3 +135,81 @@ def _is(path: Path, known: FileHash) -> bool:
         return path.stat().st_size == known.size and FileHash.of(path) == known
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
+
+
+@dataclass(frozen=True)
+class FolderHash:
+    """Names and contents of the files of a folder, without hidden ones."""
+
+    count: int  # number of files
+    # sum of the SHA-256 of each file's entry modulo 2^256, in hexadecimal digits; the entry is the name in UTF-8, a
+    # zero byte, and the SHA-256 of the content
+    sum: str
+
+    @classmethod
+    def of(cls, folder: Path) -> FolderHash:
+        """Hash of a folder, one file in memory at a time."""
+        count = total = 0
+        for path in visible_files(folder):
+            with path.open("rb") as stream:
+                content = hashlib.file_digest(stream, "sha256").digest()
+            count += 1
+            total += int.from_bytes(hashlib.sha256(os.fsencode(path.name) + b"\0" + content).digest(), "big")
+        return cls(count, f"{total % 2**256:064x}")
+
+
+def visible_files(folder: Path) -> Generator[Path, None, None]:
+    """Files of a folder, in any order, without hidden ones."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if not entry.name.startswith(".") and entry.is_file():
+                yield Path(entry.path)
+
+
+def holds_more_than(count: int, folder: Path) -> bool:
+    """True if a folder holds more files than a number; no more of them are looked at."""
+    with closing(visible_files(folder)) as files:
+        return next(islice(files, count, None), None) is not None
+
+
+HASH = "sha256"
+
+
+class EditedError(InputError):
+    """A file whose content is not the one that was written."""
+
+
+def sha256_of(file: Path) -> str | None:
+    """Hash of a file's content, None where there is no file."""
+    if not file.is_file():
+        return None
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def entry_sha256(entry: object) -> str:
+    """Hash of an entry of a JSON file that depends neither on its layout nor on how its numbers are written."""
+    text = json.dumps(_as_floats(entry), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def _as_floats(entry: object) -> object:
+    if isinstance(entry, Mapping):
+        return {name: _as_floats(value) for name, value in entry.items()}
+    if isinstance(entry, list | tuple):
+        return [_as_floats(value) for value in entry]
+    return float(entry) if isinstance(entry, int) and not isinstance(entry, bool) else entry
+
+
+def write_hashed(path: Path, content: Mapping[str, Any]) -> None:
+    """Write JSON with an entry ``sha256`` of all others; see `write_json`."""
+    check_content(path, content)
+    write_json(path, {**content, HASH: entry_sha256(content)})
+
+
+def read_hashed(path: Path) -> dict[str, Any]:
+    """Read what `write_hashed` has written, without the hash; a file without one is taken as it is."""
+    content = read_json(path)
+    if HASH in content and content.pop(HASH) != entry_sha256(content):
+        raise EditedError(f"{path} was changed after it was written: its SHA-256 is not the one in the entry '{HASH}'")
+    return content

@@ -1,17 +1,26 @@
-"""A folder of results: one writer at a time, and every result in it whole, the old one or the new."""
+"""Folders of results that are replaced as one."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace as changed
+from functools import partial
 from pathlib import Path
 from uuid import uuid4
 
 from excite.storage.atomic import writing
+from excite.storage.commit import Read, read_settled, settle
 from excite.storage.destination import MANIFEST, NEXT, Destination
-from excite.storage.folder_hash import FolderHash, holds_more_than
-from excite.storage.manifest import Entry, FileHash, is_foreign, read_manifest, write_manifest
+from excite.storage.manifest import (
+    Entry,
+    FileHash,
+    FolderHash,
+    holds_more_than,
+    is_foreign,
+    read_manifest,
+    write_manifest,
+)
 from excite.storage.sole_writer import Change, replacing, sole_writer
 from regressors.errors import TakenError
 
@@ -112,3 +121,39 @@ def check_not_taken(folder: Path, mark: str, what: str, names: Collection[str] =
     for name in names:
         if (folder / name).exists() and name not in owned:
             raise TakenError(f"{folder / name} is already there, and is not of {what}")
+
+
+@contextmanager
+def result_file(path: Path) -> Iterator[None]:
+    """Be the only writer of a file in the block, whose folder is made if it does not exist; see `result_folder`."""
+    with sole_writer(Destination(path.parent, path.name)):
+        yield
+
+
+@contextmanager
+def replace_files(path: Path, *, remove: Collection[str] = ()) -> Iterator[Path]:
+    """Write a file and those beside it in place of older ones, all at once."""
+
+    def change(staged: Path) -> Change:
+        return Change(path.name, set(remove) - {each.name for each in staged.iterdir()})
+
+    with replacing(Destination(path.parent, path.name), change) as staged:
+        yield staged
+
+
+def settle_files(path: Path) -> None:
+    """Put files in place that an interrupted run has committed, before a file of a result is read."""
+    for at in _writers(path):
+        settle(at)
+
+
+def read_settled_files(path: Path, read: Callable[[], Read]) -> Read:
+    """Read a file of a result, and those beside it, as one run has left them."""
+    for at in _writers(path):
+        read = partial(read_settled, at, read)
+    return read()
+
+
+def _writers(path: Path) -> set[Destination]:
+    """What is locked by whoever writes a file: itself, or the joint log that a wrench log belongs to."""
+    return {Destination(path.parent, name) for name in (path.name, path.name.replace(".wrench.", "."))}

@@ -74,7 +74,7 @@ class Objective:
         trajectory.csv; if not given, states within the limits, see `excite.information.task_torques`.
     plausible_robots : int, optional
         Number of robots, drawn from the prior, of which the worst counts beside the described one; for ``scale`` value,
-        see `excite.information.plausible_robots`.
+        see `excite.information.goal`.
     nearly_unidentifiable : {"drop-rounding", "keep", "drop"}
         What becomes of base parameters that motions show in theory only, in design and identification: those that exist
         by the rounding of an angle are left out of the base, see `regressors.models.base.base_parameters`; all are

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.interpolate
 
+from constraints.bounds.enclosure import chebyshev_nodes, node_factor, piecewise_extrema
 from constraints.bounds.extrema import Extrema
-from constraints.bounds.piecewise import chebyshev_nodes, node_factor, piecewise_extrema
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.arguments import checked
@@ -106,7 +106,7 @@ class BSpline(LinearFamily):
         return np.asarray((ends[:-1, None] + nodes).ravel())
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.piecewise.chebyshev_nodes`, for the polynomial on one interval."""
+        """See `constraints.bounds.enclosure.chebyshev_nodes`, for the polynomial on one interval."""
         return node_factor(max(self.order - 1 - derivative, 0), self._nodes(count))
 
     def extrema(self, x: Array, derivative: int) -> Extrema:

@@ -1,9 +1,9 @@
-"""Interface of trajectory families, and trajectories of a family."""
+"""Interface of trajectory families, trajectories of a family, and their motion at given instants."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -12,11 +12,10 @@ import numpy as np
 from constraints.bounds.extrema import Extrema
 from constraints.constraint import Constraint
 from constraints.linear import LinearConstraint
-from excite.trajectories.motion_at_instants import GridMotion, JointMotion
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.quantities import check
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 
 
 def check_size(duration: float, **richness: int) -> None:
@@ -207,3 +206,52 @@ class Trajectory:
     def carried(self, matrix: Array, offset: Array) -> Trajectory:
         """The motion ``matrix q + offset``."""
         return Trajectory(*self.family.carried(self.x, matrix, offset))
+
+
+class JointMotion(ABC):
+    """The motion of all joints, ``q = N y + q0`` with a family's y, at fixed instants as a function of x."""
+
+    @abstractmethod
+    def values(self, x: Array) -> list[Array]:
+        """Position, velocity and acceleration, each of shape (n, T)."""
+
+    @abstractmethod
+    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
+        """Gradient with respect to x of a function, from its derivatives with respect to `values`."""
+
+
+class MotionTangent(ABC):
+    """Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x."""
+
+    @abstractmethod
+    def rows(self, weights: Array, place: Index) -> Array:
+        """Derivatives of weighted sums, each at one instant, with respect to the flat x."""
+        # weights (rows, derivatives, k); place (rows,)
+
+
+class GridMotion(ABC):
+    """The motion y of a family's k coordinates on a grid of N instants, as a function of x.
+
+    Attributes
+    ----------
+    linear : bool
+        Whether it is linear in x, so that tangents are the same for every x.
+    """
+
+    linear: bool
+
+    @abstractmethod
+    def factor(self, derivative: int) -> float:
+        """Lower bound of the largest |value| on the grid over the largest |value| over continuous time."""
+
+    @abstractmethod
+    def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
+        """``y^(d)`` at all or some instants, shape (N, k)."""
+
+    @abstractmethod
+    def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
+        """``A y^(d)`` for a matrix A of shape (m, k), shape (m, N)."""
+
+    @abstractmethod
+    def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
+        """Some derivatives of the motion at some instants, linearised about x."""

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 import scipy.linalg
 
+from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from constraints.bounds.extrema import Extrema
-from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.arguments import checked
@@ -102,7 +102,7 @@ class FourierQuintic(LinearFamily):
         return chebyshev_nodes(_MORE * count, 0.0, self.duration)
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.piecewise.chebyshev_nodes`."""
+        """See `constraints.bounds.enclosure.chebyshev_nodes`."""
         return node_factor(self.degree, _MORE * count)
 
     def extrema(self, x: Array, derivative: int) -> Extrema:

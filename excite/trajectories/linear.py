@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from constraints.bounds.extrema import Extrema
-from excite.trajectories.family import Family, Trajectory
-from excite.trajectories.motion_at_instants import GridMotion, JointMotion, MotionTangent
+from excite.trajectories.family import Family, GridMotion, JointMotion, MotionTangent, Trajectory
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index

@@ -13,8 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from excite.trajectories.family import Family, Trajectory
-from excite.trajectories.motion_at_instants import GridMotion, JointMotion, MotionTangent
+from excite.trajectories.family import Family, GridMotion, JointMotion, MotionTangent, Trajectory
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index

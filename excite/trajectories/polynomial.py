@@ -11,8 +11,8 @@ import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 import scipy.linalg
 
+from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from constraints.bounds.extrema import Extrema
-from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.errors import InputError
@@ -91,11 +91,11 @@ class Polynomial(LinearFamily):
         return chebyshev_nodes(count, 0.0, self.duration)
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.piecewise.chebyshev_nodes`."""
+        """See `constraints.bounds.enclosure.chebyshev_nodes`."""
         return node_factor(self.degree - derivative, count)
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
-        """Extrema from the roots of the derivative, see `constraints.bounds.piecewise.chebyshev_extrema`."""
+        """Extrema from the roots of the derivative, see `constraints.bounds.enclosure.chebyshev_extrema`."""
         points = chebyshev_points(self.degree + 1, self.duration)
         return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
 
@@ -103,3 +103,29 @@ class Polynomial(LinearFamily):
         """Family, period, harmonics and physical coefficients per joint."""
         form = "q(t) = sum_k coefficients_k T_k(2 t / period - 1), T_k Chebyshev's polynomials"
         return {**super().to_dict(x), "form": form}
+
+
+QUINTIC = np.array(  # coefficients of 1, u ... u^5; value, slope, second derivative at 0, then the same at 1
+    [
+        [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
+        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
+        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
+        [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
+        [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
+        [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
+    ]
+)
+ORDERS = np.array([0, 1, 2, 0, 1, 2])  # order of the derivative that each of them interpolates
+_SLOPES = [np.polynomial.polynomial.polyder(QUINTIC, d, axis=1) for d in range(6)]
+
+
+def quintic_hermite(u: Array, length: Array, derivative: int) -> Array:
+    """Quintic Hermite basis functions on an interval, for position, velocity and acceleration at its ends.
+
+    ``h^(k - d) H^(d)(u)`` with k the order of the interpolated derivative: a motion is the sum of these times position,
+    velocity and acceleration at the beginning and at the end.
+    """  # u (N,); length (N,)
+    slopes = _SLOPES[derivative]
+    return np.asarray(
+        np.vander(u, slopes.shape[1], increasing=True) @ slopes.T * length[:, None] ** (ORDERS - derivative)
+    )

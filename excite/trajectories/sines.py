@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from constraints.bounds.extrema import Extrema
-from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import check_size
-from excite.trajectories.hermite import quintic_hermite
 from excite.trajectories.nonlinear import NonlinearFamily
+from excite.trajectories.polynomial import quintic_hermite
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -155,7 +155,7 @@ class Sines(NonlinearFamily):
         return chebyshev_nodes(_MORE * count, 0.0, self.duration), None
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.piecewise.chebyshev_nodes`."""
+        """See `constraints.bounds.enclosure.chebyshev_nodes`."""
         return node_factor(self.degree, _MORE * count)
 
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:

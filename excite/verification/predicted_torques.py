@@ -1,4 +1,4 @@
-"""Predicted against measured torques of each equation, and the causes of their difference [KD96] section 6, Fig. 16."""
+"""Predicted against measured torques of each equation, less the noise of the measurement [KD96] section 7."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.signal
 
+from excite.signals.measurement_noise import MeasurementNoise, measurement_noise, motion_ends
 from regressors.samples import Array
 
 NOISE_ABOVE = 10.0  # frequency above which the motion itself has no content [Hz]
@@ -100,3 +101,92 @@ def _torque_error(
         standstill=(1 - noise) * resting,
         systematic=(1 - noise) * (1 - resting),
     )
+
+
+_QUANTILE = 2.326  # one-sided, 99 %
+
+
+@dataclass(frozen=True)
+class CorrectedError:
+    """Error of predictions without the noise of what was measured.
+
+    Parameters
+    ----------
+    noise : float
+        Root mean square of the measurement's noise [unit].
+    error : float
+        ``sqrt(max(0, e^2 - noise^2))``, with the root mean square e of the difference [unit].
+    relative : float
+        Of the measurements without their noise, ``error / sqrt(y^2 - noise^2)``; infinite where those are nothing but
+        noise.
+    least : float
+        As `relative`, but what it is at least with a confidence of 99 %: noise is random, and known from one log.
+    """
+
+    noise: float
+    error: float
+    relative: float
+    least: float
+
+
+def noise_of_log(time: Array, q: Array, measured: Array, predicted: Array, motion_rate: float) -> MeasurementNoise:
+    """Noise of the measurements of a log, by their part above the frequencies of the motion."""
+    # time (N,); q (K, n); measured, predicted (N, r)
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    return measurement_noise(measured, measured - predicted, rate, motion_ends(q, motion_rate))
+
+
+def corrected_errors(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[CorrectedError, ...]:
+    """Corrected error of each equation.
+
+    Of the difference's power below the motion's highest frequency f, ``f S`` is noise of density S; of that above it,
+    what the measurements have too. Only frequencies of the motion can show an error of the model, so that there is
+    much less noise in them than in all.
+    """  # measured, predicted (N, r)
+    parts = zip(*_squares(measured, predicted, noise), noise.slow_deviation**2, noise.level, strict=True)
+    return tuple(
+        _corrected(float(e), float(y), float(n), float(v), float(S), noise.duration) for e, y, n, v, S in parts
+    )
+
+
+def corrected_total(measured: Array, predicted: Array, noise: MeasurementNoise) -> CorrectedError:
+    """Corrected error over all equations, in their units."""
+    error, size, square = (float(part.sum()) for part in _squares(measured, predicted, noise))
+    variance, level = float(np.sum(noise.slow_deviation**2)), float(noise.level.max(initial=0.0))
+    return _corrected(error, size, square, variance, level, noise.duration)
+
+
+def _squares(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[Array, Array, Array]:
+    """Mean squares of the difference, of the measurements, and of the noise in the difference, shape (r,) each."""
+    difference = measured - predicted
+    error = np.mean(difference**2, axis=0)
+    fast = np.maximum(error - _slow_square(difference, noise), 0.0)
+    return error, np.mean(measured**2, axis=0), noise.fast_share * fast + noise.above * noise.level
+
+
+def _slow_square(x: Array, noise: MeasurementNoise) -> Array:
+    """Mean square of what lies below the motion's highest frequency, by Parseval's theorem."""
+    power = np.abs(np.fft.rfft(x, axis=0)) ** 2
+    power[1 : (len(x) + 1) // 2] *= 2
+    frequency = np.arange(len(power)) / noise.duration
+    return np.asarray(power[frequency <= noise.above].sum(axis=0) / len(x) ** 2)
+
+
+def _corrected(
+    error: float, size: float, noise: float, variance: float, level: float, duration: float
+) -> CorrectedError:
+    """From mean squares; `level / duration` is the noise in one frequency, with which an error of the model mixes."""
+    left, signal = max(error - noise, 0.0), max(size - noise, 0.0)
+    chance = _QUANTILE * float(np.sqrt(variance + 2 * left * level / duration))
+    return CorrectedError(
+        float(np.sqrt(noise)),
+        float(np.sqrt(left)),
+        _root_ratio(left, signal),
+        _root_ratio(max(left - chance, 0.0), signal + chance),
+    )
+
+
+def _root_ratio(part: float, whole: float) -> float:
+    if whole > 0:
+        return float(np.sqrt(part / whole))
+    return np.inf if part > 0 else 0.0

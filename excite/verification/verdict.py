@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from excite.verification.corrected_error import CorrectedError
-from excite.verification.predicted_torques import TorqueError
+from excite.verification.predicted_torques import CorrectedError, TorqueError
 from excite.verification.simulated_motion import MotionError
 from excite.verification.tolerances import Tolerances
 

@@ -13,11 +13,9 @@ from excite.identification.preparation import PreparedLog
 from excite.logs.saturation import Spans
 from excite.simulation.replay import Replay
 from excite.storage.codec import INLINE
-from excite.storage.curves_file import chosen, every, short
-from excite.storage.records import check_replaceable, read_record, write_record
+from excite.storage.records import check_replaceable, chosen, every, read_record, short, write_record
 from excite.storage.result_folder import result_folder
-from excite.verification.corrected_error import CorrectedError
-from excite.verification.predicted_torques import TorqueError
+from excite.verification.predicted_torques import CorrectedError, TorqueError
 from excite.verification.simulated_motion import MotionError
 from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import Verdict

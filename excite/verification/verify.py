@@ -9,29 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from excite.estimates.long_work import announce
+from excite.estimates.work_prediction import announce
 from excite.identification.given_logs import log_of
 from excite.identification.identification import Identification
-from excite.identification.identification_memory import rows_prediction
+from excite.identification.identify import rows_prediction
 from excite.identification.known_friction import known_temperatures, mean_friction
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import AUTO, Recipe
 from excite.information.target import IdentificationTarget
-from excite.logs.event_notes import LEFT_OUT
+from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.signals.measurement_noise import MeasurementNoise, measurement_noise, motion_ends
 from excite.simulation.replay import Replay, windowed_motion
-from excite.verification.corrected_error import corrected_errors, corrected_total, noise_of_log
 from excite.verification.judged_motion import JudgedMotion, judged_motion
-from excite.verification.predicted_torques import torque_errors
-from excite.verification.simulated_motion import failure
-from excite.verification.simulated_windows import most_windows, sampling_remark
+from excite.verification.predicted_torques import corrected_errors, corrected_total, noise_of_log, torque_errors
+from excite.verification.simulated_motion import SAMPLE, WHOLE, failure, most_windows, sampling_remark
 from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
-from excite.verification.verification_time import verification_seconds
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.numerical import numerical_work
@@ -259,3 +256,22 @@ def _judged_motion(
     noise = measurement_noise(part.measured, part.measured, rate, motion_ends(samples.q, rate))
     units = {j.name: j.unit for j in target.robot.joints}
     return judged_motion(simulate, part.measured, np.sqrt(noise.square), samples, units, horizon, tolerances)
+
+
+_REPLAYS = 4.0  # from one to a dozen: the horizon is shortened until it can tell a good model from a bad one
+_ONE, _ROW = 3e-3, 3.6e-7  # seconds of a simulated motion for each joint to the third power, and of each row of it
+_EQUATIONS = 5e-7  # seconds of the predicted torques for each row and pair of joints
+
+
+def verification_seconds(log: Log, *, simulated: bool) -> float:
+    """Time of a verification on one core, without figures [s]; right within a factor of four.
+
+    The unit that it grows with is one evaluation of the equations of motion, whose instructions grow with the third
+    power of the joints; there are about sixteen of them to a row. Measured with 1000 to 20,000 rows of 6 and 7 joints;
+    robots with parallel axes take less, and a light wrist, for which the motion restarts often, takes more. Of a log
+    longer than `WHOLE`, no more than `SAMPLE` is simulated.
+    """
+    joints, duration = len(log.joints), float(log.time[-1] - log.time[0])
+    seconds = 0.1 + _EQUATIONS * log.count * joints**2
+    rows = log.count if duration <= WHOLE else log.count * SAMPLE / duration
+    return float(seconds + simulated * _REPLAYS * (_ONE + _ROW * rows) * joints**3)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
 
-from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.characteristics import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_fit import FIGURE, FrictionFit
 from excite.views.view import Column, Format, View, ViewTable

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from excite.accuracy.accuracy_prediction import AccuracyPrediction, ParameterAccuracy
 from excite.optimality.design_bound import CriterionBound, DesignBound
 from excite.optimality.sensitivity import Sensitivity
+from excite.study.accuracy_prediction import AccuracyPrediction, ParameterAccuracy
 from excite.views.view import Column, Format, View, ViewTable
 
 

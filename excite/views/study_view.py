@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.timecourse.time_course import TimeCourse
-from excite.timecourse.time_study import FIGURE, TimeStudy
+from excite.study.time_study import FIGURE, TimeCourse, TimeStudy
 from excite.views.view import Column, Format, View, ViewTable
 
 

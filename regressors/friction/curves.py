@@ -16,14 +16,18 @@ import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curve import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck
-from regressors.friction.friction_drives import (
+from regressors.friction.load_share import (
+    Loaded,
+    carried,
     carried_along,
+    carried_expression,
     drive_temperatures,
     drives_with_friction,
+    loading,
+    scaled,
     smooth_direction,
     torques_at_drives,
 )
-from regressors.friction.load_share import Loaded, carried, carried_expression, loading, scaled
 from regressors.friction.tables import FunctionFriction, TableFriction
 from regressors.friction.temperature import Slope, Warm, table_part
 from regressors.friction.uncertainty import CurveUncertainty, changed, curve_parameters, uncertainty_at

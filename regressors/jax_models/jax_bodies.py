@@ -1,13 +1,22 @@
-"""Regressors of rigid bodies: forces along given directions, momentum and energy, linear in the ten parameters."""
+"""Bodies of a chain and their regressor in JAX.
+
+Branches are bodies like the links: body k is attached to its parent by its own joint, at the coordinate
+``s = G q + s0`` (for a link its own joint's). Velocities and accelerations are sums over a body's ancestors, so only
+the rotations are built one after the other.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from regressors.jax_models.tree import KinematicTree, TreeMotion
-from regressors.jax_models.vectors import cross, dot, times_inertia, turned_back
+from regressors.jax_models.jax_drives import cross, dot, product, times_inertia, turned, turned_back
+from regressors.robot.inertia import skew
+from regressors.robot.robot import BASE, Robot
+from regressors.samples import Array, Index
 
 
 def effort(l: jax.Array, s: jax.Array, w: jax.Array, dw: jax.Array, a: jax.Array) -> jax.Array:
@@ -62,3 +71,114 @@ def energy_regressor(tree: KinematicTree, motion: TreeMotion) -> jax.Array:
 
 def _joined(mass: jax.Array, moment: jax.Array, inertia: jax.Array) -> jax.Array:
     return jnp.concatenate([mass[..., None, :], moment, inertia], axis=-2)
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicTree:
+    """Constants of the B bodies of a robot with n joints, links first."""
+
+    parent: Index  # (B,) body that carries each; B for the base
+    ancestors: Array  # (B, B) 1 where the joint of body j moves body k, else 0
+    coupling: Array  # (B, n) ``s = G q + s0`` [rad or m]
+    offset: Array  # (B, n)
+    turn: Array  # (3, B, 3, 3) constant, sine and versine part of each rotation in the parent's frame
+    shift: Array  # (B, 3) origin in the parent's frame at s = 0 [m], and its displacement per unit of s
+    slide: Array  # (B, 3)
+    axis: Array  # (B, 3) joint axis in the body's own frame
+    revolute: Array  # (B,) 1 for a revolute joint, 0 for a prismatic one
+    gravity: Array  # (3,) in the base frame [m/s^2]
+
+    @property
+    def pairs(self) -> tuple[Index, Index]:
+        """Every joint j and body k that it moves: arrays of j and of k."""
+        body, joint = np.nonzero(self.ancestors)
+        return joint, body
+
+
+def tree_of(robot: Robot) -> KinematicTree:
+    """The robot's links and branches as one tree."""
+    joints = [*robot.joints, *(branch.joint for branch in robot.branches)]
+    B, n = len(joints), robot.n
+    place = {BASE: B, **{body.name: k for k, body in enumerate(robot.bodies)}}
+    parent = np.array([B, *range(n - 1), *(place[branch.parent] for branch in robot.branches)], dtype=np.intp)
+    ancestors = np.eye(B + 1)
+    for k in range(B):
+        ancestors[k] += ancestors[parent[k]]
+    revolute = np.array([joint.kind == "revolute" for joint in joints], dtype=float)
+    R, K = np.array([joint.rotation for joint in joints]), np.array([skew(joint.axis) for joint in joints])
+    axis = np.array([joint.axis for joint in joints])
+    turns = revolute[:, None, None]
+    return KinematicTree(
+        parent,
+        ancestors[:B, :B],
+        np.vstack([np.eye(n), *(branch.coupling for branch in robot.branches)]),
+        np.array([0.0] * n + [branch.offset for branch in robot.branches]),
+        np.array([R, R @ K * turns, R @ K @ K * turns]),
+        np.array([joint.translation for joint in joints]),
+        np.einsum("bij,bj,b->bi", R, axis, 1.0 - revolute),
+        axis,
+        revolute,
+        robot.gravity,
+    )
+
+
+@dataclass(frozen=True)
+class TreeMotion:
+    """Motion of every body at L instants."""
+
+    R: jax.Array  # (B, 3, 3, L) axes of the body's frame in the base frame
+    origin: jax.Array  # (B, 3, L) origin of the body's frame in the base frame [m]
+    e: jax.Array  # (B, 3, L) joint axis in the base frame
+    # (B, 3, L) angular velocity and acceleration, velocity of the origin, its acceleration less gravity, and gravity,
+    # all in the axes of the body's frame [rad/s, rad/s^2, m/s, m/s^2, m/s^2]
+    omega: jax.Array
+    domega: jax.Array  # (B, 3, L)
+    v: jax.Array  # (B, 3, L)
+    a: jax.Array  # (B, 3, L)
+    up: jax.Array  # (B, 3, L)
+
+
+def tree_motion(tree: KinematicTree, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> TreeMotion:
+    """Motion of every body from that of the robot's joints."""  # q, dq, ddq (n, L)
+    s, ds, dds = (_coordinates(tree.coupling, x)[:, None] for x in (q, dq, ddq))
+    R, origin, d = _poses(tree, s[:, 0] + tree.offset[:, None])
+    e = turned(R, jnp.asarray(tree.axis)[..., None])
+    r = jnp.asarray(tree.revolute)[:, None, None]
+    p = 1.0 - r
+    # in the base frame: contributions of the joints, summed over the ancestors of a body
+    omega = _summed(tree, r * e * ds)
+    domega = _summed(tree, r * (e * dds + cross(omega, e * ds)))
+    w, dw = (_of_parent(tree, x) for x in (omega, domega))
+    v = _summed(tree, cross(w, d) + p * e * ds)
+    a = _summed(tree, cross(dw, d) + cross(w, cross(w, d)) + p * (e * dds + 2 * cross(w, e * ds)))
+    g = jnp.asarray(tree.gravity)[:, None]
+    own = (turned_back(R, x) for x in (omega, domega, v, a - g, jnp.broadcast_to(g, origin.shape)))
+    return TreeMotion(R, origin, e, *own)
+
+
+def _coordinates(coupling: Array, x: jax.Array) -> jax.Array:
+    return x if np.array_equal(coupling, np.eye(*coupling.shape)) else jnp.asarray(coupling) @ x
+
+
+def _poses(tree: KinematicTree, s: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Rotations, origins, and displacements from each parent's origin, in the base frame; `s` has shape (B, L)."""
+    constant, sine, versine = jnp.asarray(tree.turn)[..., None]
+    local = constant + sine * jnp.sin(s)[:, None, None] + versine * (1.0 - jnp.cos(s))[:, None, None]
+    shift = jnp.asarray(tree.shift)[..., None] + jnp.asarray(tree.slide)[..., None] * s[:, None]
+    R: list[jax.Array] = []
+    for k, parent in enumerate(tree.parent):
+        R.append(local[k] if parent == len(tree.parent) else product(R[parent], local[k]))
+    rotations = jnp.stack(R)
+    eye = jnp.broadcast_to(jnp.eye(3)[..., None], (1, *rotations.shape[1:]))
+    d = turned(jnp.concatenate([rotations, eye])[tree.parent], shift)
+    return rotations, _summed(tree, d), d
+
+
+def _summed(tree: KinematicTree, x: jax.Array) -> jax.Array:
+    """Sum over each body's ancestors and itself, shape (B, 3, L)."""
+    return jnp.tensordot(jnp.asarray(tree.ancestors), x, axes=1)
+
+
+def _of_parent(tree: KinematicTree, x: jax.Array) -> jax.Array:
+    """Value of each body's parent, zero for the base, shape (B, 3, L)."""
+    return jnp.concatenate([x, jnp.zeros_like(x[:1])])[tree.parent]

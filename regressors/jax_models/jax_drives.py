@@ -1,4 +1,4 @@
-"""Drives in JAX: rotor inertia and friction at the drive coordinates ``z = C q + z0``."""
+"""Drives, integrals over a motion and vector algebra in JAX."""
 
 from __future__ import annotations
 
@@ -149,3 +149,76 @@ def _ratio(gear: GearFunction, z: jax.Array) -> jax.Array:
         return (np.pi / gear.pitch) * (gear.sine * jnp.cos(z) - gear.cosine * jnp.sin(z)) / length
     assert isinstance(gear, ConstantRatio)
     return jnp.full_like(z, gear.value)
+
+
+def running_integral(values: jax.Array, spacing: float) -> jax.Array:
+    """Integral from the first sample on, along the first axis; as SciPy's ``cumulative_simpson`` on uniform samples.
+
+    Even intervals are integrated by the parabola through their ends and the next sample, odd ones and the last by that
+    through their ends and the sample before.
+    """  # values (N, ...)
+    if values.shape[0] < 3:
+        parts = (values[1:] + values[:-1]) * (spacing / 2)
+    else:
+        before, here, after = values[:-2], values[1:-1], values[2:]
+        ahead = (5 * before + 8 * here - after) * (spacing / 12)
+        behind = (5 * after + 8 * here - before) * (spacing / 12)
+        interval = np.arange(values.shape[0] - 1)
+        even = (interval % 2 == 0) & (interval < interval[-1])
+        even = even.reshape(-1, *(1,) * (values.ndim - 1))
+        parts = jnp.where(even, jnp.concatenate([ahead, ahead[-1:]]), jnp.concatenate([behind[:1], behind]))
+    return jnp.concatenate([jnp.zeros_like(values[:1]), jnp.cumsum(parts, axis=0)])
+
+
+def path_lengths(z: jax.Array, dz: jax.Array, spacing: float) -> jax.Array:
+    """``int |dz| dt`` from the first sample on, exact for cubics through the samples' positions and velocities."""
+    # z, dz (N, k)
+    a, b, rise = dz[:-1], dz[1:], z[1:] - z[:-1]
+    # velocity of the cubic at fraction s of an interval: a + slope s + curve s^2
+    curve = 3 * (a + b - 2 * rise / spacing)
+    slope = b - a - curve
+    root = jnp.sqrt(jnp.maximum(slope**2 - 4 * curve * a, 0.0))
+    divisor = -0.5 * (slope + jnp.where(slope >= 0, root, -root))
+    turns = jnp.stack([_quotient(divisor, curve), _quotient(a, divisor)])
+    parts = jnp.sort(jnp.clip(turns, 0.0, 1.0), axis=0)
+    reached = spacing * parts * (a + parts * (slope / 2 + parts * curve / 3))
+    length = jnp.abs(reached[0]) + jnp.abs(reached[1] - reached[0]) + jnp.abs(rise - reached[1])
+    return jnp.concatenate([jnp.zeros_like(z[:1]), jnp.cumsum(length, axis=0)])
+
+
+def _quotient(a: jax.Array, b: jax.Array) -> jax.Array:
+    """``a / b``; zero where ``b`` is zero."""
+    return jnp.where(b == 0.0, 0.0, a / jnp.where(b == 0.0, 1.0, b))
+
+
+def dot(a: jax.Array, b: jax.Array) -> jax.Array:
+    """``a . b``, shapes (..., 3, L) to (..., L)."""
+    return a[..., 0, :] * b[..., 0, :] + a[..., 1, :] * b[..., 1, :] + a[..., 2, :] * b[..., 2, :]
+
+
+def cross(a: jax.Array, b: jax.Array) -> jax.Array:
+    """``a x b``, shapes (..., 3, L)."""
+    (ax, ay, az), (bx, by, bz) = ((v[..., 0, :], v[..., 1, :], v[..., 2, :]) for v in (a, b))
+    return jnp.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-2)
+
+
+def times_inertia(s: jax.Array, x: jax.Array) -> jax.Array:
+    """``s'[. x]`` with ``I x = [. x] (Ixx, Ixy, Ixz, Iyy, Iyz, Izz)``, (..., 6, L) [KD96] eq. (9)."""
+    (s0, s1, s2), (x0, x1, x2) = ((v[..., 0, :], v[..., 1, :], v[..., 2, :]) for v in (s, x))
+    return jnp.stack([s0 * x0, s0 * x1 + s1 * x0, s0 * x2 + s2 * x0, s1 * x1, s1 * x2 + s2 * x1, s2 * x2], axis=-2)
+
+
+def turned(R: jax.Array, v: jax.Array) -> jax.Array:
+    """``R v``, shapes (..., 3, 3, L) and (..., 3, L)."""
+    return R[..., 0, :] * v[..., None, 0, :] + R[..., 1, :] * v[..., None, 1, :] + R[..., 2, :] * v[..., None, 2, :]
+
+
+def turned_back(R: jax.Array, v: jax.Array) -> jax.Array:
+    """``R' v``, shapes (..., 3, 3, L) and (..., 3, L)."""
+    x, y, z = v[..., 0, None, :], v[..., 1, None, :], v[..., 2, None, :]
+    return R[..., 0, :, :] * x + R[..., 1, :, :] * y + R[..., 2, :, :] * z
+
+
+def product(A: jax.Array, B: jax.Array) -> jax.Array:
+    """``A B``, shapes (3, 3, L)."""
+    return A[:, 0, None] * B[None, 0] + A[:, 1, None] * B[None, 1] + A[:, 2, None] * B[None, 2]

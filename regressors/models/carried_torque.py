@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
-from regressors.friction.friction_drives import torques_at_drives
+from regressors.friction.load_share import torques_at_drives
 from regressors.models.base import Base
 from regressors.models.columns import BODY_KINDS, ROTOR
 from regressors.models.drives import DriveMotion, drive_column, drive_rows, rotor_torque

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from regressors.arguments import checked
-from regressors.friction.friction_drives import torques_at_drives
+from regressors.friction.load_share import torques_at_drives
 from regressors.models.carried_torque import carried_at_drives, carried_bodies
 from regressors.models.columns import DIRECTED_KINDS, LOAD_SHARE, Terms
 from regressors.models.drives import (
@@ -28,8 +28,7 @@ from regressors.models.standard_columns import inertial_columns
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
-from regressors.symbolic.body import body_regressor
-from regressors.symbolic.kinematics import bodies, sparse
+from regressors.symbolic.kinematics import bodies, body_regressor, sparse
 from regressors.symbolic.vectorised import VectorisedFunction
 
 
@@ -88,7 +87,7 @@ class DifferentialModel(RegressorModel):
     """
 
     rows_are_joint_torques = True
-    jax_form = "regressors.jax_models.jax_differential:DifferentialPart"
+    jax_form = "regressors.jax_models.jax_equations:DifferentialPart"
     reduction: Reduction
 
     def __init__(

@@ -67,7 +67,7 @@ class EnergyModel(WindowModel):
 
     row_labels = (("work", "J"),)
     equations_can_be_chosen = False
-    jax_form = "regressors.jax_models.jax_energy:EnergyPart"
+    jax_form = "regressors.jax_models.jax_equations:EnergyPart"
     reduction: Reduction
 
     def __init__(

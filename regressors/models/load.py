@@ -1,4 +1,4 @@
-"""The load models: the wrench that a body held by the robot exerts on a force/torque sensor [KD96] eq. (8)-(13)."""
+"""Models of a load, seen by a force/torque sensor [KD96] eq. (9), (10), or by the joint torques."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from regressors.models.windows import Window, WindowModel
 from regressors.quantities import place_of
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
-from regressors.symbolic.body import body_regressor, times_inertia
-from regressors.symbolic.kinematics import LinkMotion, chain, sparse
+from regressors.symbolic.kinematics import LinkMotion, body_regressor, chain, sparse, times_inertia
 
 EQUATIONS = ("fx", "fy", "fz", "nx", "ny", "nz")
 LOAD_PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -119,7 +118,7 @@ class LoadModel(RegressorModel):
 
     channel = "wrench"
     keeps_all_links = True
-    jax_form = "regressors.jax_models.jax_load:LoadPart"
+    jax_form = "regressors.jax_models.jax_equations:LoadPart"
 
     def __init__(self, robot: Robot, sensor: Sensor | None = None) -> None:
         self.robot = robot
@@ -166,7 +165,7 @@ class LoadIntegralModel(WindowModel):
 
     channel = "wrench"
     keeps_all_links = True
-    jax_form = "regressors.jax_models.jax_load:LoadIntegralPart"
+    jax_form = "regressors.jax_models.jax_equations:LoadIntegralPart"
 
     def __init__(self, robot: Robot, sensor: Sensor | None = None, window: Window | None = None) -> None:
         self.robot = robot
@@ -216,3 +215,31 @@ class LoadIntegralModel(WindowModel):
     def measured_density(self, samples: Samples, measured: Array) -> Array:
         """The wrench itself, selected equations, shape (N, r) [N, Nm]; `measured` has shape (N, 6) or (N, r)."""
         return _selected_wrench(measured, self.sensor.equations)
+
+
+@checked
+class PayloadModel(RegressorModel):
+    """Torques of all joints per parameter of a body fixed to the last link, about that link's frame.
+
+    ``tau_j = l_j' F + s_j' N`` with ``[F; N] = K phi`` of the last link's frame [KD96] eq. (8)-(10): the difference of
+    the torques with and without the body, for a robot that is known.
+
+    Parameters
+    ----------
+    robot : Robot
+    """
+
+    keeps_all_links = True
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.columns = load_columns()
+        units = ("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
+        self.row_labels = tuple(zip(robot.joint_names, units, strict=True))
+
+    def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        """Torques of the joints, shape (n, 10) [Nm or N, per unit parameter]."""
+        *_, last = chain(self.robot, q, dq, ddq)
+        force, moment = body_regressor(last.omega, last.domega, last.a)
+        rows = [ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in last.axes]
+        return ca.vertcat(*rows)

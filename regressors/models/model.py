@@ -86,7 +86,7 @@ class RegressorModel(ABC):
     equations_can_be_chosen : bool
         False where there is a single equation by nature.
     jax_form : str or None
-        Its JAX form as ``module:Class``, a subclass of `regressors.jax_models.part.RegressorBlock` that is constructed
+        Its JAX form as ``module:Class``, a subclass of `regressors.jax_models.jax_model.RegressorBlock` constructed
         from the model and the indices of the selected columns. It is not inherited, since a subclass has other rows.
     """
 
@@ -433,7 +433,7 @@ class PartialModel(RegressorModel):
     Held joints and drives are left out: at rest, static friction hides the torque they carry.
     """
 
-    jax_form = "regressors.jax_models.jax_differential:ProjectedPart"
+    jax_form = "regressors.jax_models.jax_equations:ProjectedPart"
 
     def __init__(self, model: RegressorModel, motion: PartialMotion, equations: Sequence[str] | None = None) -> None:
         if not model.rows_are_joint_torques or len(model.row_labels) != len(motion.offset):

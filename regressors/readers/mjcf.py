@@ -10,12 +10,11 @@ import numpy as np
 
 from regressors.errors import InputError
 from regressors.input_files import regular_size
-from regressors.readers.chain_ends import Chain, working_ends
+from regressors.readers.chain_ends import Chain, resting_pose, working_ends
 from regressors.readers.mjcf_actuators import joint_actuators, reflected
 from regressors.readers.mjcf_equalities import Equalities, Tie, equalities
 from regressors.readers.mjcf_size import check_mjcf_size
 from regressors.readers.mjcf_tree import names_of, tree_of_model
-from regressors.readers.resting_joints import resting_pose
 from regressors.readers.urdf import robot_of_tree
 from regressors.readers.urdf_tree import UrdfTree
 from regressors.robot.inertia import Array

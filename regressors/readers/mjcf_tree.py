@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from regressors.readers.angle_reader import QUATERNION, AngleReader
+from regressors.readers.angles import QUATERNION, AngleReader
 from regressors.readers.mjcf_actuators import joint_actuators, reflected, torque_limit
 from regressors.readers.mjcf_equalities import Equalities
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree

@@ -9,10 +9,9 @@ import numpy as np
 
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
-from regressors.readers.chain_ends import chain_of
+from regressors.readers.chain_ends import carried, chain_of, kind_of, resting_pose
 from regressors.readers.health import health
 from regressors.readers.joint_ranges import range_of
-from regressors.readers.resting_joints import carried, kind_of, resting_pose
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
 from regressors.robot.inertia import Array, transport
 from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission
@@ -61,7 +60,7 @@ def parse_urdf(
     URDF has no limits on acceleration and jerk. ``<safety_controller>`` is not read.
 
     Angles of ``rpy`` with four decimals or more that are a multiple of pi/4 or pi/6, rounded or cut off to these
-    decimals, are taken for that multiple, see `regressors.readers.snapped_angles`: otherwise parallel axes would not be
+    decimals, are taken for that multiple, see `regressors.readers.angles`: otherwise parallel axes would not be
     parallel, and the rounding would show parameters that are none.
 
     Tags and attributes that are misspelt are refused if they matter; others that are unknown are not read.

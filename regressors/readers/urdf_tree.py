@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.readers.angle_reader import AngleReader
+from regressors.readers.angles import AngleReader
 from regressors.readers.foreign_formats import refuse_foreign
 from regressors.readers.urdf_elements import XmlElement, read_document
 from regressors.readers.urdf_words import check_words

@@ -8,8 +8,7 @@ import numpy as np
 from constant_speed_runs import log_along, pieces
 from played import irp6
 
-from excite.friction.fit.characteristic import Characteristic
-from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow
 from excite.friction.fit.rigid_torques import described_model

@@ -12,8 +12,8 @@ from pinocchio_chains import chain_model, inertia
 
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
+from excite.identification.provenance import reference_of
 from excite.identification.recipe import Recipe
-from excite.identification.reference_values import reference_of
 from excite.logs.log import Log
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory

@@ -10,7 +10,7 @@ from played import LOAD, AtRest, curves, irp6, noisy, periodic, played, three_jo
 from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import write_log
 from excite.tasks.task import Task
 
 FRICTION = "schema: excite.friction/1\ndrives:\n" + "".join(

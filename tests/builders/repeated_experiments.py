@@ -9,12 +9,11 @@ import numpy as np
 from motions import random_sines
 from slow_dynamics import random_chain
 
-from excite.montecarlo.experiment import Experiment
-from excite.montecarlo.noise_samples import Noise
-from excite.montecarlo.repetitions import Repetitions
 from excite.signals.butterworth import Butterworth
 from excite.signals.differences import Differences
 from excite.signals.savitzky_golay import SavitzkyGolay
+from excite.study.experiment import Experiment, Noise
+from excite.study.repetitions import Repetitions
 from regressors.models.base import base_parameters
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel

@@ -35,7 +35,7 @@ from excite.design.problem_identity import ProblemIdentity
 from excite.files.design_json import load_design
 from excite.files.friction_file import read_friction
 from excite.files.result_json import load_result
-from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.characteristics import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.friction.fit.points import Point
@@ -43,15 +43,14 @@ from excite.friction.plan.friction_plan import load_friction_plan
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.logs.sidecar import read_sidecar
-from excite.payload.gains_file import read_gains
 from excite.payload.held_body import Frame
+from excite.payload.known_gains import read_gains
 from excite.payload.load_estimate import LoadEstimate
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
-from excite.storage.result_file import settle_files
-from excite.timecourse.time_course import TimeCourse
-from excite.timecourse.time_study import TimeStudy
+from excite.storage.result_folder import settle_files
+from excite.study.time_study import TimeCourse, TimeStudy
 from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurves
 from regressors.readers.urdf import parse_urdf
@@ -216,7 +215,7 @@ def _stub_fit(patch: Patch, version: str) -> None:
     patch.setattr(FrictionFit, "curves", curves)
     fit = FrictionFit("irp6", "", (), FitSettings(), (drive,), None, {})
     patch.setattr(excite, "fit_friction", lambda *_, **__: fit)
-    patch.setattr("excite.cli.friction_fit_run.show", lambda *_: None)
+    patch.setattr("excite.cli.friction_fit_command.show", lambda *_: None)
     _pictures(patch, "excite.plots.friction_plot", version, "friction_figure")
 
 
@@ -224,7 +223,7 @@ def _stub_study(patch: Patch, version: str) -> None:
     one = np.ones((2, 1)) + VERSIONS.index(version)
     course = TimeCourse("run", ("X",), ("kg",), np.arange(2.0), one, one, 2.6, one[:, 0], one[0], "truth")
     study = TimeStudy("irp6", "", (course,), 0.05)
-    patch.setattr("excite.timecourse.study_over_time.study_over_time", lambda *_, **__: study)
+    patch.setattr("excite.study.study_over_time.study_over_time", lambda *_, **__: study)
     patch.setattr("excite.cli.summary.show", lambda *_: None)
     _pictures(patch, "excite.plots.time_course_plot", version, "estimates_over_time_figure")
 

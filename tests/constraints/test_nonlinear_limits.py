@@ -22,8 +22,7 @@ from constraints.limits.tool import tool_box, tool_speed
 from constraints.limits.torque import torque_limits
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
-from excite.design.grid_constraint import GridConstraint
-from excite.design.grid_joints import GridJoints
+from excite.design.grid_limits import GridConstraint, GridJoints
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError

@@ -12,7 +12,7 @@ from excite.files.friction_file import read_friction
 from excite.files.load_file import read_load
 from excite.files.mesh import MeshError, mesh_corners
 from excite.files.precision_target_file import read_precision_target
-from excite.files.prior_file import read_prior
+from excite.files.robot_yaml import read_prior
 from excite.files.sampled_motion import read_motion
 from excite.files.task_file import read_task_file
 from excite.files.urdf_meshes import urdf_meshes
@@ -20,9 +20,9 @@ from excite.files.urdf_shapes import urdf_shape
 from excite.files.world_file import read_world
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
-from excite.payload.gains_file import read_gains
-from excite.posterior.posterior_samples import load_posterior
+from excite.payload.known_gains import read_gains
 from excite.storage.atomic import read_json
+from excite.study.posterior_samples import load_posterior
 from regressors import input_files
 from regressors.errors import InputError
 from regressors.input_files import UnreadableFile, in_bytes, read_bytes, read_text, regular_size

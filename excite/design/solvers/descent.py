@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import blas
 
-from excite.design.problem import Problem
-from excite.design.smooth_objective import ObjectivePoint
-from excite.design.solvers.bfgs import BfgsFactor
+from excite.design.problem import ObjectivePoint, Problem
 from excite.design.solvers.least_distance import Sides
 from excite.design.solvers.solver import SolverResult, Status, Watcher
 from regressors.samples import Array
@@ -124,3 +123,62 @@ class Descent:
             self.best, self.best_value = x, value
         if self.watch is not None:
             self.watch(x, value)
+
+
+_SMALLEST = 1e-8
+
+
+class BfgsFactor:
+    """Positive definite H, by a matrix J with ``H^-1 = J J'``.
+
+    In whitened coordinates ``w = J^-1 d`` the curvature ``d'Hd`` is ``w'w``, so that a quadratic programme needs no
+    factorisation, and an update of J takes n^2 operations.
+    """  # g (n,); J (n, n)
+
+    def __init__(self, g: Array) -> None:
+        length = max(float(np.linalg.norm(g)), _SMALLEST)
+        self.J: Array = np.asfortranarray(np.eye(g.size) / np.sqrt(length))
+
+    def whitened(self, s: Array) -> Array:
+        """``J^-1 s``, by a factorisation."""
+        return np.asarray(np.linalg.solve(self.J, s))
+
+    def update(self, s: Array, y: Array, w: Array) -> None:
+        """BFGS update damped so that H stays positive definite [Powell 1978].
+
+        With ``r = theta y + (1 - theta) H s`` and ``w = J^-1 s``, H becomes ``H - Hs s'H / s'Hs + r r' / s'r`` by
+        ``J - s (J'r - sqrt(s'r / w'w) w)' / s'r`` [Brodlie, Gourlay, Greenstadt 1973].
+        """  # s, y (n,); w (n,)
+        curvature = float(w @ w)  # s'Hs
+        if curvature <= 0.0:
+            return
+        sy = float(s @ y)
+        theta = 1.0 if sy >= 0.2 * curvature else 0.8 * curvature / (curvature - sy)
+        sr = theta * sy + (1.0 - theta) * curvature
+        change = theta * (y @ self.J) + (1.0 - theta - np.sqrt(sr / curvature)) * w
+        self.J = blas.dger(-1.0 / sr, s, change, a=self.J, overwrite_a=1)
+
+
+_INSIDE = 1.0 - 1e-12
+
+
+class BestInside:
+    """Best of the iterates of a solver, each pulled towards the start until it is inside the limits."""
+
+    def __init__(self, problem: Problem, start: Array, watch: Watcher | None) -> None:
+        self.problem, self.start, self.watch = problem, start, watch
+        self.best, self.best_value = start, np.inf
+        self.history: list[float] = []
+        self.evaluations = 0
+        self.offer(start)
+
+    def offer(self, x: Array) -> None:
+        """Keep x, pulled towards the start as far as the limits require, if it is the best so far."""
+        reach = min(1.0, _INSIDE * self.problem.longest_step(self.start, x - self.start))
+        inside = self.start + reach * (x - self.start)
+        value = self.problem.criterion_value(self.problem.point(inside, self.problem.criterion.stages[0]))
+        if value < self.best_value:
+            self.best, self.best_value = inside, value
+        self.history.append(value)
+        if self.watch is not None:
+            self.watch(inside, value)

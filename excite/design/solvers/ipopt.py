@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from excite.design.problem import Problem
-from excite.design.solvers.best_inside import BestInside
+from excite.design.solvers.descent import BestInside
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array
 

@@ -9,12 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from excite.design.grid_constraint import GridConstraint
+from excite.design.grid_limits import GridConstraint
 from excite.design.problem import Problem
 from excite.design.solvers.descent import Descent, DescentStep
 from excite.design.solvers.least_distance import FREE, LeastDistance, Rows
-from excite.design.solvers.linear_rows import LinearRows, largest_part
-from excite.design.solvers.nonlinear_rows import NearRows
+from excite.design.solvers.limit_rows import LinearRows, NearRows, largest_part
 from regressors.samples import Array, Index
 
 _INSIDE = 0.9995  # fraction of each bound that a programme may use: violations between rows fit in the rest

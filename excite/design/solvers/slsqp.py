@@ -13,7 +13,7 @@ import numpy as np
 import scipy.optimize
 
 from excite.design.problem import Problem
-from excite.design.solvers.best_inside import BestInside
+from excite.design.solvers.descent import BestInside
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array, Index
 

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.export.models.exact_numbers import number
+from excite.export.models.exported_model import number
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_drives import ModelDrive
 from excite.export.models.model_format import ModelFormat, ModelText
-from excite.export.models.urdf_copy import urdf_copy
-from excite.export.models.urdf_text import urdf_notes, urdf_text
-from excite.export.models.xml_spans import XmlDocument, XmlSpan
-from excite.export.models.xml_text import start
+from excite.export.models.urdf_model import urdf_copy, urdf_notes, urdf_text
+from excite.export.models.xml_copy import XmlDocument, XmlSpan, start
 from regressors.models.columns import ROTOR, VISCOUS
 
 NAMESPACE = {"xmlns:drake": "https://drake.mit.edu"}

@@ -14,14 +14,14 @@ from excite.export.models.export_model import chosen_format, chosen_result, comm
 from excite.export.models.exported_model import model_of_result, model_of_sample
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_format import ModelFormat
-from excite.files.ranges_yaml import ranges_text
+from excite.files.robot_yaml import ranges_text
 from excite.identification.identification import Identification
-from excite.posterior.chains import path_count
-from excite.posterior.posterior_samples import LEVEL, NPZ, PosteriorSamples
-from excite.posterior.sample_posterior import PRIOR, sample_posterior
 from excite.registry import name_of
 from excite.storage.atomic import read_json, replacing, write_json
 from excite.storage.result_folder import result_folder
+from excite.study.chains import path_count
+from excite.study.posterior_samples import LEVEL, NPZ, PosteriorSamples
+from excite.study.sample_posterior import PRIOR, sample_posterior
 from regressors.arguments import checked
 from regressors.errors import InputError, TakenError
 from regressors.quantities import check

@@ -13,7 +13,7 @@ from excite.files.result_json import load_result
 from excite.identification.identification import Identification
 from excite.registry import check_name, instance, name_of
 from excite.storage.atomic import replacing
-from excite.storage.result_file import replace_files, result_file
+from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.quoting import shortened

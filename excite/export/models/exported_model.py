@@ -1,29 +1,36 @@
-"""From an identification result to the model that files can hold."""
+"""From an identification result to the model that files can hold, in numbers that read back to the same bits."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from excite.export.models.flat_bodies import flat_note
 from excite.export.models.identified_model import IdentifiedModel, IdentifiedParameter
 from excite.export.models.model_drives import ModelDrive, with_curve, with_parameters
 from excite.export.models.model_feature import features_of
-from excite.export.models.nearest_bodies import NearestBodies, nearest_bodies, undescribed
-from excite.export.models.shared_inertia import held_note, own_part
+from excite.export.models.nearest_bodies import (
+    NearestBodies,
+    flat_note,
+    held_note,
+    nearest_bodies,
+    own_part,
+    undescribed,
+)
 from excite.files.result_json import RESULT
 from excite.identification.identification import Identification
 from excite.identification.torque_target import stated_covariance, torque_target
 from excite.information.target import IdentificationTarget
-from excite.storage.content_hash import sha256_of
+from excite.storage.manifest import sha256_of
 from regressors.friction.curves import FrictionCurves
 from regressors.models.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 from regressors.models.drives import drive_rows
 from regressors.robot.gears import ConstantRatio
-from regressors.robot.inertia import parameter_names
+from regressors.robot.inertia import inertia_tensor, parameter_names, skew
 from regressors.robot.joint_rotors import with_joint_rotors
 from regressors.robot.locked_joints import carriers
 from regressors.robot.robot import Drive, Link, Robot, Structure
@@ -266,3 +273,47 @@ def _on_task(result: Identification) -> tuple[str, ...]:
         return ()
     what = "velocity" if result.recipe.sign_width else "distance"
     return (f"the friction of the result changes its direction over a {what}; what is written does so at standstill",)
+
+
+def number(value: float) -> str:
+    """Shortest text that reads back to the same number; zero without a sign."""
+    return repr(float(value) + 0.0).removesuffix(".0")
+
+
+def numbers(values: ArrayLike) -> str:
+    """Several numbers, separated by spaces."""
+    return " ".join(number(value) for value in np.ravel(np.asarray(values, dtype=float)))
+
+
+def rpy_of(R: Array) -> tuple[float, float, float]:
+    """Roll, pitch, yaw with ``R = Rz(yaw) Ry(pitch) Rx(roll)``, to rounding accuracy also where pitch is 90 degrees."""
+    # R (3, 3)
+    yaw = math.atan2(R[1, 0], R[0, 0])
+    c, s = math.cos(yaw), math.sin(yaw)
+    pitch = math.atan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
+    roll = math.atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
+    return roll, pitch, yaw
+
+
+def quaternion_of(R: Array) -> Array:
+    """Unit quaternion of a rotation, its real part first, shape (4,)."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(R).as_quat()
+    return np.array([w, x, y, z])
+
+
+def about_centre(theta: Array) -> tuple[float, Array, Array]:
+    """Mass [kg], centre of mass [m], shape (3,), and inertia about it [kg m^2], shape (3, 3), in the axes of the frame.
+
+    ``I_C = I_O + m skew(c)^2``; a body without mass has its centre in the origin.
+    """  # theta (10,)
+    mass = float(theta[0])
+    c = np.asarray(theta[1:4]) / mass if mass else np.zeros(3)
+    return mass, c, np.asarray(inertia_tensor(theta) + mass * skew(c) @ skew(c))
+
+
+def upper(I: Array) -> dict[str, float]:
+    """Six elements of a symmetric tensor by the names that URDF gives them."""
+    places = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    return {name: float(I[place]) for name, place in places.items()}

@@ -12,7 +12,7 @@ import math
 import re
 from pathlib import Path
 
-from excite.export.models.exact_numbers import number
+from excite.export.models.exported_model import number
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_format import ModelFormat, ModelText
 from regressors.models.columns import COULOMB, ROTOR, VISCOUS

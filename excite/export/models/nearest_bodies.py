@@ -1,13 +1,16 @@
-"""Bodies and drives that reproduce identified base parameters: the physically consistent ones nearest the description.
+"""Bodies and drives that reproduce identified base parameters: the physically consistent ones nearest the described.
 
 Of the many standard parameters with ``A theta = beta`` those nearest the described ones are taken whose bodies have
 positive definite pseudo-inertias and whose drives have rotor inertias and friction of zero or more [Wensing, Kim,
 Slotine 2018]. Where there are none, ``min (A theta - beta)' Sigma^-1 (A theta - beta)`` with the covariance of beta.
+
+Only the sum is identifiable. The members keep what their description says and the moving body takes the difference,
+where that leaves it a physically possible body; else the others are scaled down until it does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -20,6 +23,7 @@ from excite.identification.estimators.standard import StandardProblem, problem_o
 from excite.information.target import IdentificationTarget
 from regressors.models.base import random_states, triangular_factor
 from regressors.models.columns import BODY_KINDS, ROTOR
+from regressors.robot.inertia import from_pseudo_inertia, pseudo_inertia
 from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples
 
@@ -149,3 +153,67 @@ def _weights(covariance: Array | None) -> Array | None:
 def undescribed(robot: Robot) -> tuple[str, ...]:
     """Names of the bodies whose description has no inertial parameters."""
     return tuple(body.name for body in robot.bodies if body.theta is None)
+
+
+_FLAT = 1e-5  # of the largest second moment of mass
+
+
+def flat_bodies(bodies: Mapping[str, Array]) -> tuple[str, ...]:
+    """Names of the bodies whose mass has almost no extent in some direction.
+
+    The second moments of mass about the centre are the eigenvalues of ``J_xx - m c c'``, with the pseudo-inertia
+    ``J``; a body is flat where the smallest is below 1e-5 of the largest: a sheet of 1 m by 3 mm.
+    """  # bodies (10,)
+    return tuple(name for name, theta in bodies.items() if theta[0] > 0 and _flat(pseudo_inertia(theta)))
+
+
+def _flat(J: Array) -> bool:
+    moments = np.linalg.eigvalsh(J[:3, :3] - np.outer(J[:3, 3], J[:3, 3]) / J[3, 3])
+    return bool(moments[0] < _FLAT * moments[-1])
+
+
+def flat_note(bodies: Mapping[str, Array]) -> tuple[str, ...]:
+    """A note that names them; none where there are none."""
+    names = ", ".join(flat_bodies(bodies))
+    return (
+        (
+            f"the identified parameters leave {names} only just possible, as flat as a sheet or as thin as a rod: "
+            "simulators may need shorter steps; an identification with `estimator='physical'` and "
+            "`described_within=0.5` keeps all bodies near the description",
+        )
+        if names
+        else ()
+    )
+
+
+_ROOM = 1e-6  # of the group's pseudo-inertia that the moving body must keep
+_LISTED = 5
+_PART = 0.5  # of the most that the others could have, where they are scaled
+
+
+def own_part(group: Array, others: Sequence[tuple[Array, Array]]) -> tuple[Array, float]:
+    """Parameters of the moving body, and the factor on those of the others.
+
+    ``J_own = J_group - f sum_i T_i J_i T_i'`` with f = 1 or, where that leaves no possible body, ``1 / (2 lambda)``;
+    lambda is the largest generalised eigenvalue of the others' pseudo-inertia and the group's.
+    """  # group (10,); others (10,)
+    J = pseudo_inertia(group)
+    rest = sum((T @ pseudo_inertia(theta) @ T.T for theta, T in others), np.zeros((4, 4)))
+    if not np.any(rest):
+        return group, 1.0
+    largest = float(scipy.linalg.eigh(rest, J, eigvals_only=True)[-1]) if np.linalg.eigvalsh(J)[0] > 0 else np.inf
+    factor = 1.0 if largest <= 1.0 - _ROOM else _PART / largest
+    return from_pseudo_inertia(J - factor * rest), factor
+
+
+def held_note(link: str, others: Sequence[str], factor: float) -> str:
+    """What to say of the bodies that moved with another one."""
+    names = ", ".join(others[:_LISTED]) + (f" and {len(others) - _LISTED} more" if len(others) > _LISTED else "")
+    if factor == 1.0:
+        return (
+            f"{names} did not move against {link}: they keep the inertia of their description, and {link} has the rest"
+        )
+    return (
+        f"{names} did not move against {link}, and their described inertia would leave it no possible one: they have "
+        f"{factor:.3g} of it, and {link} has the rest"
+    )

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.export.models.exact_numbers import about_centre
+from excite.export.models.exported_model import about_centre
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_feature import COUPLED
 from excite.export.models.model_format import ModelFormat, ModelText

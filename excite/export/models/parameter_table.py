@@ -1,11 +1,17 @@
-"""Rows of the tables that list an identified model: base parameters with their uncertainty, then bodies and drives."""
+"""Tables of an identified model: CSV, LaTeX, Markdown."""
 
 from __future__ import annotations
 
+import csv
+import io
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_drives import ModelDrive
+from excite.export.models.model_feature import LISTED
+from excite.export.models.model_format import ModelFormat, ModelText
 from regressors.models.columns import COULOMB, ROTOR, VISCOUS
 from regressors.models.drives import drive_column
 from regressors.models.standard_columns import inertial_columns
@@ -86,3 +92,90 @@ def sections(model: IdentifiedModel) -> list[tuple[str, tuple[str, ...], list[tu
 def rounded(row: tuple[str | float | None, ...]) -> list[str]:
     """Cells of a row for readers: numbers with six digits, empty where there is none."""
     return ["" if x is None else x if isinstance(x, str) else f"{x:.6g}" for x in row]
+
+
+class CsvTable(ModelFormat):
+    """Comma-separated values [RFC 4180] below comment lines that begin with ``#``."""
+
+    name = "CSV"
+    suffix = ".csv"
+    expresses = LISTED
+
+    def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.model_format.ModelFormat.text`."""
+        stream = io.StringIO()
+        stream.writelines(f"# {line}\n" for line in comment)
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(HEAD)
+        writer.writerows(cells(row) for row in table_rows(model))
+        return ModelText(stream.getvalue())
+
+
+_ESCAPES = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    **{letter: f"\\{letter}" for letter in "#$%&_"},
+}
+
+
+class LatexTable(ModelFormat):
+    r"""Tables of LaTeX to ``\input``, by the package longtable, numbers with six digits."""
+
+    name = "LaTeX"
+    suffix = ".tex"
+    expresses = LISTED
+
+    def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.model_format.ModelFormat.text`."""
+        notes = (SIX_DIGITS, r"the LaTeX tables need \usepackage{longtable}")
+        lines = [f"% {line}" for line in (*comment, *notes)]
+        for title, head, rows in sections(model):
+            lines += [
+                rf"\begin{{longtable}}{{{'l' * len(head)}}}",
+                rf"\caption{{{title} of {_latex_escaped(model.described.name)}}}\\",
+            ]
+            lines += [r"\hline", _latex_row(head), r"\hline", r"\endhead"]
+            lines += [
+                *(_latex_row([_latex_escaped(cell) for cell in rounded(row)]) for row in rows),
+                r"\hline",
+                r"\end{longtable}",
+            ]
+        return ModelText("\n".join([*lines, ""]), notes)
+
+
+def _latex_row(cells: Sequence[str]) -> str:
+    return " & ".join(cell.replace("99 %", r"99\,\%") if cell.startswith("99 ") else cell for cell in cells) + r" \\"
+
+
+def _latex_escaped(text: str) -> str:
+    return "".join(_ESCAPES.get(letter, letter) for letter in text)
+
+
+class MarkdownTable(ModelFormat):
+    """Tables of GitHub Flavored Markdown, numbers with six digits."""
+
+    name = "Markdown"
+    suffix = ".md"
+    expresses = LISTED
+
+    def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.model_format.ModelFormat.text`."""
+        lines = [f"# Identified parameters of {_markdown_escaped(model.described.name)}", ""]
+        lines += [*(f"- {_markdown_escaped(line)}" for line in (*comment, SIX_DIGITS)), ""]
+        for title, head, rows in sections(model):
+            lines += [f"## {title}", "", _markdown_row(head), _markdown_row(["---"] * len(head))]
+            lines += [*(_markdown_row([_markdown_escaped(cell) for cell in rounded(row)]) for row in rows), ""]
+        return ModelText("\n".join(lines), (SIX_DIGITS,))
+
+
+def _markdown_row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _markdown_escaped(text: str) -> str:
+    for letter in "\\`*_[]<>|":
+        text = text.replace(letter, f"\\{letter}")
+    return text

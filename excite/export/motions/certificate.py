@@ -19,7 +19,7 @@ from constraints.linear import linear_limits
 from excite.errors import BrokenLimitError
 from excite.export.motions.sampled_design import SampledDesign
 from excite.simulation.played_limits import broken_limits
-from excite.simulation.source import MotionSource
+from excite.simulation.reference import MotionSource
 from excite.trajectories.transfer import Transfer
 
 _ROUNDING = 1e-9  # of a limit that a formula may touch

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFile, MotionFormat
-from excite.export.motions.number_rows import rows_of
-from excite.export.motions.recorder import Recorder, columns
+from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder, columns, rows_of
 from excite.export.motions.sampled_design import SampledDesign
 
 _AXES = range(1, 7)

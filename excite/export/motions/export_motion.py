@@ -21,7 +21,7 @@ from excite.files.design_json import load_design
 from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
 from excite.storage.atomic import replacing
-from excite.storage.result_file import replace_files, result_file
+from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
 from regressors.errors import InputError, TakenError
 from regressors.quantities import check

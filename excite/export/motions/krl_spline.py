@@ -11,9 +11,8 @@ import re
 import numpy as np
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFile, MotionFormat
-from excite.export.motions.recorder import Recorder
-from excite.export.motions.rsi_recorder import rsi_recorder
+from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder
+from excite.export.motions.rsi_csv import rsi_recorder
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.errors import InputError
 

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.joint_trajectory import TOPIC, message_of, ros2_recorder
-from excite.export.motions.joint_trajectory_rules import check_rules
-from excite.export.motions.motion_format import MotionFile, MotionFormat
-from excite.export.motions.recorder import Recorder
+from excite.export.motions.joint_trajectory import TOPIC, check_rules, message_of, ros2_recorder
+from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.errors import InputError
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.egm_csv import abb_recorder
-from excite.export.motions.motion_format import MotionFile, MotionFormat
-from excite.export.motions.recorder import Recorder
+from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.errors import InputError
 

@@ -6,10 +6,8 @@ import json
 from collections.abc import Sequence
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.joint_trajectory import ACTION, frame_of, message_of, ros2_recorder
-from excite.export.motions.joint_trajectory_rules import check_rules
-from excite.export.motions.motion_format import MotionFile, MotionFormat
-from excite.export.motions.recorder import Recorder
+from excite.export.motions.joint_trajectory import ACTION, check_rules, frame_of, message_of, ros2_recorder
+from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.quoting import printable
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 import re
 
 from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFile, MotionFormat
-from excite.export.motions.recorder import Recorder
-from excite.export.motions.rtde_recorder import MARKER, rtde_recorder
+from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder
+from excite.export.motions.rtde_csv import MARKER, rtde_recorder
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.errors import InputError
 

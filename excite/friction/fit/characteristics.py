@@ -1,38 +1,33 @@
-"""Friction characteristics of a robot from logs: windows, points, the curve that fits best, and break-away torques."""
+"""Friction characteristics of all drives, one each."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from excite.friction.fit.breakaway_tests import repeated_break_aways
-from excite.friction.fit.characteristic import Characteristic
-from excite.friction.fit.curve_fit import WARMER, CurveFit, NoCurve, chosen_fit
+from excite.friction.fit.breakaway_torque import BreakAway, MeanBreakAway, mean_break_aways, rest_points
+from excite.friction.fit.curve_fit import WARMER, CurveFit, NoCurve, chosen_fit, table_of
 from excite.friction.fit.data_set import data_set_of
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Form, forms
 from excite.friction.fit.log_assignment import sources_of
 from excite.friction.fit.points import DriveLog, Point, drive_log
-from excite.friction.fit.remarks import (
-    alike_remarks,
-    load_remarks,
-    stiction_remarks,
-    temperature_remarks,
-    why_no_curve,
-)
-from excite.friction.fit.stiction_points import rest_points
+from excite.friction.fit.remarks import alike_remarks, load_remarks, stiction_remarks, temperature_remarks, why_no_curve
 from regressors.errors import InputError, UnknownName
+from regressors.friction.curves import FrictionCurve
 from regressors.robot.robot import Robot
 
 if TYPE_CHECKING:
     from excite.friction.fit.plan_match import PlannedRuns
     from excite.friction.fit.rigid_torques import RigidModel
     from excite.logs.log import Log
+
 
 _SMALL_PATH = 0.05  # of the path of the drive that moves most: a drive that moves less was not measured
 _HEAVIER = 1.0  # of the median friction: least range of the torque that the drive carries
@@ -229,3 +224,46 @@ def _unit(robot: Robot, drive: str) -> str:
         return "Nm" if robot.joints[robot.joint_names.index(drive)].kind == "revolute" else "N"
     row = robot.transmission.coupling[[d.name for d in robot.transmission.drives].index(drive)]
     return "Nm" if robot.joints[int(np.flatnonzero(row)[-1])].kind == "revolute" else "N"
+
+
+@dataclass(frozen=True, eq=False)
+class Characteristic:
+    """Friction of one drive."""
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"break_away": lambda characteristic: characteristic.means}
+
+    drive: str
+    unit: str  # of its torque
+    gravity: str  # how gravity was accounted for
+    points: tuple[Point, ...]  # of windows
+    rests: tuple[Point, ...]  # break-away torques that are points of the curve, at speed zero
+    fit: CurveFit | None  # None for a table
+    others: tuple[CurveFit, ...]  # all that were fitted, best first
+    failed: dict[str, str]  # forms that could not be fitted, and why
+    stiction: tuple[BreakAway, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def curve(self) -> FrictionCurve:
+        """The fitted curve, or the table of the points."""
+        return table_of(self.points) if self.fit is None else self.fit.curve
+
+    @property
+    def means(self) -> tuple[MeanBreakAway, ...]:
+        """Mean break-away torque of each direction."""
+        return mean_break_aways(self.break_aways)
+
+    @property
+    def break_aways(self) -> tuple[BreakAway, ...]:
+        """Torques of ``stiction``, converted to the reference temperature if the curve is linear in temperature."""
+        form = None if self.fit is None else self.fit.form
+        if self.fit is None or form is None or form.temperature is None:
+            return self.stiction
+        values = dict(zip(form.parameters, self.fit.values.tolist(), strict=True))
+        rows = []
+        for mean in self.stiction:
+            side = "" if not form.asymmetric else "forward." if mean.direction > 0 else "backward."
+            temperature_rise = 0.0 if mean.temperature is None else mean.temperature - form.temperature
+            more = mean.direction * values[f"{side}coulomb_temperature"] * temperature_rise
+            rows.append(replace(mean, torque=mean.torque - more))
+        return tuple(rows)

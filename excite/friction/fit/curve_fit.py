@@ -1,4 +1,4 @@
-"""Curves fitted to friction torques over speed, and the one that an information criterion prefers [KD96] section 4."""
+"""The curve through the points of a drive, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import scipy.stats
 from excite.friction.fit.friction_equations import Conditions, Form
 from excite.friction.fit.points import Point
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurve, TableFriction
+from regressors.friction.curves import CurveUncertainty, FrictionCurve, TableFriction
 from regressors.samples import Array, Index
 
 CONFIDENCE = 0.99
@@ -267,3 +267,27 @@ def _at_rest(v: Array, tau: Array, direction: float, otherwise: float) -> float:
     """Size of the mean torque at which one direction breaks away."""
     rows = (v == 0.0) & (np.copysign(1.0, v) == direction)
     return float(np.abs(tau[rows].mean())) if rows.any() else otherwise
+
+
+def curve_uncertainty(fit: CurveFit) -> CurveUncertainty:
+    """Covariance of a fit's parameters, such that 2.576 deviations are half of a 99 % interval.
+
+    Where the scatter is known from few points, the interval is by Student's t, and the covariance larger by
+    ``(t / 2.576)^2``. Parameters that are held have no deviation.
+    """
+    places = [(place, k) for k, name in enumerate(fit.form.parameters) for place in _places(fit.form, name)]
+    rows = [k for _, k in places]
+    wider = (fit.quantile / float(scipy.stats.norm.ppf(0.5 + 0.5 * CONFIDENCE))) ** 2
+    return CurveUncertainty(tuple(place for place, _ in places), wider * fit.covariance[np.ix_(rows, rows)])
+
+
+def _places(form: Form, parameter: str) -> tuple[str, ...]:
+    """Keys of a parameter in a friction file; two where stiction is Coulomb friction."""
+    side, _, name = parameter.rpartition(".")
+    of = f"{side}." if side else ""
+    if name.endswith("_temperature"):
+        return (f"temperature.{of}{name.removesuffix('_temperature')}",)
+    if name == "load":
+        return (f"load.{side}" if side else "load",)
+    tied = name == "coulomb" and form.asymmetric and not form.stribeck
+    return (parameter, f"{of}stiction") if tied else (parameter,)

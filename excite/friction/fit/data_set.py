@@ -12,10 +12,16 @@ from excite.friction.fit.breakaway_torque import BreakAway
 from excite.friction.fit.constant_speed_windows import Found, WindowSearch
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.plan_match import PlannedRuns
-from excite.friction.fit.plan_windows import windows_of_plan
-from excite.friction.fit.points import DriveLog, Point, gravity_share, paired_points, points_of, windows_of
-from excite.friction.fit.unloaded import never_loaded
+from excite.friction.fit.plan_match import PlannedRuns, windows_of_plan
+from excite.friction.fit.points import (
+    DriveLog,
+    Point,
+    gravity_share,
+    never_loaded,
+    paired_points,
+    points_of,
+    windows_of,
+)
 from regressors.errors import InputError
 
 _LEAST_SHARE = 0.01  # of the largest speed in the log: below, a drive rests

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from excite.friction.fit.plan_match import PlanMatch
+from excite.friction.fit.plan_match import PlanMatch, Ramped
 from excite.friction.fit.points import DriveLog
-from excite.friction.fit.ramp_match import Ramped
 from excite.friction.fit.rigid_torques import RigidModel
 from regressors.errors import InputError
 

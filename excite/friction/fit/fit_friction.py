@@ -24,8 +24,8 @@ from excite.logs.log import Log
 from excite.logs.log_checks import check_log
 from excite.logs.mapping import LogMapping
 from excite.registry import built_in
+from excite.simulation.reference import MotionSource
 from excite.simulation.simulation import Simulation
-from excite.simulation.source import MotionSource
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.numerical import numerical_work

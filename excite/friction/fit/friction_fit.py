@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.characteristics import Characteristic
+from excite.friction.fit.curve_fit import curve_uncertainty
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.fit_uncertainty import curve_uncertainty
 from excite.logs.log import LogReference
 from excite.registry import built_in
 from excite.storage.records import read_record, write_record

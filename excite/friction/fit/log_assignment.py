@@ -9,9 +9,8 @@ import numpy as np
 from excite.friction.fit.breakaway_torque import break_aways
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.plan_match import PlanMatch, PlannedRuns, match_plan
+from excite.friction.fit.plan_match import PlanMatch, PlannedRuns, match_plan, match_ramps
 from excite.friction.fit.points import DriveLog
-from excite.friction.fit.ramp_match import match_ramps
 from excite.friction.fit.rigid_torques import RigidModel
 from regressors.errors import InputError
 from regressors.robot.robot import Robot

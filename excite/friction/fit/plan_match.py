@@ -1,20 +1,28 @@
-"""Where a log contains the runs of a friction plan: recordings begin before the motion, or after, at any sample rate.
+"""Which part of a plan a log has recorded: its windows and its ramps.
 
 In its windows a plan asks for ``s(t) = first + speed (t - start)``. The log's path z(t) is compared with it at every
 shift d on a grid, ``sum over windows of s(t)^2 - (z(t + d) - s(t))^2`` with both measured from the plan's pose, by one
 correlation; the largest sum is where most of the plan lies in the log. The shift is then refined: along a window the
 misfit is linear in d, and the median window gives the error of d.
+
+A plan's ramps rise at rates of their own, ``a(t) = rate (t - start)``, until the drive breaks loose. The torque m(t) of
+a drive, less its mean, is compared with their first parts, an eighth to all of each, at every shift d on a grid: the
+share ``1 - sum (m(t + d) - a(t))^2 / sum a(t)^2`` is near one for the drive whose ramps they are, where it had not
+broken loose by then, and smaller for all others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import scipy.signal
 
+from excite.friction.fit.constant_speed_windows import ConstantWindow, Found, WindowSearch, constant_window
 from excite.friction.fit.points import DriveLog
+from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
 from excite.friction.plan.friction_plan import FrictionPlan
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -168,3 +176,138 @@ def _ahead(time: Array, z: Array, window: PlannedWindow) -> Array:
     """How far the path is ahead of the plan's at the instants of a window."""
     rows = slice(int(np.searchsorted(time, window.start)), int(np.searchsorted(time, window.end, side="right")))
     return np.asarray(z[rows] - window.first - window.speed * (time[rows] - window.start))
+
+
+_TRIMMED = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # of the path, cut off at both ends
+_FEWEST = 8
+_RECORDED = 0.7  # least share of the samples that are expected
+_LATE = 0.1  # of a window: its largest error in time
+_OTHER_SPEED = 0.1  # of the planned speed: the largest deviation from it
+
+
+def windows_of_plan(
+    time: Array, z: Array, others: Array, planned: Sequence[PlannedWindow], middle: float, search: WindowSearch
+) -> Found:
+    """Windows of a plan, each from end to end, or trimmed at both ends so that its speed changes least.
+
+    The trimmed path is the same on both sides of the middle, up to two fifths of the whole.
+    """  # time (N,); z (N,); others (N, k)
+    columns = np.column_stack([z, others])
+    noise = position_noise(time, columns)
+    longest = longest_step(time)
+    steadiest = [_steadiest(time, columns, noise, w, middle, search, longest) for w in planned]
+    windows = tuple(sorted((w for w in steadiest if isinstance(w, ConstantWindow)), key=lambda w: w.start))
+    missing = steadiest.count("missing")
+    return Found(windows, len(planned) - len(windows) - missing, 0, missing)
+
+
+def _steadiest(
+    time: Array,
+    columns: Array,
+    noise: Array,
+    planned: PlannedWindow,
+    middle: float,
+    search: WindowSearch,
+    longest: float,
+) -> ConstantWindow | Literal["changing", "missing"]:
+    centre = middle + 0.5 * (planned.first + planned.last)
+    late = _LATE * (planned.end - planned.start)
+    begin, end = np.searchsorted(time - time[0], [planned.start - late, planned.end + late])
+    away = np.abs(columns[begin:end, 0] - centre)
+    at = int(np.searchsorted(time[begin:end] - time[0], 0.5 * (planned.start + planned.end)))
+    candidates: list[tuple[float, ConstantWindow]] = []
+    recorded = False
+    for trimmed in _TRIMMED:
+        a, b = _stretch(away, at, (1.0 - trimmed) * 0.5 * abs(planned.last - planned.first))
+        if not _recorded(time[begin + a : begin + b], longest):
+            continue
+        recorded = True
+        window = constant_window(time, columns, noise, int(begin) + a, int(begin) + b, search, margin=0.0)
+        if window is not None and abs(window[1].speed - planned.speed) <= _OTHER_SPEED * abs(planned.speed):
+            candidates.append(window)
+    if candidates:
+        return min(candidates, key=lambda one: one[0])[1]
+    return "changing" if recorded else "missing"
+
+
+def _stretch(away: Array, at: int, half: float) -> tuple[int, int]:
+    """Rows about one, no further from the middle than half the path and than the nearer of their two ends."""
+    a, b = _about(away, at, half)
+    return _about(away, at, min(half, float(away[a]), float(away[b - 1]))) if b > a else (0, 0)
+
+
+def _about(away: Array, at: int, half: float) -> tuple[int, int]:
+    out = np.flatnonzero(away > half)
+    k = int(np.searchsorted(out, at))
+    return (int(out[k - 1]) + 1 if k > 0 else 0), (int(out[k]) if k < out.size else away.size)
+
+
+def _recorded(time: Array, longest: float) -> bool:
+    """Whether there are enough samples, without a gap."""
+    if time.size < _FEWEST or not unbroken(time, longest):
+        return False
+    step = np.diff(time)
+    return bool((time.size - 1) * float(np.median(step)) >= _RECORDED * float(time[-1] - time[0]))
+
+
+_PARTS_OF_RAMP = (1.0, 0.5, 0.25, 0.125)  # of each ramp
+_SHARE = 0.8
+_NEAR = 0.05  # rad or m, from the pose
+_AFTER = 0.2  # [s], largest lag of a robot behind the plan
+
+
+@dataclass(frozen=True)
+class Ramped:
+    """Torque ramps of a plan in a log."""
+
+    seconds: float  # when the plan begins, since the log's first sample [s]
+    spans: tuple[tuple[float, float], ...]  # begin and end of the ramps, since its first sample [s]
+    share: float  # share of the planned torque that the log contains, at most one
+
+
+def match_ramps(measured: DriveLog, plan: Mapping[str, PlannedRuns]) -> tuple[str, Ramped] | None:
+    """The drive whose planned ramps a log contains, and where; None where it contains those of no drive."""
+    matches = [
+        (name, ramps)
+        for name, runs in plan.items()
+        if name in measured.names and runs.ramps and _near(measured, runs) and (ramps := _ramps_of(measured, runs))
+    ]
+    return max(matches, key=lambda each: each[1].share, default=None)
+
+
+def _near(measured: DriveLog, runs: PlannedRuns) -> bool:
+    """Whether the robot rests near the pose."""
+    pose = [runs.pose[name] for name in measured.log.joints]
+    return bool(np.all(np.abs(np.median(measured.log.q, axis=0) - pose) <= _NEAR))
+
+
+def _ramps_of(measured: DriveLog, runs: PlannedRuns) -> Ramped | None:
+    log = measured.log
+    assert log.effort is not None
+    since = log.time - log.time[0]
+    torque = measured.torque(log.effort)[:, measured.names.index(runs.drive)]
+    grid = np.arange(0.0, since[-1] + _GRID, _GRID)
+    m = np.interp(grid, since, torque - np.median(torque))
+    best = (_SHARE, 0.0)
+    for part in _PARTS_OF_RAMP:
+        share, shift = _largest_share(m, runs, part)
+        best = max(best, (share, shift))
+    share, shift = best
+    if share <= _SHARE:
+        return None
+    return Ramped(shift, tuple((r.start + shift, r.end + shift + _AFTER) for r in runs.ramps), share)
+
+
+def _largest_share(m: Array, runs: PlannedRuns, part: float) -> tuple[float, float]:
+    """Largest share of the first part of each ramp, and the shift at which it is [s]."""
+    at = np.arange(0.0, max(ramp.end for ramp in runs.ramps) + _GRID, _GRID)
+    asked, within = np.zeros((2, at.size))
+    for ramp in runs.ramps:
+        rows = (at >= ramp.start) & (at <= ramp.start + part * (ramp.end - ramp.start))
+        asked[rows], within[rows] = ramp.rate * (at[rows] - ramp.start), 1.0
+    power = float(asked @ asked)
+    mean = scipy.signal.correlate(m, within) / within.sum()
+    left = scipy.signal.correlate(m**2, within) - within.sum() * mean**2
+    share = (2.0 * scipy.signal.correlate(m, asked) - left) / power
+    k = int(np.argmax(share))
+    return float(share[k]), float((k - (at.size - 1)) * _GRID)

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from excite.logs.excitation import noise_deviation, quantum
 from excite.logs.gaps import LEAST, STEPS
-from excite.logs.noise_level import noise_deviation, quantum
 from regressors.samples import Array
 
 _FEWEST = 9  # consecutive samples that noise can be estimated from

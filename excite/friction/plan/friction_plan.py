@@ -23,8 +23,7 @@ from excite.friction.plan.runs import Pace, Part, Runs, samples_of
 from excite.friction.plan.schedule import RunSequence, Schedule, run_sequence_of
 from excite.friction.plan.torque_ramps import TorqueRamps, file_name
 from excite.logs.csv_motion import motion_columns, write_motion_table
-from excite.simulation.reference import SampledMotion
-from excite.simulation.source import MotionSource
+from excite.simulation.reference import MotionSource, SampledMotion
 from excite.storage.atomic import read_json
 from excite.storage.codec import INLINE, Beside, named
 from excite.storage.migrations import is_of_kind, schema_of

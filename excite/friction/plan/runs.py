@@ -12,13 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from constraints.bounds.certificate import LimitUse, limit_uses, worst_of_each
-from constraints.bounds.enclosure import enclose
+from constraints.bounds.enclosure import enclose, piecewise_extrema
 from constraints.bounds.extrema import Extrema
-from constraints.bounds.piecewise import piecewise_extrema
 from constraints.limits.torque import torque_limits
 from constraints.linear import LinearConstraint
-from excite.trajectories.scurve import SCurve, time_optimal
-from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP
+from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, SCurve, time_optimal
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion

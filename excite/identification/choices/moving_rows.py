@@ -13,14 +13,14 @@ import numpy as np
 
 from excite.identification.choices.choice import Candidate, Choice
 from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing
+from excite.identification.choices.cutoffs import choose_delay
 from excite.identification.choices.left_out import LeftOut, left_out
 from excite.identification.choices.scoring import Scoring
 from excite.identification.choices.sliding import softened
-from excite.identification.choices.torque_delay import choose_delay
 from excite.identification.choices.trial import Mask
 from excite.identification.known_instants import nearest
 from excite.identification.recipe import Recipe
-from excite.identification.standstill import least_speeds, typical_speed
+from excite.identification.standstill_bias import least_speeds, typical_speed
 from regressors.samples import Array
 
 NAME = "rows"

@@ -65,5 +65,5 @@ def _errors(scoring: Scoring, recipe: Recipe) -> LeftOut | None:
         return None
 
 
-def _percent(errors: LeftOut) -> str:
-    return f"{100 * errors.error:.3g} %"
+def _percent(score: LeftOut) -> str:
+    return f"{100 * score.error:.3g} %"

@@ -9,9 +9,9 @@ import numpy as np
 
 from excite.identification.adjustment import undirected_equations
 from excite.identification.choices.choice import Candidate, Choice
+from excite.identification.choices.cutoffs import choose_delay
 from excite.identification.choices.left_out import LeftOut
 from excite.identification.choices.scoring import Scoring
-from excite.identification.choices.torque_delay import choose_delay
 from excite.identification.friction_directions import listed
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import Presliding, presliding_candidates

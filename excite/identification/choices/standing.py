@@ -12,7 +12,7 @@ from excite.identification.choices.scoring import Scoring
 from excite.identification.choices.trial import Mask
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
-from excite.identification.standstill import SPEEDS, least_speeds, standstill_candidates
+from excite.identification.standstill_bias import SPEEDS, least_speeds, standstill_candidates
 from regressors.samples import Array
 
 _WORTH = 0.01  # of the score: below that every row stays

@@ -8,10 +8,9 @@ import numpy as np
 
 from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
-from excite.identification.estimator import Context, Estimator
+from excite.identification.estimator import Context, Estimator, LinearSolution, solve_triangular_system
 from excite.identification.estimators.least_squares import scaled_covariance
 from excite.identification.observations import Observations
-from excite.identification.solution import LinearSolution, solve_triangular_system
 from excite.identification.weights import weighting
 from regressors.errors import InputError
 from regressors.samples import Array, Index

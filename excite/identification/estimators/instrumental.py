@@ -7,11 +7,9 @@ import numpy as np
 from excite.identification.commanded import instruments
 from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
-from excite.identification.estimator import Context, Estimator
+from excite.identification.estimator import TOLERANCE, Context, Estimator, LinearSolution, solve_triangular_system
 from excite.identification.estimators.least_squares import residual_noise, scaled_covariance
-from excite.identification.factors import GroupFactors
-from excite.identification.observations import Observations
-from excite.identification.solution import TOLERANCE, LinearSolution, solve_triangular_system
+from excite.identification.observations import GroupFactors, Observations
 from excite.identification.weights import weighting
 from excite.trajectories import Trajectory
 from regressors.errors import InputError

@@ -6,10 +6,8 @@ import numpy as np
 
 from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
-from excite.identification.estimator import Context, Estimator
-from excite.identification.factors import GroupFactors
-from excite.identification.observations import Observations
-from excite.identification.solution import LinearSolution, solve_triangular_system
+from excite.identification.estimator import Context, Estimator, LinearSolution, solve_triangular_system
+from excite.identification.observations import GroupFactors, Observations
 from regressors.samples import Array
 
 

@@ -16,7 +16,7 @@ import scipy.linalg
 import scipy.optimize
 
 from excite.identification.estimate import Estimate
-from excite.identification.estimators.possible import possible_estimate
+from excite.identification.estimators.possible_set import possible_estimate
 from excite.identification.estimators.standard import Body, Entropic, Pull, Quadratic, StandardProblem, standard_problem
 from excite.identification.observations import Observations
 from excite.identification.weights import weighting

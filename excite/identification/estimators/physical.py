@@ -12,8 +12,13 @@ from excite.errors import ConicSolverError
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.log_cholesky import log_cholesky
-from excite.identification.estimators.possible import possible_estimate
-from excite.identification.estimators.possible_set import PossibleSet, nearest, own_scale, possible_set
+from excite.identification.estimators.possible_set import (
+    PossibleSet,
+    nearest,
+    own_scale,
+    possible_estimate,
+    possible_set,
+)
 from excite.identification.estimators.standard import (
     Entropic,
     Pull,

@@ -1,4 +1,4 @@
-"""Possible robots in linear coordinates, and the one nearest the origin of these: the one door to the conic solver.
+"""Possible robots in linear coordinates, the one nearest the origin of these, and an estimate from it.
 
 Coordinates z in which the quantity to minimise is ``|z|^2`` serve every data set alike, without noise, badly scaled or
 of deficient rank: the programme has neither a weight nor an equality, and the solver sees nothing but
@@ -9,7 +9,7 @@ of deficient rank: the programme has neither a weight nor an equality, and the s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import clarabel
 import numpy as np
@@ -17,7 +17,11 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from excite.errors import ConicSolverError
+from excite.identification.estimate import Estimate
 from excite.identification.estimators.standard import StandardProblem
+from excite.identification.estimators.weighted import weighted_estimate
+from excite.identification.observations import Observations
+from excite.identification.weights import GroupWeights
 from regressors.robot.inertia import pseudo_inertia
 from regressors.samples import Array
 
@@ -167,3 +171,20 @@ def _settings(further: dict[str, float]) -> clarabel.DefaultSettings:
     for name, value in further.items():
         setattr(settings, name, value)
     return settings
+
+
+def possible_estimate(
+    method: str,
+    observations: Observations,
+    problem: GroupWeights,
+    standard: StandardProblem,
+    theta: Array,
+    notes: tuple[str, ...],
+) -> Estimate:
+    """Estimate from possible standard parameters, with the covariance of weighted least squares."""
+    free = weighted_estimate(method, observations, problem)
+    fit = np.asarray(standard.A @ theta)
+    values = np.where(np.isnan(free.values), np.nan, fit)
+    named = dict(zip(standard.names, theta.tolist(), strict=True))
+    notes = (*free.notes, *notes, "covariance of the estimate without constraints and pull")
+    return replace(free, values=values, standard=named, notes=notes, fit=fit, unconstrained=free.coefficients)

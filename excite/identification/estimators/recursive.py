@@ -16,11 +16,9 @@ import scipy.linalg
 
 from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
-from excite.identification.estimator import Context, Estimator
+from excite.identification.estimator import Context, Estimator, solve_triangular_system
 from excite.identification.estimators.least_squares import plain_covariance, residual_noise, scaled_covariance
-from excite.identification.factors import GroupFactors
-from excite.identification.observations import Observations
-from excite.identification.solution import solve_triangular_system
+from excite.identification.observations import GroupFactors, Observations
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 

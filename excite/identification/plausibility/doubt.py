@@ -1,4 +1,4 @@
-"""A reason to doubt a result, with its cause and its cure."""
+"""A reason to doubt a result, such as rows that are left out."""
 
 from __future__ import annotations
 
@@ -17,3 +17,18 @@ class Doubt:
     def text(self) -> str:
         """One sentence."""
         return f"{self.what}: {self.cause}; {self.cure}"
+
+
+MOST = 0.05  # of the exciting rows
+
+
+def left_out_rows(source: str, share: float) -> Doubt | None:
+    """Doubt where more than 5 % of the exciting rows are left out."""
+    if not share > MOST:
+        return None
+    return Doubt(
+        f"{100 * share:.2g} % of the exciting rows of {source} are left out, more than {100 * MOST:g} %",
+        "the motion that remains is no longer the one that was played",
+        "see the notes on this log for which rows and why; record it again without these events, or give the stretch "
+        "that is sound (`rows`)",
+    )

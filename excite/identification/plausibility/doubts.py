@@ -6,20 +6,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.identification.factors import GroupFactors
-from excite.identification.plausibility.doubt import Doubt
-from excite.identification.plausibility.expected_error import expected_error
-from excite.identification.plausibility.few_data import few_data
+from excite.identification.observations import GroupFactors
+from excite.identification.plausibility.doubt import Doubt, left_out_rows
+from excite.identification.plausibility.expected_error import expected_error, few_data
 from excite.identification.plausibility.impossible_parameters import (
+    allowed_poses,
     described_coefficients,
     heavier_than_described,
     impossible_parameters,
+    least_inertia,
+    mass_matrix_check,
 )
-from excite.identification.plausibility.large_residual import LARGEST, ResidualCauses, large_residual
-from excite.identification.plausibility.left_out_rows import left_out_rows
-from excite.identification.plausibility.mass_matrix_check import allowed_poses, least_inertia, mass_matrix_check
-from excite.identification.plausibility.residual_causes import (
+from excite.identification.plausibility.large_residual import (
+    LARGEST,
     NoisyDerivatives,
+    ResidualCauses,
+    large_residual,
     missing_terms,
     noisy_derivatives,
     wrong_factors,

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.identification.equations import measured_regressor
 from excite.identification.estimate import Estimate
-from excite.identification.factors import GroupFactors
-from excite.identification.measured_regressor import measured_regressor
-from excite.identification.observations import Observations
-from excite.identification.plausibility.other_motions import other_motion
+from excite.identification.observations import GroupFactors, Observations
+from excite.identification.plausibility.doubt import Doubt
 from excite.identification.residuals import residual_diagnostics
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array, Samples
@@ -90,3 +89,83 @@ def _inverse(M: Array) -> Array:
 
 def _ratio(C: Array, gram: Array, torque: float) -> float:
     return float(np.sqrt(np.sum(C * gram) / torque)) if torque > 0 else np.inf
+
+
+HARMONICS = 5
+_POINTS = 200  # in a period
+
+
+def other_motion(travelled: Samples, rng: np.random.Generator) -> Samples:
+    """A random band-limited motion within the ranges of positions, and the speeds and accelerations, of another.
+
+    Every joint is a Fourier series of five harmonics with random amplitudes, about the middle of its range. It is as
+    large as range, root mean square of the velocity and that of the acceleration allow; the period follows from their
+    ratio.
+    """
+    n = travelled.q.shape[1]
+    low, high = travelled.q.min(axis=0), travelled.q.max(axis=0)
+    speed, acceleration = _rms(travelled.dq), _rms(travelled.ddq)
+    moving = (high - low > 1e-6 * (high - low).max(initial=0.0)) & (speed > 0)
+    rate = float(np.median(acceleration[moving] / speed[moving]))  # of the harmonics [rad/s]
+    period = 2 * np.pi * np.sqrt(_mean_square_harmonic()) / rate
+    time = np.arange(_POINTS) * (period / _POINTS)
+    k = np.arange(1, HARMONICS + 1) * 2 * np.pi / period
+    amplitude, phase = rng.normal(size=(n, HARMONICS)), rng.uniform(0, 2 * np.pi, (n, HARMONICS))
+    angle = np.multiply.outer(time, k)[:, None, :] + phase
+    q, dq, ddq = (
+        np.sum(amplitude * part, axis=-1) for part in (np.sin(angle), k * np.cos(angle), -(k**2) * np.sin(angle))
+    )
+    allowed = [(high - low) / np.maximum(np.ptp(q, axis=0), 1e-300), speed / _rms(dq), acceleration / _rms(ddq)]
+    scale = np.where(moving, np.min(allowed, axis=0), 0.0)
+    middle = (low + high) / 2 - scale * (q.max(axis=0) + q.min(axis=0)) / 2
+    return Samples(time, middle + scale * q, scale * dq, scale * ddq, np.zeros_like(q))
+
+
+def _rms(x: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(x**2, axis=0)))
+
+
+def _mean_square_harmonic() -> float:
+    """Ratio of the mean squares of acceleration and velocity of the series, over the base frequency squared."""
+    k = np.arange(1, HARMONICS + 1)
+    return float(np.sum(k**4) / np.sum(k**2))
+
+
+LARGEST = 0.10  # of the torque: the tolerance of a verdict, which the next log then exceeds by noise alone
+_USEFUL = 0.8  # of the error: a designed motion that does not gain more is not proposed
+
+
+def few_data(logs: int, expected: ExpectedError, method: str, excess: float = 0.0) -> Doubt | None:
+    """Warning where predictions on other motions are expected to fail by the noise of the logs alone, or did fail."""
+    if not max(expected.logs, excess) > LARGEST:
+        return None
+    what, noise = ("this log is", "its noise") if logs == 1 else (f"these {logs} logs are", "their noise")
+    kept = (
+        "what the estimate has beyond comes from the condition that bodies are real"
+        if method == "physical"
+        else "errors of the model come on top"
+    )
+    if excess > expected.logs:
+        return Doubt(
+            f"{what} too little",
+            f"blocks of time that were left out are predicted by least squares with errors of {100 * excess:.2g} % of "
+            f"the torque beyond those of the rows identified from, and {kept}",
+            _cure(expected, method),
+        )
+    return Doubt(
+        f"{what} too little",
+        f"{noise} alone leaves errors of about {100 * expected.logs:.2g} % of the torque on other motions of the same "
+        f"ranges and speeds, and {kept}",
+        _cure(expected, method),
+    )
+
+
+def _cure(expected: ExpectedError, method: str) -> str:
+    physical = "" if method == "physical" else ", or admit only parameters of real bodies with `estimator='physical'`"
+    gain = expected.designed
+    if gain is None or gain > _USEFUL * expected.logs:
+        return f"add a log of another motion{physical}"
+    return (
+        f"the noise of a designed motion of the same length, ranges and speeds leaves about {100 * gain:.2g} %, that "
+        f"of this one {100 * expected.logs:.2g} % (`design_trajectory`); or add a log of another motion{physical}"
+    )

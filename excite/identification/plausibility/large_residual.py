@@ -1,4 +1,4 @@
-"""Doubt where the model does not explain what was measured, with its cause."""
+"""Doubt where the model does not explain what was measured, with its measured causes."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
+import scipy.signal
 
+from excite.identification.observations import Observations, rows_of_groups
 from excite.identification.plausibility.doubt import Doubt
-from excite.identification.plausibility.residual_causes import MOST, NoisyDerivatives, WrongFactors
+from regressors.samples import Array
 
 LARGEST = 0.30  # residual over measurement
 _ODD = 1.3  # factor from which on a measurement counts as scaled
@@ -89,3 +92,130 @@ def _factor(odd: dict[str, float], explained: float) -> tuple[str, str]:
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(names)
+
+
+MOST = 0.5  # share of the squared residual that makes a cause the cause
+_MOST_ROWS = 30000  # for factors, which need no more
+_FEWEST = 50  # rows of a spectrum
+_STRETCH = 2**16  # rows of a long one
+
+
+@dataclass(frozen=True)
+class WrongFactors:
+    """Factors of the measurements with which the equations hold best."""
+
+    explained: float  # share of the squared residual, relative to what was measured, that they explain
+    factors: tuple[float, ...]  # of each equation, their median being one
+
+
+def wrong_factors(observations: Observations) -> WrongFactors:
+    """Factors of single equations' measurements with which the model explains them better.
+
+    With ``Y = diag(s) y`` and Q an orthonormal basis of W's columns, ``||(1 - QQ') Y||^2 / ||Y||^2`` is a ratio of
+    quadratic forms of s, r x r. One equation after the other gets the factor that lowers it most, as long as that
+    halves it. A factor far from one, or negative, is a unit, a ratio or a sign that does not fit the others.
+    """
+    r = len(observations.equations)
+    if observations.y.size > _MOST_ROWS:
+        rng = np.random.default_rng(0)
+        observations = observations.rows(np.sort(rng.choice(observations.y.size, _MOST_ROWS, replace=False)))
+    Y = np.zeros((observations.y.size, r))
+    Y[np.arange(observations.y.size), observations.equation] = observations.y
+    left = Y - _projected(observations.matrix, Y)
+    A, size = left.T @ left, np.sum(Y**2, axis=0)
+    s = np.ones(r)
+    plain = best = _unexplained(A, size, s)
+    for _ in range(r - 1):
+        trials = [_with_factor(A, size, s, j) for j in range(r)]
+        j = int(np.argmin([_unexplained(A, size, trial) for trial in trials]))
+        if not _unexplained(A, size, trials[j]) < best / 2:
+            break
+        s, best = trials[j], _unexplained(A, size, trials[j])
+    return WrongFactors(1 - best / plain if plain > 0 else 0.0, tuple(s.tolist()))
+
+
+def _unexplained(A: Array, size: Array, s: Array) -> float:
+    total = float(size @ s**2)
+    return float(s @ A @ s) / total if total > 0 else 0.0
+
+
+def _with_factor(A: Array, size: Array, s: Array, j: int) -> Array:
+    """The factors, that of equation j being the best: stationary points of a ratio of two parabolas in it."""
+    others = np.where(np.arange(s.size) == j, 0.0, s)
+    a, b, c = A[j, j], 2 * float(A[j] @ others), float(others @ A @ others)
+    d, e = size[j], float(size @ others**2)
+    points = np.roots([-b * d, 2 * (a * e - c * d), b * e])  # of (a x^2 + b x + c) / (d x^2 + e)
+    trials = [np.where(np.arange(s.size) == j, x, s) for x in points[np.isreal(points)].real]
+    return min(trials, key=lambda trial: _unexplained(A, size, trial), default=s)
+
+
+def _projected(W: Array, Y: Array) -> Array:
+    """Projection of Y onto the columns of W."""
+    sizes = np.linalg.norm(W, axis=0)
+    Q, R, _ = scipy.linalg.qr(W / np.where(sizes > 0, sizes, 1.0), mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    Q = Q[:, diagonal > 1e-10 * diagonal.max(initial=0.0)]
+    return np.asarray(Q @ (Q.T @ Y))
+
+
+@dataclass(frozen=True)
+class NoisyDerivatives:
+    """Noise in the predictions, which comes from differentiated positions."""
+
+    share: float  # its power over the squared residual
+    above: float  # frequency above which the motion has no content [Hz]
+
+    @property
+    def cause(self) -> tuple[str, str] | None:
+        """Cause and cure in words, if it is more than half of the squared residual."""
+        if not self.share > MOST:
+            return None
+        return (
+            f"the torques that the model predicts are mostly noise above {self.above:.3g} Hz, where the motion has "
+            "no content: the positions are noisy, or their time stamps are",
+            f"filter the positions with a lower cutoff, such as `cutoff={self.above:.2g}`",
+        )
+
+
+def noisy_derivatives(observations: Observations, predicted: Array, above: float) -> NoisyDerivatives:
+    """Power above the motion's frequencies that the residual has and the measurements have not, over all of its power.
+
+    What the measurements have too is noise of theirs, or jumps of friction, which the predictions share.
+    """  # predicted (m,)
+    residual = observations.y - predicted
+    fast, total = 0.0, float(np.sum(residual**2))
+    for _, rows in rows_of_groups(observations.group):
+        time = observations.time[rows]
+        if time.size < _FEWEST or not time[-1] > time[0]:
+            continue
+        rate = (time.size - 1) / float(time[-1] - time[0])
+        in_residual, in_measured = (_fast(x[rows], rate, above) for x in (residual, observations.y))
+        fast += time.size * max(in_residual - in_measured, 0.0)
+    return NoisyDerivatives(fast / total if total > 0 else 0.0, above)
+
+
+def _fast(x: Array, rate: float, above: float) -> float:
+    """Mean square above a frequency; of long signals the mean over their stretches [Welch 1967]."""
+    frequency, power = scipy.signal.welch(x, rate, "hann", nperseg=min(x.size, _STRETCH))
+    return float(np.sum(power[frequency > above]) * frequency[1])
+
+
+def missing_terms(residual: Array, speed: Array, acceleration: Array) -> tuple[dict[str, float], Array]:
+    """What friction and rotors of its own joint explain of each joint's residual."""
+    # residual, speed, acceleration (N, r); result (r,)
+    total = float(np.sum(residual**2))
+    one = np.ones(len(residual))
+    explained: dict[str, float] = dict.fromkeys(("friction", "rotor", "offset"), 0.0)
+    per_joint = np.zeros(residual.shape[1])
+    for j in range(residual.shape[1]):
+        e, v, a = residual[:, j], speed[:, j], acceleration[:, j]
+        terms = {"friction": [np.sign(v), v], "rotor": [a], "offset": [one]}
+        for name, columns in terms.items():
+            explained[name] += _explained(e, columns) / total
+        per_joint[j] = _explained(e, [column for columns in terms.values() for column in columns]) / total
+    return explained, per_joint
+
+
+def _explained(e: Array, columns: list[Array]) -> float:
+    A = np.column_stack(columns)
+    return float(np.sum((A @ np.linalg.lstsq(A, e, rcond=None)[0]) ** 2))

@@ -1,14 +1,18 @@
-"""Columns of one quantity, one for each joint, found by definitions and by names."""
+"""Columns of one quantity, one for each joint: by definitions, by names, or by their numbers."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from excite.logs.guess.clock_choice import Clock
 from excite.logs.log import WRENCH
 from excite.logs.recordings.column_name import ColumnName, parsed_name
-from excite.logs.recordings.recording import Contents, StreamContents
+from excite.logs.recordings.recording import Contents, Recording, StreamContents
+from regressors.samples import Array
 
 _PREFERRED = frozenset({"actual", "measured", "meas", "state", "states", "joint", "feedback", "present"})
 
@@ -140,3 +144,101 @@ def _joint_name(title: str, parsed: ColumnName) -> tuple[str, str]:
         joint = k - 1 if k else 1
         return "/".join(part for n, part in enumerate(parts) if n not in (k, joint)), parts[joint]
     return "/".join(parts[:k]), "_".join(parsed_name(parts[k]).label) or "joint"
+
+
+def numbered_groups(
+    contents: Contents, recording: Recording, clocks: Mapping[str, Clock], joints: int | None
+) -> list[ChannelGroup]:
+    """Positions and velocities of each stream by their agreement, and blocks of as many columns beside them."""
+    groups = []
+    for stream in contents.streams:
+        clock = clocks.get(stream.name)
+        if clock is None or stream.name not in recording.streams:
+            continue
+        columns = recording.streams[stream.name].columns
+        names = [name for name in stream.columns if name in columns]
+        values = np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
+        groups += _of_stream(stream.name, names, values, names.index(clock.column), joints)
+    return groups
+
+
+def _of_stream(stream: str, names: list[str], values: Array, clock: int, joints: int | None) -> list[ChannelGroup]:
+    whole = values[np.isfinite(values).all(axis=1)]
+    if whole.shape[0] < 100:
+        return []
+    found = motion_columns(whole[:, clock], whole, clock)
+    if found is None:
+        return []
+    n = min(joints or len(found.positions), len(found.positions))
+    labels = tuple(f"{k}" for k in range(1, n + 1))
+    seen = "" if found.seen >= n else f", as {found.seen} of them show{'s' * (found.seen == 1)} that moved"
+    any_of = ChannelGroup("", stream, labels, labels, common=("#",), how="by their place")
+    positions, velocities = (tuple(names[k] for k in some[:n]) for some in (found.positions, found.velocities))
+    why = f"since other columns are their rate of change{seen}"
+    groups = [
+        replace(any_of, quantity="position", columns=positions, how=why, guessed=found.seen < n),
+        replace(any_of, quantity="velocity", columns=velocities, how="since they are their rate of change"),
+    ]
+    free = [k for k in range(len(names)) if k > max(found.velocities) and k != clock]
+    for first in range(0, len(free) - n + 1, n):
+        groups.append(replace(any_of, columns=tuple(names[k] for k in free[first : first + n])))
+    return groups
+
+
+_ALIKE = 0.95  # correlation
+_MOST_ROWS = 20_000
+_WIDTH = 10  # rows over which a rate of change is taken
+
+
+@dataclass(frozen=True)
+class MotionColumns:
+    """Columns of positions, and those of their velocities, 0 for the first."""
+
+    positions: tuple[int, ...]
+    velocities: tuple[int, ...]
+    seen: int  # of how many joints the motion shows it
+
+
+def motion_columns(time: Array, values: Array, clock: int) -> MotionColumns | None:
+    """Positions and velocities that stand beside each other; None if no column is the rate of change of another."""
+    # time (N,); values (N, c)
+    some = slice(None, None, max(1, time.size // _MOST_ROWS))
+    pairs = _pairs(time[some], values[some], clock)
+    if not pairs:
+        return None
+    apart = [b - a for a, b in pairs]
+    offset = max(set(apart), key=apart.count)
+    rates = {b for a, b in pairs if b - a == offset}  # of change, whose own is an acceleration
+    starts = [a for a, b in pairs if b - a == offset and a not in rates]
+    if not starts:
+        return None
+    first = min(starts)
+    if offset == 1:  # q1, dq1, q2, dq2, ...: every second or third column
+        stride = min(np.diff(starts), default=2)
+        block = tuple(range(first, max(starts) + 1, int(stride)))
+    elif max(starts) - first < offset:
+        lowest = max(clock + 1 if clock < first else 0, max(starts) - offset + 1)
+        begin = lowest if lowest <= first else first
+        block = tuple(range(begin, min(begin + offset, values.shape[1] - offset)))
+    else:
+        block = tuple(sorted(set(starts)))
+    return MotionColumns(block, tuple(k + offset for k in block), len(set(starts).intersection(block)))
+
+
+def _pairs(time: Array, values: Array, clock: int) -> list[tuple[int, int]]:
+    """Columns of which the second is the rate of change of the first."""
+    area = np.zeros_like(values)
+    area[1:] = np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None], axis=0)
+    moved = _unit(values[_WIDTH:] - values[:-_WIDTH])
+    integral = _unit(area[_WIDTH:] - area[:-_WIDTH])
+    alike = np.abs(moved.T @ integral)  # (positions, velocities)
+    alike[clock] = alike[:, clock] = 0.0
+    np.fill_diagonal(alike, 0.0)
+    best = [(int(a), int(np.argmax(alike[a]))) for a in range(values.shape[1]) if alike[a].max() > _ALIKE]
+    return [(a, b) for a, b in best if int(np.argmax(alike[:, b])) == a]
+
+
+def _unit(values: Array) -> Array:
+    values = values - values.mean(axis=0)
+    size = np.linalg.norm(values, axis=0)
+    return np.asarray(np.divide(values, size, out=np.zeros_like(values), where=size > 1e-9 * max(1.0, size.max())))

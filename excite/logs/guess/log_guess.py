@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 
 from excite.logs.guess.channel_choice import ChosenChannels, chosen_channels
-from excite.logs.guess.channel_group import ChannelGroup, channel_groups
-from excite.logs.guess.clock_choice import Clock, chosen_clock, clock_candidates
+from excite.logs.guess.channel_group import ChannelGroup, channel_groups, numbered_groups
+from excite.logs.guess.clock_choice import Clock, StreamSummary, chosen_clock, clock_candidates, summaries
 from excite.logs.guess.motion_units import CERTAIN, STATED, FoundUnit, consistency, motion_units, time_unit
-from excite.logs.guess.numbered_columns import numbered_groups
-from excite.logs.guess.stream_summary import StreamSummary, summaries
 from excite.logs.mapping import LogMapping
 from excite.logs.recordings.formats import Preloaded, recording_format
 from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording, RecordingFormat

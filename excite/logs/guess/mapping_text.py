@@ -1,12 +1,15 @@
-"""A mapping as YAML, with what is known of each of its parts as comments."""
+"""The mapping of a guess as YAML, with comments, and its file."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from excite.logs.guess.log_guess import LogGuess
+from excite.storage.atomic import replacing
+from excite.storage.result_folder import replace_files, result_file
 from regressors.errors import InputError
 from regressors.quoting import printable
 
@@ -72,3 +75,23 @@ def _value(value: Any) -> str:
 
 
 _WORDS = frozenset({"true", "false", "null", "yes", "no", "on", "off", "y", "n", "True", "False", "Null", "nan", "inf"})
+
+
+def check_mapping_free(path: Path, *, replace: bool) -> None:
+    """Refuse to write a mapping where a file is, unless it is to be replaced."""
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; give the name of a file for the mapping")
+    if path.exists() and not replace:
+        raise InputError(f"{path} exists; give another name, or `replace=True`")
+
+
+def write_mapping_file(guess: LogGuess, path: str | Path, *, replace: bool = False) -> None:
+    """Write the mapping of a guess, with what is known and what is asked as comments."""
+    text = mapping_text(guess)
+    path = Path(path)
+    if not path.name:
+        raise InputError("the name of the mapping to write is empty")
+    with result_file(path):
+        check_mapping_free(path, replace=replace)
+        with replace_files(path) as staged, replacing(staged / path.name) as stream:
+            stream.write(text)

@@ -14,7 +14,7 @@ from excite.logs.recordings.parquet import ParquetTable
 from excite.logs.recordings.recording import HEAD, Contents, Recording, RecordingFormat, Stream
 from excite.logs.recordings.signal_folder import SignalFolder
 from excite.logs.recordings.text_table import TextTable
-from excite.storage.content_hash import sha256_of
+from excite.storage.manifest import sha256_of
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.input_files import LOG, opened

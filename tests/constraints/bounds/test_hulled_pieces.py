@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from constraints.bounds.hulled_pieces import hulled_extrema
-from constraints.bounds.piecewise import piecewise_extrema
+from constraints.bounds.enclosure import hulled_extrema, piecewise_extrema
 
 
 @settings(max_examples=30, deadline=None)

@@ -21,12 +21,12 @@ from matplotlib.patches import Polygon
 from slow_dynamics import random_chain
 
 from constraints.bounds.certificate import ENCLOSED
+from constraints.collision.clearance import Frames, link_poses
 from constraints.collision.collision_limits import (
     Clearance,
     Pair,
     collision_limits,
 )
-from constraints.collision.frames import Frames, link_poses
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
 from constraints.feasibility.diagnosis import ContradictionError
 from constraints.nonlinear import NonlinearConstraint

@@ -14,9 +14,8 @@ from slow_dynamics import random_chain
 import excite
 from constraints.bounds.enclosure import enclose
 from constraints.collision.collision_limits import Clearance, limits_of_pairs
-from constraints.collision.floor import CLEARANCE, mounting_surface, upwards, why_not_mounted
+from constraints.collision.floor import CLEARANCE, assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
 from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, World
-from constraints.collision.skeleton import assumed_radius, skeleton
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.stated_limits import StatedWorld, stated_world

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pinocchio_motions import drive_torques, joint_torques
 from slow_dynamics import random_chain
 
-from constraints.friction.friction_bounds import friction_bound
+from constraints.friction.drive_friction import friction_bound
 from constraints.limits.torque import torque_limits
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import (

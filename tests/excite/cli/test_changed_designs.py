@@ -13,8 +13,7 @@ from commands import Here
 
 import excite
 from excite.report.write_report import report_text
-from excite.storage.content_hash import entry_sha256
-from excite.storage.manifest import FileHash, read_manifest, write_manifest
+from excite.storage.manifest import FileHash, entry_sha256, read_manifest, write_manifest
 
 Content = dict[str, Any]
 

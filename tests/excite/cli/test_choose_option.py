@@ -13,7 +13,7 @@ from recorded import link_files, write_files
 
 from excite import plots
 from excite.cli import identify_run
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import write_log
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ OWN = """\
 import excite
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.motion_format import MotionFile
-from excite.export.motions.recorder import house_recorder
+from excite.export.motions.motion_format import house_recorder
 
 
 class Plain(excite.MotionFormat):

@@ -22,11 +22,10 @@ from excite import plots
 from excite.cli import repetition_text
 from excite.errors import LostWorkersError
 from excite.files.result_json import load_result
-from excite.logs.log_reading import read_log
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import read_log, write_log
 from excite.logs.sidecar import write_sidecar
-from excite.montecarlo import repetition
 from excite.storage.manifest import read_manifest
+from excite.study import repetition as repetition
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 

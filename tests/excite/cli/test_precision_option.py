@@ -12,8 +12,8 @@ from commands import Here, content_of
 
 import excite
 from excite.cli.next_motion_run import plan_next_motion
-from excite.precision import period_search
-from excite.precision.next_motion import NextMotion, PrecisionInHand
+from excite.study import period_search as period_search
+from excite.study.next_motion import NextMotion, PrecisionInHand
 
 FEW = ("--joints", "1,2", "--starts", "1", "--executor", "serial", "--figures", "none")
 ALLOWED = {"X1": 1.0, **dict.fromkeys(("F1c", "F2c", "F3c", "F1v"), np.inf)}

@@ -9,7 +9,7 @@ import pytest
 from commands import Here, files_below
 from recorded import link_files, write_files
 
-from excite.timecourse.time_study import load_time_study
+from excite.study.time_study import load_time_study
 
 
 @pytest.fixture(scope="module")

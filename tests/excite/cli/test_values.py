@@ -24,7 +24,7 @@ WORK = {
     "simulate": ("excite.simulation.simulate.simulate_motion", "the simulation"),
     "identify": ("excite.identification.identify.read_logs", "the identification"),
     "verify": ("excite.verification.verify.prepare", "the verification"),
-    "study": ("excite.timecourse.study_over_time.identify", "the study"),
+    "study": ("excite.study.study_over_time.identify", "the study"),
     "plan": ("excite.design.campaign.moving_robot", "the campaign"),
     "compare": ("excite.design.comparison.weighting_of", "the comparison"),
     "friction plan": ("excite.friction.plan.plan_friction.friction_plan", "the friction plan"),

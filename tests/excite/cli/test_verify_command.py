@@ -17,8 +17,7 @@ from recorded import link_files, write_files
 
 from excite import plots
 from excite.cli.main import main
-from excite.logs.log_reading import read_log
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import read_log, write_log
 from excite.logs.sidecar import write_sidecar
 from regressors.readers.library import built_in
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 import excite
-from excite.design.combinations import combinations
 from excite.design.formulation import formulate
-from excite.design.initial_guesses import random_motion
+from excite.design.initial_guesses import combinations, random_motion
 from excite.design.problem import Problem
 from excite.design.start_results import StartResult, read_starts
 from excite.registry import instance

@@ -12,8 +12,7 @@ from constraints.limits.tool import tool_speed
 from constraints.linear import LinearConstraint
 from excite.design import formulation
 from excite.design.formulation import formulate
-from excite.design.grid_constraint import GridConstraint
-from excite.design.grid_joints import GridJoints
+from excite.design.grid_limits import GridConstraint, GridJoints
 from excite.design.imposed_limits import nonlinear_limits
 from excite.design.initial_guesses import random_motion
 from excite.design.multistart import serial

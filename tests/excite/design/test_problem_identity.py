@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from excite.design.formulation import formulate
-from excite.design.own_code import NotComparable, plain_value
-from excite.design.problem_identity import ProblemIdentity
+from excite.design.problem_identity import NotComparable, ProblemIdentity, plain_value
 from excite.information.criteria import ConditionNumber
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot

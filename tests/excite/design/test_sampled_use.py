@@ -11,11 +11,10 @@ from constraints.limits.tool import tool_box, tool_speed
 from constraints.limits.torque import torque_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.formulation import formulate
-from excite.design.grid_constraint import GridConstraint
-from excite.design.grid_joints import GridJoints
+from excite.design.grid_limits import GridConstraint, GridJoints
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
-from excite.design.solvers.nonlinear_rows import NearRows
+from excite.design.solvers.limit_rows import NearRows
 from excite.tasks.task import Task
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints

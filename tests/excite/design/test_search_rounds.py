@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from excite.design.planned_start import PlannedStart
-from excite.design.population import Population
-from excite.design.search_rounds import Rounds, RoundSizes
+from excite.design.search_rounds import Population, Rounds, RoundSizes
 from excite.design.start_results import StartResult
 from excite.tasks.search import RANDOM_STARTS, Search
 

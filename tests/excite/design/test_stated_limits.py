@@ -12,13 +12,12 @@ import pytest
 from public_arms import robots_folder
 
 import excite
-from constraints.collision.skeleton import assumed_radius, skeleton
+from constraints.collision.floor import assumed_radius, skeleton
 from constraints.feasibility.diagnosis import ContradictionError
 from excite.cli.compare_command import _verdicts as compared
 from excite.cli.design_text import design_summary
 from excite.design.formulation import formulate
-from excite.design.stated_limits import stated_world
-from excite.design.unchecked import Unchecked, checked_text, kept_headline, kept_text
+from excite.design.stated_limits import Unchecked, checked_text, kept_headline, kept_text, stated_world
 from excite.files.design_json import load_design
 from excite.files.robot_yaml import robot_text
 from excite.files.task_file import task_content, task_from_options

@@ -9,7 +9,7 @@ import pytest
 import excite
 from constraints.bounds.certificate import LimitUse
 from constraints.feasibility.diagnosis import ContradictionError
-from excite.design.suspicion import suspecting, unidentifiable
+from excite.design.task_checks import suspecting, unidentifiable
 from excite.errors import NoFeasibleMotionError
 from regressors.errors import InputError
 from regressors.readers.library import built_in

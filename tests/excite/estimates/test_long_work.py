@@ -16,21 +16,18 @@ from commands import Here
 from played import noisy, played, three_joints
 
 import excite
-from excite.design.campaign import plan_campaign
-from excite.design.campaign_memory import selections_of
-from excite.design.campaign_time import campaign_seconds
+from excite.design.campaign import campaign_seconds, plan_campaign, selections_of
 from excite.design.optimisation import design_trajectory
-from excite.estimates import long_work
-from excite.estimates.long_work import LONG, announce
-from excite.identification.identification_time import identification_seconds
+from excite.estimates import work_prediction as long_work
+from excite.estimates.work_prediction import LONG, announce
+from excite.identification.identify import identification_seconds
 from excite.information.target import target_of
 from excite.logs.log import Log
-from excite.montecarlo.repetition import repetitions
-from excite.montecarlo.repetition_time import repetition_seconds
+from excite.study.repetition import repetitions
+from excite.study.repetitions import repetition_seconds
+from excite.study.study_over_time import study_over_time, study_seconds
 from excite.tasks.task import Task
-from excite.timecourse.study_over_time import study_over_time
-from excite.timecourse.study_time import study_seconds
-from excite.verification.verification_time import verification_seconds
+from excite.verification.verify import verification_seconds
 from regressors.readers.library import built_in
 
 

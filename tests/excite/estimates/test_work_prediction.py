@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from excite.design.campaign_memory import campaign_prediction
+from excite.design.campaign import campaign_prediction
 from excite.design.design_memory import check_richness, design_prediction, search_seconds
 from excite.errors import InputError, TooLargeError
 from excite.estimates.work_prediction import BASE, MemoryPart, WorkPrediction, in_time
 from excite.friction.plan.schedule import Schedule, plan_prediction
-from excite.identification.identification_memory import rows_prediction
+from excite.identification.identify import rows_prediction
 from excite.identification.repetition_count import repetition_prediction
 from excite.information.target import target_of
 from excite.logs.log import Log

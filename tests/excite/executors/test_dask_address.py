@@ -9,10 +9,8 @@ import pytest
 
 from excite.cli.option_types import PartName
 from excite.errors import LostWorkersError
-from excite.executors.dask_address import DaskAddress, dask_address
-from excite.executors.dask_cluster import DaskCluster, _Units
-from excite.executors.in_processes import InProcesses
-from excite.executors.unit_executor import InThisProcess
+from excite.executors.dask_cluster import DaskAddress, DaskCluster, _Units, dask_address
+from excite.executors.unit_executor import InProcesses, InThisProcess
 from excite.executors.unit_executors import unit_executor
 from excite.registry import EXECUTORS, check_name
 from excite.tasks.search import Search

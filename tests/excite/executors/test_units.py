@@ -9,8 +9,7 @@ import pytest
 from dying_units import dies
 
 from excite.errors import LostWorkersError
-from excite.executors.in_processes import InProcesses
-from excite.executors.unit_executor import InThisProcess, LostUnit
+from excite.executors.unit_executor import InProcesses, InThisProcess, LostUnit
 
 pytestmark = pytest.mark.slow
 

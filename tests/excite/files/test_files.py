@@ -21,7 +21,7 @@ from excite.design.multistart import read_starts
 from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
-from excite.files.trajectory_csv import trajectory_columns
+from excite.files.sampled_motion import trajectory_columns
 from excite.storage.atomic import read_json, replacing, write_json
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task

@@ -15,11 +15,11 @@ from excite.files.result_json import load_result, result_content
 from excite.identification.given_logs import log_of
 from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
+from excite.identification.provenance import ReferenceValues, reference_of
 from excite.identification.recipe import Recipe
-from excite.identification.reference_values import ReferenceValues, reference_of
 from excite.information.target import target_of
 from excite.logs.log import Log
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import write_log
 from excite.logs.sidecar import write_sidecar
 from excite.tasks.task import Task
 from regressors.errors import InputError

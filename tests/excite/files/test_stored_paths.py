@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import excite
-from excite.design.warm_start import initial_motion
+from excite.design.initial_guesses import initial_motion
 from excite.information.target import target_of
-from excite.storage.content_hash import entry_sha256
+from excite.storage.manifest import entry_sha256
 from regressors.errors import InputError
 
 _LINK = (

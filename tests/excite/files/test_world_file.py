@@ -15,8 +15,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from public_arms import ARMS, Arm
 
-from constraints.collision.capsules import enclosing_capsule, enclosing_cylinder
-from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part
+from constraints.collision.geometry import (
+    Box,
+    Capsule,
+    HalfSpace,
+    Obstacle,
+    Part,
+    enclosing_capsule,
+    enclosing_cylinder,
+)
 from excite.cli.main import cli
 from excite.files.mesh import mesh_corners
 from excite.files.task_file import read_task_file, task_from_options

@@ -10,8 +10,7 @@ import scipy.stats
 from played import EXACT, TASK, found, irp6, noisy, played, three_joints
 
 from excite.files.result_json import result_content
-from excite.identification.between_logs import allowing_for_logs, interval_scope, log_scatter, scatter_warning
-from excite.identification.each_log import EachLog
+from excite.identification.between_logs import EachLog, allowing_for_logs, interval_scope, log_scatter, scatter_warning
 from excite.identification.estimate import Estimate
 from excite.identification.identify import identify
 from excite.logs.log import Log

@@ -13,9 +13,9 @@ from played import EXACT, LOAD, irp6, periodic, played, torques
 
 from excite.files.result_json import load_result, result_content
 from excite.identification.calibration import GainCalibration
+from excite.identification.drive_gains import correction
 from excite.identification.identification import Identification
 from excite.identification.identify import identify as identify_by_choice
-from excite.identification.torque_factors import correction
 from excite.logs.log import Log
 from excite.logs.mapping import read_mapping
 from excite.tasks.task import Task

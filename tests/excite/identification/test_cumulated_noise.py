@@ -9,15 +9,14 @@ import pytest
 from observed import observations_of
 from played import EXACT, TASK, irp6, noisy, played, three_joints
 
-from excite.identification.covariance import robust_covariance
-from excite.identification.cumulated_noise import NoiseOrigin, noise_origin, noise_paths
+from excite.identification.autoregressive_noise import NoiseOrigin, noise_origin, noise_paths
+from excite.identification.covariance import robust_covariance, with_covariance
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
-from excite.identification.residual_covariance import with_covariance
 from excite.information.target import target_of
 from excite.tasks.task import Task
 from regressors.samples import Array

@@ -21,7 +21,7 @@ from excite.identification.estimate import Estimate
 from excite.identification.estimators.huber import huber
 from excite.identification.identification import Identification
 from excite.logs.log import Log
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import write_log
 from excite.registry import instance
 from regressors.friction.curves import (
     CoulombViscous,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, found, irp6, noisy, played, three_joints
 
-from excite.identification.delay_uncertainty import delay_column
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
 from excite.identification.preparation import prepare
+from excite.identification.stated_uncertainty import delay_column
 from excite.tasks.task import Task
 
 STEP = 1 / 200

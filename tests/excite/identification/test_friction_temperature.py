@@ -13,8 +13,7 @@ from commands import Here
 from played import TASK, curves, described, found, irp6, played, three_joints
 
 from excite.files.friction_file import read_friction, write_friction
-from excite.friction.fit.characteristic import Characteristic
-from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.curve_fit import chosen_fit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Form, forms
@@ -25,8 +24,7 @@ from excite.identification.identification import Identification
 from excite.identification.prediction import prediction
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
-from excite.logs.log_reading import read_log
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import read_log, write_log
 from excite.simulation.reference import SampledMotion
 from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings

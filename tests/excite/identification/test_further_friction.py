@@ -9,17 +9,16 @@ import pytest
 from pinocchio_motions import joint_torques
 from played import periodic
 
-from excite.identification.equations import equations_of
+from excite.identification.equations import equations_of, friction_drives, measured_regressor
 from excite.identification.estimation import estimate_parameters
 from excite.identification.friction_directions import drive_rows
 from excite.identification.hysteresis import measured_direction
-from excite.identification.measured_regressor import friction_drives, measured_regressor
 from excite.identification.preparation import prepare
 from excite.identification.presliding import _score_of_columns
 from excite.identification.recipe import Recipe
 from excite.information.target import target_of
 from excite.logs.log import Log
-from excite.simulation.model_motion import ModelMotion
+from excite.simulation.plant import ModelMotion
 from excite.tasks.task import Task
 from regressors.models.columns import DIRECTED_KINDS
 from regressors.models.nominal import standard_values

@@ -23,11 +23,11 @@ from played import (
 )
 
 from excite.files.result_json import result_content
+from excite.identification.covariance import condition_number
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
 from excite.identification.preparation import chosen_method, prepare
 from excite.identification.recipe import Recipe
-from excite.identification.residual_covariance import condition_number
 from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.signals.fourier_fit import FourierFit

@@ -14,7 +14,7 @@ from excite.identification.known_friction import known_torque
 from excite.identification.prediction import prediction
 from excite.information.target import target_of
 from excite.logs.log import Log
-from excite.montecarlo.repetition import repetitions
+from excite.study.repetition import repetitions
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import (

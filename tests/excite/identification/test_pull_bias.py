@@ -9,7 +9,7 @@ import pytest
 from observed import random_problem
 
 from excite.identification.estimators.weighted import weighted
-from excite.identification.pull_bias import allowing_for_pull
+from excite.identification.stated_uncertainty import allowing_for_pull
 
 
 @pytest.mark.parametrize("pulled_by", [{"pull": 1.0}, {"pull": 0.0, "described_within": 0.3}])

@@ -13,7 +13,7 @@ from excite.design.optimisation import design_trajectory
 from excite.identification.equations import equations_of
 from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
-from excite.identification.standstill import standstill_candidates, without_standstill
+from excite.identification.standstill_bias import standstill_candidates, without_standstill
 from excite.logs.log import Log
 from excite.simulation.simulate import simulate
 from excite.tasks.search import Search

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from played import TASK, found, noisy, played, three_joints
 
-from excite.identification import decimated_rows, equations, observations, streamed_rows
+from excite.identification import equations, observations, streamed_rows
+from excite.identification import streamed_rows as decimated_rows
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.streamed_rows import HeldRows, StreamedRows, joined_rows

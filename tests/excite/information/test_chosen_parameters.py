@@ -13,8 +13,8 @@ import excite
 from excite.design.comparison import compare
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
-from excite.information.chosen_parameters import ChosenParameters
 from excite.information.goal import goal_of
+from excite.information.interest import ChosenParameters
 from excite.information.target import target_of
 from excite.optimality.design_bound import bound
 from excite.registry import instance

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import excite
-from excite.information.max_deviation import MaxDeviation
+from excite.information.criteria import MaxDeviation
 from excite.information.weighting import minimised_text
 from excite.plots.convergence_plot import convergence_figure
 from excite.registry import CRITERIA, instance

@@ -16,9 +16,13 @@ from excite.cli.design_text import print_design
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
 from excite.information.metrics import predictions
-from excite.information.nearly_unidentifiable import NearlyUnidentifiable, hardly_excited_note, nearly_unidentifiable
+from excite.information.nearly_unidentifiable import (
+    NearlyUnidentifiable,
+    hardly_excited_note,
+    nearly_unidentifiable,
+    rounded_angles,
+)
 from excite.information.parameter_sizes import standard_sizes
-from excite.information.rounded_angles import rounded_angles
 from excite.information.target import IdentificationTarget, target_of
 from excite.information.visible_base import FACTOR
 from excite.tasks.task import Task

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 import excite
 from excite.design.comparison import compare
-from excite.information.goal import goal_of
-from excite.information.plausible_robots import WorstRobot
+from excite.information.goal import WorstRobot, goal_of
 from excite.information.target import target_of
 from excite.optimality.design_bound import bound
 from excite.registry import instance

@@ -17,7 +17,7 @@ from excite.design.initial_guesses import random_motion
 from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
-from excite.files.prior_file import read_prior
+from excite.files.robot_yaml import read_prior
 from excite.files.task_file import read_task_file, task_content, task_from_options
 from excite.information.prior import prior_of
 from excite.information.target import target_of

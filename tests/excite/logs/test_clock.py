@@ -10,8 +10,8 @@ from troubled import late, recorded, rounded, without_rows
 
 from excite.logs.clock import with_true_time
 from excite.logs.event import CLOCK, GARBAGE, MISSING
+from excite.logs.gaps import missing_rows
 from excite.logs.log import Removed
-from excite.logs.missing_rows import missing_rows
 
 
 @pytest.mark.parametrize("step", [0.0, 1e-4])

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from recordings import log_of, real_log
 
-from excite.logs.excitation import exciting_rows
-from excite.logs.movement import mean_speed, span_ends
+from excite.logs.excitation import exciting_rows, mean_speed, span_ends
 from regressors.errors import InputError
 
 RATE = 100.0

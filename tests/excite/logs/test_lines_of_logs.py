@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.logs import lines, table, text
+from excite.logs import table, text
+from excite.logs import text as lines
 from excite.logs.layout import MOST_COLUMNS, twice
 from excite.logs.log_reading import read_log
 from excite.logs.text import text_of

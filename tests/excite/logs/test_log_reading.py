@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from recordings import log_of, real_log
 
 from excite.logs.log import Log
-from excite.logs.log_reading import read_log
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import read_log, write_log
 from excite.logs.mapping import read_mapping
 from excite.logs.sidecar import read_sidecar, write_sidecar
 from regressors.errors import InputError, UnknownName

@@ -9,7 +9,7 @@ import pytest
 from troubled import recorded, without_rows
 
 from excite.logs.event import GARBAGE, MISSING, Event
-from excite.logs.missing_rows import missing_rows
+from excite.logs.gaps import missing_rows
 from excite.signals.resampling import resample
 
 

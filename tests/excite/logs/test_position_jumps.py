@@ -9,7 +9,7 @@ import pytest
 from troubled import recorded, struck
 
 from excite.logs.event import SPIKE
-from excite.logs.position_jumps import check_resets, without_spikes
+from excite.logs.impacts import check_resets, without_spikes
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from excite.optimality.bounded_criteria import BOUNDED
-from excite.optimality.cutting_planes import CuttingPlanes
-from excite.optimality.dual_certificate import DualCertificate
+from excite.optimality.cutting_planes import CuttingPlanes, DualCertificate
 from excite.optimality.limited_states import LimitedStates
 from excite.optimality.moment_conditions import MomentConditions
 from excite.optimality.proven_factor import ProvenFactor

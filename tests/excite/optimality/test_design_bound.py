@@ -8,8 +8,7 @@ import pytest
 
 import excite
 from excite.files.design_json import load_design
-from excite.optimality.bounded_problem import bounded_problem_sha256
-from excite.optimality.design_bound import NAME, CriterionBound, DesignBound, stored_bound
+from excite.optimality.design_bound import NAME, CriterionBound, DesignBound, bounded_problem_sha256, stored_bound
 from excite.views.prediction_view import verdict_of
 from regressors.errors import InputError, UnknownName
 

@@ -15,8 +15,7 @@ from excite.cli.main import cli
 from excite.design.formulation import formulate
 from excite.design.problem import Problem
 from excite.files.design_json import load_design
-from excite.optimality.bounded_problem import bounded_problem_sha256
-from excite.optimality.design_bound import NAME, CriterionBound, DesignBound, stored_bound
+from excite.optimality.design_bound import NAME, CriterionBound, DesignBound, bounded_problem_sha256, stored_bound
 from excite.optimality.sensitivity import (
     ProblemChanges,
     Sensitivity,

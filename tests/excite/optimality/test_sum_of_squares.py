@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.optimality.sign_pattern import monomials
-from excite.optimality.sum_of_squares import SumOfSquares
+from excite.optimality.sum_of_squares import SumOfSquares, monomials
 
 FREE, ONE = np.array([np.inf]), np.ones(1)
 

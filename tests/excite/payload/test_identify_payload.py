@@ -14,11 +14,11 @@ from pinocchio_chains import chain_model, inertia
 from played import LOAD
 
 import excite
-from excite.payload.gains_file import read_gains, save_gains
+from excite.payload.known_gains import read_gains, save_gains
 from excite.payload.payload_result import load_payload
 from excite.simulation.payload import Payload
 from regressors.errors import InputError, TakenError
-from regressors.models.payload import PayloadModel
+from regressors.models.load import PayloadModel
 from regressors.readers.library import load_robot
 from regressors.robot.inertia import from_centre_of_mass
 from regressors.samples import Samples

@@ -7,8 +7,7 @@ import pytest
 
 from excite.identification.observations import Observations
 from excite.payload.known_gains import KnownGains, stated_gains
-from excite.payload.load_equations import LoadEquations
-from excite.payload.load_estimate import estimate_load, fit_load
+from excite.payload.load_estimate import LoadEquations, estimate_load, fit_load
 from regressors.errors import InputError
 
 PHI = np.array([2.0, 0.1, -0.2, 0.3, 0.05, 0.0, 0.01, 0.06, 0.0, 0.04])

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.payload.held_body import Frame, HeldBody, spread_of
-from excite.payload.possible_body import is_possible, nearest_possible
+from excite.payload.held_body import Frame, HeldBody, is_possible, nearest_possible, spread_of
 from regressors.robot.inertia import from_centre_of_mass, pseudo_inertia, rotation_from_rpy
 
 BODY = from_centre_of_mass(2.0, [0.02, -0.03, 0.1], np.diag([0.01, 0.02, 0.025]))

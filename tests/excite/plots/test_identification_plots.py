@@ -18,8 +18,8 @@ from matplotlib.transforms import Bbox
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
 from excite.identification.observations import Observations
+from excite.identification.provenance import ReferenceValues
 from excite.identification.recipe import Recipe
-from excite.identification.reference_values import ReferenceValues
 from excite.identification.result import FitData
 from excite.information.target import IdentificationTarget, target_of
 from excite.plots import (
@@ -37,9 +37,9 @@ from excite.plots.estimates_plot import settled_range
 from excite.plots.figure_files import drawn_figures
 from excite.plots.fit_panels import DENSE, MEASURED, PERCENTILES, PREDICTED, draw_values, envelope
 from excite.plots.identification_plots import autocorrelation
+from excite.plots.panels import BINS, Timeline, ends, extremes
 from excite.plots.parameters_plot import decimal, differences
 from excite.plots.style import BAND, BLUE, DARK, FORBIDDEN, VERMILLION
-from excite.plots.timeline import BINS, Timeline, ends, extremes
 from excite.simulation.replay import Outcome, Replay
 from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError

@@ -24,7 +24,7 @@ from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.design.multistart import RUNNING, StartResult
 from excite.design.optimisation import design_trajectory
-from excite.design.unchecked import Unchecked
+from excite.design.stated_limits import Unchecked
 from excite.information.metrics import PredictedAccuracy
 from excite.information.parameter_sizes import base_sizes
 from excite.information.target import target_of

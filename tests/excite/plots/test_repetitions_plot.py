@@ -10,9 +10,9 @@ import scipy.stats
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
-from excite.montecarlo.repetitions import Repetitions
 from excite.plots.repetitions_plot import DOTS, repetitions_figure
 from excite.plots.style import BAND, BLUE, DARK, VERMILLION
+from excite.study.repetitions import Repetitions
 
 B, DEGREES = 5, 300
 NAMES = tuple(f"a_long_$name$_of_parameter_{k}" for k in range(B))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from excite.plots import style
-from excite.report.dark_colours import CARD, contrast, dark, dark_rules
+from excite.report.drawings import CARD, contrast, dark, dark_rules
 
 MEANINGS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
 

@@ -22,7 +22,7 @@ from excite.report.page_text import page_text
 from excite.report.player_log import Appearance
 from excite.report.result_section import result_section
 from excite.report.write_report import report_text
-from excite.timecourse.time_study import load_time_study
+from excite.study.time_study import load_time_study
 from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurves
 

@@ -14,8 +14,8 @@ from reported import reported_design
 from written_results import result
 
 import excite
-from constraints.collision.frames import link_poses
-from excite.report.dark_colours import dark
+from constraints.collision.clearance import link_poses
+from excite.report.drawings import dark
 
 pytestmark = [
     pytest.mark.slow,

@@ -11,12 +11,12 @@ import pytest
 from reported import HOSTILE, reported_design
 
 import excite
-from constraints.collision.frames import link_poses
+from constraints.collision.clearance import link_poses
 from excite.files.mesh import mesh_triangles
 from excite.files.urdf_meshes import urdf_meshes
-from excite.report.decimation import decimated
-from excite.report.player_motion import FRAMES, player_motion
-from excite.trajectories.scurve import SCurve, time_optimal
+from excite.report.drawings import decimated
+from excite.report.player_data import FRAMES, player_motion
+from excite.trajectories.transfer import SCurve, time_optimal
 from regressors.errors import InputError
 from regressors.samples import Array
 

@@ -16,7 +16,7 @@ from excite.files.result_json import CURVES
 from excite.report.player_log import Appearance
 from excite.report.result_section import result_section
 from excite.report.sections import ReportSection
-from excite.report.verification_section import verification_section
+from excite.report.view_section import verification_section
 from excite.report.write_report import report_text
 from excite.verification.verification import load_verification
 from regressors.errors import InputError

@@ -21,9 +21,9 @@ import excite
 from excite.files.task_file import read_task_file, task_content, task_from_options
 from excite.information.metrics import CONVENTIONS
 from excite.report.comparison_section import comparison_section, parameters_section
-from excite.report.identify_commands import commands_of
 from excite.report.page_text import page_text
 from excite.report.restored_design import restore
+from excite.report.result_section import commands_of
 from excite.report.write_report import report_text
 from regressors.errors import InputError
 

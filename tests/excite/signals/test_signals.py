@@ -7,13 +7,12 @@ import pytest
 import scipy.signal
 from recordings import sines
 
-from excite.logs.noise_level import noise_deviation, quantum, quietest_deviation
+from excite.logs.excitation import noise_deviation, quantum, quietest_deviation
 from excite.registry import SIGNALS
-from excite.signals.bandwidth import bandwidth, chosen_cutoff
 from excite.signals.differences import smooth_differences
 from excite.signals.fourier_fit import best_harmonics, fourier_basis
 from excite.signals.methods import signal_method
-from excite.signals.period import estimated_period
+from excite.signals.periods import bandwidth, chosen_cutoff, estimated_period
 from regressors.errors import InputError, UnknownName
 
 RATE = 100.0

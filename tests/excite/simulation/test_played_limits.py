@@ -14,9 +14,8 @@ from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
 from excite.errors import BrokenLimitError
 from excite.simulation.played_limits import broken_limits, check_played
-from excite.simulation.reference import SampledMotion
+from excite.simulation.reference import MotionSource, SampledMotion
 from excite.simulation.simulate import motion_source, simulate
-from excite.simulation.source import MotionSource
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError

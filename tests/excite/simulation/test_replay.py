@@ -11,11 +11,10 @@ import pytest
 from motions import order_of
 
 from excite.information.target import IdentificationTarget, target_of
-from excite.simulation.replay import Outcome, forward_motion, windowed_motion
+from excite.simulation.replay import Outcome, chosen_windows, forward_motion, windowed_motion
 from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import Simulation
-from excite.simulation.window_choice import chosen_windows
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError

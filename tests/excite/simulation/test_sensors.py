@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from excite.simulation.run_notes import sensor_notes
+from excite.simulation.run import sensor_notes
 from excite.simulation.sensors import first_order_noise, sensed_torques, stepped
 from excite.simulation.settings import SimulationSettings
 from regressors.errors import InputError

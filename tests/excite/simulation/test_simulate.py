@@ -20,8 +20,7 @@ from slow_dynamics import random_body, random_chain, thetas_of
 from excite.design.interruption import answered_signals
 from excite.errors import LostMotionError
 from excite.simulation import integration
-from excite.simulation.control import Controller, TorqueLimits, Wanted
-from excite.simulation.controlled import ControlledRobot
+from excite.simulation.control import ControlledRobot, Controller, TorqueLimits, Wanted
 from excite.simulation.integration import simulated_run
 from excite.simulation.payload import Payload
 from excite.simulation.plant import Plant, plant_of

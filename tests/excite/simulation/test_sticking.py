@@ -13,8 +13,7 @@ from motions import order_of
 from scipy.integrate import solve_ivp
 
 from excite.identification.hysteresis import dahl_direction
-from excite.simulation.control import Controller, ProportionalDerivative, Wanted
-from excite.simulation.controlled import ControlledRobot
+from excite.simulation.control import ControlledRobot, Controller, ProportionalDerivative, Wanted
 from excite.simulation.direction import Sticking, leads
 from excite.simulation.integration import SimulatedRun, simulated_run
 from excite.simulation.plant import Plant, plant_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.simulation.window_choice import chosen_windows
+from excite.simulation.replay import chosen_windows
 
 
 @pytest.mark.parametrize(("count", "most"), [(1, 1), (1, 60), (59, 60), (60, 60)])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from excite.storage.curves_file import chosen, every, read_curves, write_curves
+from excite.storage.records import chosen, every, read_curves, write_curves
 from regressors.errors import InputError
 
 ROWS: dict[str, Any] = {

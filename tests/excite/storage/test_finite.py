@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from excite.logs.log import Log
-from excite.logs.log_writing import write_log
-from excite.storage.atomic import write_json
-from excite.storage.finite import check_content, check_table
+from excite.logs.log_reading import write_log
+from excite.storage.atomic import check_content, check_table, write_json
 from regressors.errors import NumericalError
 
 NAN, INF = float("nan"), float("inf")

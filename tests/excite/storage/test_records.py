@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from written_results import result, verification
 
-from excite.accuracy.accuracy_prediction import load_accuracy
 from excite.campaigns.campaign_table import load_campaign
 from excite.friction.fit.friction_fit import load_friction_fit
 from excite.friction.plan.friction_plan import load_friction_plan
@@ -21,10 +20,9 @@ from excite.friction.plan.plan_friction import plan_friction
 from excite.friction.plan.schedule import Schedule
 from excite.optimality.design_bound import DesignBound
 from excite.payload.payload_result import load_payload
-from excite.storage.curves_file import read_curves, write_curves
-from excite.storage.records import json_of, read_record
-from excite.timecourse.time_course import TimeCourse
-from excite.timecourse.time_study import TimeStudy, load_time_study
+from excite.storage.records import json_of, read_curves, read_record, write_curves
+from excite.study.accuracy_prediction import load_accuracy
+from excite.study.time_study import TimeCourse, TimeStudy, load_time_study
 from excite.verification.verification import Verification, load_verification
 from excite.views.friction_plan_view import friction_plan_view
 from regressors.errors import InputError
@@ -112,7 +110,7 @@ def test_a_study_is_read_as_written(tmp_path: Path) -> None:
 def test_only_some_repetitions_are_in_a_file_and_the_scatter_is_of_all(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("excite.timecourse.time_course.NUMBERS", 6)
+    monkeypatch.setattr("excite.study.time_study.NUMBERS", 6)
     one = np.ones((3, 1))
     course = TimeCourse("run", ("a",), ("kg",), np.arange(3.0), one, one, 2.6, one[:, 0], one[0], "truth")
     course = course.with_repetitions(np.random.default_rng(0).normal(size=(7, 3, 1)), ())

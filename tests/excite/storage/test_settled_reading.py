@@ -20,8 +20,7 @@ from excite.identification.given_logs import log_of
 from excite.storage import commit as committing
 from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
-from excite.storage.holder import write_holder
-from excite.storage.lock import locked
+from excite.storage.lock import locked, write_holder
 from excite.storage.manifest import check_files, read_manifest
 from excite.storage.result_folder import replace_result, result_folder
 from excite.tasks.task import Task

@@ -12,7 +12,7 @@ from commands import Here, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from constraints.bounds.piecewise import (
+from constraints.bounds.enclosure import (
     chebyshev_extrema,
     chebyshev_nodes,
     chebyshev_points,
@@ -21,7 +21,7 @@ from constraints.bounds.piecewise import (
 )
 from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
-from excite.design.grid_constraint import GridConstraint
+from excite.design.grid_limits import GridConstraint
 from excite.design.initial_guesses import candidates
 from excite.files.design_json import load_design
 from excite.tasks.task import Task

@@ -13,7 +13,7 @@ from scipy.interpolate import BPoly
 
 from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
-from excite.design.grid_constraint import GridConstraint
+from excite.design.grid_limits import GridConstraint
 from excite.design.initial_guesses import candidates, random_motion
 from excite.design.problem import Problem
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions

@@ -11,7 +11,7 @@ from numpy.polynomial import Chebyshev
 
 import excite
 from constraints.linear import LinearConstraint
-from excite.design.grid_constraint import GridConstraint
+from excite.design.grid_limits import GridConstraint
 from excite.registry import TRAJECTORIES
 from excite.trajectories import Trajectory, stored_trajectory
 from excite.trajectories.polynomial import Polynomial

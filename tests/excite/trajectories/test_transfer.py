@@ -34,8 +34,7 @@ from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
-from excite.trajectories.scurve import time_optimal
-from excite.trajectories.transfer import Transfer, quickest_transfer
+from excite.trajectories.transfer import Transfer, quickest_transfer, time_optimal
 from regressors.errors import InputError
 from regressors.readers.description import parse_description
 from regressors.readers.library import load_robot

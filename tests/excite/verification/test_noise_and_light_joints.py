@@ -16,8 +16,8 @@ from excite.signals.measurement_noise import measurement_noise
 from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
 from excite.tasks.task import Task
-from excite.verification.corrected_error import corrected_errors, corrected_total
 from excite.verification.judged_motion import JudgedMotion, judged_motion
+from excite.verification.predicted_torques import corrected_errors, corrected_total
 from excite.verification.simulated_motion import motion_errors
 from excite.verification.tolerances import Tolerances
 from excite.verification.verify import verify

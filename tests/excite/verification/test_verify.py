@@ -20,8 +20,7 @@ from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
 from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError, torque_errors
-from excite.verification.simulated_motion import failure, motion_errors
-from excite.verification.simulated_windows import most_windows
+from excite.verification.simulated_motion import failure, most_windows, motion_errors
 from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import Verdict, verdict
 from excite.verification.verification import Verification

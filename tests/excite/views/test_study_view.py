@@ -10,8 +10,7 @@ from reported import ParsedPage
 
 from excite.cli.view_text import print_view
 from excite.report.write_report import report_text
-from excite.timecourse.time_course import TimeCourse
-from excite.timecourse.time_study import TimeStudy
+from excite.study.time_study import TimeCourse, TimeStudy
 from excite.views.study_view import study_view
 
 

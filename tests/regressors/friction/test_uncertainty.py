@@ -13,8 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from excite.files.friction_file import friction_content, friction_of, friction_of_content, friction_text
-from excite.friction.fit.curve_fit import fit
-from excite.friction.fit.fit_uncertainty import curve_uncertainty
+from excite.friction.fit.curve_fit import curve_uncertainty, fit
 from excite.friction.fit.friction_equations import Form
 from excite.friction.fit.points import Point
 from regressors.errors import InputError, UnknownName

@@ -15,7 +15,7 @@ from slow_dynamics import random_body, random_chain, random_rotation
 
 from regressors.errors import InputError
 from regressors.jax_models import JaxModel
-from regressors.jax_models.integrals import path_lengths
+from regressors.jax_models.jax_drives import path_lengths
 from regressors.models.base import base_parameters, random_states
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel

@@ -12,19 +12,18 @@ import pytest
 from motions import Sines
 
 from excite.identification.adjustment import presliding_note
-from excite.identification.equations import equations_of
+from excite.identification.equations import equations_of, friction_drives
 from excite.identification.estimator import Context
 from excite.identification.estimators.standard import standard_problem
 from excite.identification.estimators.weighted import weighted
 from excite.identification.friction_directions import drive_rows
-from excite.identification.measured_regressor import friction_drives
 from excite.identification.preparation import prepare
 from excite.identification.presliding import best_presliding
 from excite.identification.recipe import Recipe
 from excite.identification.weights import weighting
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
-from excite.simulation.model_motion import ModelMotion
+from excite.simulation.plant import ModelMotion
 from regressors.errors import InputError, UnknownName
 from regressors.jax_models import JaxModel
 from regressors.models.base import Base, base_parameters

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import excite
-from excite.montecarlo.repetition import repetitions
 from excite.registry import MODELS
+from excite.study.repetition import repetitions
 from regressors.errors import UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.columns import Terms

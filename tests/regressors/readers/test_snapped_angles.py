@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regressors.readers.snapped_angles import cosine_and_sine, in_words, multiple_of, nearly
+from regressors.readers.angles import cosine_and_sine, in_words, multiple_of, nearly
 from regressors.readers.urdf import parse_urdf
 from regressors.robot.inertia import rotation_from_rpy
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.design.solvers.bfgs import BfgsFactor
+from excite.design.solvers.descent import BfgsFactor
 from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)

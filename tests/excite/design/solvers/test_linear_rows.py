@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from excite.design.formulation import formulate
 from excite.design.problem import Problem
-from excite.design.solvers.linear_rows import LinearRows, largest_part, local_maxima
+from excite.design.solvers.limit_rows import LinearRows, largest_part, local_maxima
 from excite.tasks.task import Task
 from regressors.readers.library import built_in
 
@@ -47,7 +47,7 @@ def test_rows_times_a_step_are_its_changes(problem: Problem, rows: LinearRows) -
 def test_products_are_those_of_the_rows(
     problem: Problem, rows: LinearRows, small: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("excite.design.solvers.linear_rows._SMALL", small)
+    monkeypatch.setattr("excite.design.solvers.limit_rows._SMALL", small)
     rng = np.random.default_rng(3)
     J = rng.normal(size=(problem.rest.size, 7))
     flat = rng.choice(rows.count, 40, replace=False)

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from excite.design.combinations import combinations
 from excite.design.formulation import formulate
-from excite.design.initial_guesses import candidates
+from excite.design.initial_guesses import candidates, combinations
 from excite.design.problem import Problem
 from excite.design.solvers.slsqp import Slsqp
 from excite.design.solvers.solver import Attempt, Solver, SolverResult

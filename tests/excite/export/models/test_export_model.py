@@ -19,7 +19,7 @@ from identified import identified, result_of
 
 import excite
 from excite.export.models.exported_model import model_of_result
-from excite.export.models.urdf_text import upright
+from excite.export.models.urdf_model import upright
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
@@ -218,7 +218,7 @@ def test_a_format_of_ones_own(result: Identification, tmp_path: Path, monkeypatc
     assert (tmp_path / "names.txt").read_text() == "shoulder_lift_joint elbow_joint wrist_2_joint"
     assert exported.notes[-1] == "in order"
     assert any("names cannot express Coulomb friction" in note for note in exported.notes)
-    (tmp_path / "my_format.py").write_text("from excite.export.models.csv_table import CsvTable as Mine\n")
+    (tmp_path / "my_format.py").write_text("from excite.export.models.parameter_table import CsvTable as Mine\n")
     monkeypatch.chdir(tmp_path)
     assert excite.export_model(result, "my_format:Mine", tmp_path / "t.csv").files == (tmp_path / "t.csv",)
 

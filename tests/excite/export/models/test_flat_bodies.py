@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from excite.export.models.flat_bodies import flat_bodies, flat_note
+from excite.export.models.nearest_bodies import flat_bodies, flat_note
 from regressors.robot.inertia import from_centre_of_mass
 
 

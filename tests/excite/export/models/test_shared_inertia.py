@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from identified import result_of, true_standard
 
 import excite
-from excite.export.models.exact_numbers import about_centre, number, quaternion_of, rpy_of
-from excite.export.models.exported_model import model_of_result
-from excite.export.models.nearest_bodies import nearest_bodies
-from excite.export.models.shared_inertia import own_part
+from excite.export.models.exported_model import about_centre, model_of_result, number, quaternion_of, rpy_of
+from excite.export.models.nearest_bodies import nearest_bodies, own_part
 from excite.identification.prediction import instantaneous_target
 from regressors.models.nominal import standard_values
 from regressors.robot.inertia import (

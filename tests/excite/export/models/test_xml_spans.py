@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from excite.export.models.xml_spans import XmlDocument
-from excite.export.models.xml_text import comment
+from excite.export.models.xml_copy import XmlDocument, comment
 from regressors.errors import InputError
 
 TEXT = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs", "Cn")), max_size=12)

@@ -14,7 +14,7 @@ import excite
 from constraints.bounds.interpolation import Curve, curve_pieces
 from excite.export.motions.certificate import Interpolation, certify, check_formula, deviation
 from excite.export.motions.export_motion import export_motion
-from excite.export.motions.franka_limits import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
+from excite.export.motions.franka_csv import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
 from excite.export.motions.ros2_yaml import Ros2Yaml
 from excite.export.motions.sampled_design import SampledDesign, breaks_of, sampled_design
 from excite.trajectories import Fourier, Trajectory

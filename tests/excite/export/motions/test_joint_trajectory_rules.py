@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from excite.errors import BrokenLimitError
-from excite.export.motions.joint_trajectory_rules import broken_rules, check_rules
+from excite.export.motions.joint_trajectory import broken_rules, check_rules
 from excite.export.motions.ros2_yaml import quoted, yaml_float
 
 JOINTS = ("a", "b")

@@ -17,7 +17,7 @@ from robot_programs import NotInGrammar, krl_program, rapid_moves, ur_program
 
 import excite
 from excite.design.stored_design import StoredDesign
-from excite.export.motions.joint_trajectory_rules import broken_rules
+from excite.export.motions.joint_trajectory import broken_rules
 from excite.logs.mapping import read_mapping
 from excite.registry import MOTION_FORMATS
 from regressors.samples import Samples

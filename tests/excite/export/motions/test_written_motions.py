@@ -19,7 +19,7 @@ import excite
 from excite.design.stored_design import StoredDesign
 from excite.export.motions.sampled_design import sampled_design
 from excite.registry import TRAJECTORIES
-from excite.trajectories.scurve import SCurve
+from excite.trajectories.transfer import SCurve
 from regressors.samples import Array
 
 ALLOWED = 1e-6

@@ -22,7 +22,7 @@ from excite.friction.fit.friction_equations import Conditions, Form, forms
 from excite.friction.fit.points import Point, drive_log, mean_deviation, points_of, windows_of
 from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
-from excite.logs.log_writing import write_log
+from excite.logs.log_reading import write_log
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import CoulombViscous, FrictionCurve, Side, Stribeck
 from regressors.samples import Samples

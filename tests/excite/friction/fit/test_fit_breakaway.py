@@ -21,9 +21,8 @@ from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.log_assignment import sources_of
-from excite.friction.fit.plan_match import PlanMatch, PlannedRamp, PlannedRuns, PlannedWindow
+from excite.friction.fit.plan_match import PlanMatch, PlannedRamp, PlannedRuns, PlannedWindow, match_ramps
 from excite.friction.fit.points import Point, drive_log
-from excite.friction.fit.ramp_match import match_ramps
 from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
 from regressors.errors import InputError

@@ -10,8 +10,7 @@ import pinocchio as pin
 import pytest
 from pinocchio_chains import chain_model
 
-from excite.friction.fit.characteristic import Characteristic
-from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.curve_fit import chosen_fit, fit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import forms

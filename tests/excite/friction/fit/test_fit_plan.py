@@ -14,8 +14,7 @@ from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.constant_speed_windows import WindowSearch
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow, match_plan
-from excite.friction.fit.plan_windows import _stretch, windows_of_plan
+from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow, _stretch, match_plan, windows_of_plan
 from excite.friction.fit.points import drive_log, points_of
 from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log

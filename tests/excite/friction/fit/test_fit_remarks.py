@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from excite.cli.friction_fit_command import command
-from excite.friction.fit.breakaway_torque import BreakAway
-from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.breakaway_torque import BreakAway, mean_break_aways
+from excite.friction.fit.characteristics import Characteristic
 from excite.friction.fit.curve_fit import CurveFit, NoCurve, chosen_fit, fit, table_of
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Conditions, Form, forms
 from excite.friction.fit.points import Point
 from excite.friction.fit.remarks import alike_remarks, stiction_remarks, temperature_remarks, why_no_curve
-from excite.friction.fit.stiction_points import mean_break_aways
 
 SPEEDS = np.array([0.05, 0.1, 0.2, 0.4, 0.8])
 STRIBECK = Form("stribeck", True)

@@ -11,7 +11,7 @@ from breakaway_ramps import RAMP, RATE, REST, away, ramps, recorded
 from played import irp6
 
 from excite.friction.fit.breakaway_tests import broken_loose
-from excite.friction.fit.breakaway_torque import Balance, break_aways
+from excite.friction.fit.breakaway_torque import Balance, break_aways, mean_break_aways, rest_points
 from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.curve_fit import chosen_fit, fit
 from excite.friction.fit.drive_log import Source
@@ -20,7 +20,6 @@ from excite.friction.fit.friction_equations import Conditions, Form, forms
 from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow
 from excite.friction.fit.points import Point, drive_log
 from excite.friction.fit.rigid_torques import described_model
-from excite.friction.fit.stiction_points import mean_break_aways, rest_points
 from excite.logs.log import Log
 from regressors.errors import InputError
 from regressors.samples import Array

@@ -20,7 +20,7 @@ from excite.identification.choices.bodies import (
     possible_estimate_of_products,
 )
 from excite.identification.choices.left_out import least_squares_of_products, left_out
-from excite.identification.choices.pulled import best_pulled, pulled_least_squares
+from excite.identification.choices.scoring import best_pulled, pulled_least_squares
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.physical import Physical, physical
 from excite.identification.estimators.standard import near_described

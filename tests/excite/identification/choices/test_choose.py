@@ -15,7 +15,8 @@ from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
 import excite
 from excite.errors import ConicSolverError
 from excite.files.result_json import load_result
-from excite.identification.choices import choices_in_turn, choose, pieces
+from excite.identification.choices import choose, pieces
+from excite.identification.choices import choose as choices_in_turn
 from excite.identification.choices.choose import choose_settings
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.estimators.physical import Physical
@@ -145,7 +146,7 @@ def test_a_delay_at_a_high_rate() -> None:
 @pytest.mark.slow
 def test_noise_of_the_motion_is_not_that_of_its_delay() -> None:
     pytest.importorskip("jax")
-    from excite.montecarlo.repetition import position_noise
+    from excite.study.repetition import position_noise
 
     result = excite.identify("irp6", late(0.004), choose=("delay",), estimator="weighted", cutoff=20.0)
     np.testing.assert_allclose(position_noise(result), 1e-6, rtol=0.4)

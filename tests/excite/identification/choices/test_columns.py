@@ -9,7 +9,7 @@ import pytest
 from left_out_blocks import statistics_of
 
 from excite.identification.choices.block_statistics import BlockStatistics
-from excite.identification.choices.columns import Estimates, Group, choose_columns
+from excite.identification.choices.friction_terms import Estimates, Group, choose_columns
 from excite.identification.choices.left_out import Estimate, left_out
 
 ALWAYS = (0, 1, 2)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from excite.identification.choices.block_statistics import BlockStatistics
+from excite.identification.choices.cutoffs import choose_delay
 from excite.identification.choices.left_out import LeftOut, left_out
 from excite.identification.choices.time_blocks import time_blocks
-from excite.identification.choices.torque_delay import choose_delay
 
 TIME = np.arange(0.0, 8.0, 0.008)
 RNG = np.random.default_rng(0)

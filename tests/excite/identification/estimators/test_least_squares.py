@@ -16,8 +16,7 @@ from excite.identification.estimate import Estimate
 from excite.identification.estimators.instrumental import instrumental
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.weighted import weighted
-from excite.identification.factors import GroupFactors
-from excite.identification.observations import Observations, join_observations
+from excite.identification.observations import GroupFactors, Observations, join_observations
 from excite.identification.recipe import Recipe
 from excite.registry import ESTIMATORS, instance
 from regressors.errors import InputError, UnknownName

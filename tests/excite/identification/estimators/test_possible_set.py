@@ -16,7 +16,7 @@ from excite.identification.estimators import possible_set
 from excite.identification.estimators.physical import physical
 from excite.identification.estimators.possible_set import PossibleSet, nearest
 from excite.identification.observations import Observations
-from excite.payload.possible_body import is_possible, nearest_possible
+from excite.payload.held_body import is_possible, nearest_possible
 from regressors.models.base import Base, base_parameters, random_states
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import parameter_values, standard_values

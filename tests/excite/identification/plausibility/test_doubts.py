@@ -13,19 +13,23 @@ from pinocchio_chains import chain_model
 from played import EXACT, TASK, found, noisy, played, three_joints
 from recordings import REAL, real_log
 
+from excite.identification.equations import measured_regressor
 from excite.identification.identify import identify
 from excite.identification.mass_matrix import mass_matrices
-from excite.identification.measured_regressor import measured_regressor
-from excite.identification.plausibility.expected_error import ExpectedError, expected_error
-from excite.identification.plausibility.few_data import few_data
-from excite.identification.plausibility.impossible_parameters import heavier_than_described, signs_of_bodies
-from excite.identification.plausibility.large_residual import ResidualCauses, large_residual
-from excite.identification.plausibility.left_out_rows import left_out_rows
-from excite.identification.plausibility.mass_matrix_check import LeastInertia, allowed_poses, mass_matrix_check
-from excite.identification.plausibility.other_motions import other_motion
-from excite.identification.plausibility.residual_causes import (
+from excite.identification.plausibility.doubt import left_out_rows
+from excite.identification.plausibility.expected_error import ExpectedError, expected_error, few_data, other_motion
+from excite.identification.plausibility.impossible_parameters import (
+    LeastInertia,
+    allowed_poses,
+    heavier_than_described,
+    mass_matrix_check,
+    signs_of_bodies,
+)
+from excite.identification.plausibility.large_residual import (
     NoisyDerivatives,
+    ResidualCauses,
     WrongFactors,
+    large_residual,
     missing_terms,
     noisy_derivatives,
     wrong_factors,

@@ -1,1 +1,0 @@
-"""Possible robots that the data of a result allow: samples of the posterior."""

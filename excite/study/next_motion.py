@@ -1,0 +1,248 @@
+"""The next motion of a sequence of experiments: what is known too little, the motion that adds it, and when to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.stats
+
+from excite.design.design import Design
+from excite.design.information_in_hand import with_information_in_hand
+from excite.design.optimisation import Progress, design_trajectory
+from excite.information.allowed_half_widths import ABOUT_ZERO, allowed_half_widths
+from excite.information.earlier_precision import InformationInHand, deviations_of, information_in_hand
+from excite.information.parameter_sizes import base_sizes
+from excite.information.precision_forecast import PrecisionForecast
+from excite.information.target import IdentificationTarget, target_of
+from excite.information.torque_precision import torque_precision
+from excite.information.visible_base import inverse_half
+from excite.study.design_for_precision import design_for_precision, precise_task
+from excite.tasks.earlier_information import DESIGN
+from excite.tasks.precision_target import PrecisionTarget
+from excite.tasks.robot_of_task import first_argument, robot_and_task
+from excite.tasks.task import Task
+from regressors.arguments import checked
+from regressors.errors import InputError
+from regressors.models.model import RegressorModel
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+_OF = ("measured", "described")
+
+
+@dataclass(frozen=True)
+class PrecisionInHand:
+    """How precisely one base parameter, or a torque along a task motion, is known, and is to be known.
+
+    Parameters
+    ----------
+    name, expression, unit : str
+    value : float or None
+        Estimate by all results in hand together; None without one.
+    allowed : float
+        Largest half-width of its interval; infinite where nothing is asked of it.
+    half_width : float
+        Of its interval by what is in hand; infinite where nothing is known of it.
+    expected : float
+        The same after the next motion, as it is kept to with the probability of the target; `half_width` where none is
+        needed.
+    """
+
+    name: str
+    expression: str
+    unit: str
+    value: float | None
+    allowed: float
+    half_width: float
+    expected: float
+
+    @property
+    def enough(self) -> bool:
+        """Whether its interval is narrow enough."""
+        return self.half_width <= self.allowed
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NextMotion:
+    """Whether what is in hand is enough, and else the motion to play next.
+
+    Parameters
+    ----------
+    robot : str
+    parameters : tuple of PrecisionInHand
+    design : Design or None
+        The next motion; None where what is in hand is enough.
+    planned : tuple of str
+        Designs in hand that are still to be played.
+    task : Task
+        With the information in hand, and the precision that is asked for.
+    """
+
+    robot: str
+    parameters: tuple[PrecisionInHand, ...]
+    design: Design | None
+    planned: tuple[str, ...]
+    task: Task
+
+    @property
+    def enough(self) -> bool:
+        """Whether every interval is narrow enough."""
+        return all(parameter.enough for parameter in self.parameters)
+
+    @property
+    def missing(self) -> tuple[PrecisionInHand, ...]:
+        """Parameters whose interval is too wide, the one that is furthest from its allowed half-width first."""
+        wide = (parameter for parameter in self.parameters if not parameter.enough)
+        return tuple(sorted(wide, key=lambda one: -one.half_width / one.allowed))
+
+    @property
+    def forecast(self) -> PrecisionForecast | None:
+        """Runs of the next motion and what is expected of them; None where none is needed."""
+        return None if self.design is None else self.design.precision
+
+    @property
+    def runs(self) -> int:
+        """Number of runs of the next motion; 0 where none is needed."""
+        return 0 if self.forecast is None else self.forecast.runs
+
+    def __repr__(self) -> str:
+        """One line."""
+        if self.enough:
+            return f"<NextMotion of {self.robot}: enough, {len(self.parameters)} parameters>"
+        return f"<NextMotion of {self.robot}: {len(self.missing)} parameters missing, {self.runs} run(s)>"
+
+
+@checked
+def next_motion(
+    robot_or_model: RegressorModel | Robot | Task | str | None = None,
+    /,
+    precision: PrecisionTarget | float | str | None = None,
+    *,
+    of: str = "measured",
+    progress: Progress | None = None,
+    report: Callable[[str], None] = lambda _: None,
+    **options: Any,
+) -> NextMotion:
+    """Say whether what is in hand is enough for a precision, and else design the motion that adds most to it.
+
+    With the information in hand P and that of one run ``W' S^-1 W``, the motion minimises the largest ratio of a
+    parameter's standard deviation by ``P + W' S^-1 W`` to its allowed half-width, so that the worst of the missing
+    parameters drives it. The number of runs n is the least for which every half-width by ``P + n W' S^-1 W`` is
+    allowed, see `excite.information.half_widths`.
+
+    Parameters
+    ----------
+    robot_or_model : RegressorModel, Robot, Task or str
+        See `excite.design_trajectory`.
+    precision : PrecisionTarget, float or str
+        Largest half-width of each parameter's interval: a share of every parameter, such as 0.05 or ``"5%"``, or a
+        target; that of the task if not given.
+    of : {"measured", "described"}
+        Of which values the shares are: those that the results in hand have measured, as far as they have, or those of
+        the robot's description. A measured value whose interval does not reach `ABOUT_ZERO` of the parameter's size is
+        about zero, and the size stands for it; one that may be about zero counts as that large at least. Of a parameter
+        without a size, such as friction that is not described, nothing is asked while its interval reaches zero.
+    progress : callable, optional
+        Called with each start's result.
+    report : callable
+        Called with a sentence on each period that is tried.
+    **options
+        Options of a `Task`: `after`, the results and designs in hand; `noise`, `home`, `search` and others. Where no
+        `period` is given here, nor ``scale="precision"`` with a task, it is the one of the shortest experiment, see
+        `excite.design_for_precision`.
+
+    Returns
+    -------
+    NextMotion
+
+    Raises
+    ------
+    InputError
+        See `excite.design_trajectory`; or no precision, or one that asks nothing of this model's parameters.
+    """
+    subject = first_argument(robot_or_model, options, "next_motion")
+    if of not in _OF:
+        raise InputError(f"`of` must be one of {', '.join(_OF)}, given {of!r}")
+    given = {} if precision is None else {"precision": precision}
+    robot, task = robot_and_task(subject)
+    task = with_information_in_hand(robot, task.changed(**given, **options))
+    asked = task.objective.precision
+    if not isinstance(asked, PrecisionTarget):
+        raise InputError("no precision is asked for; give `precision`, such as 0.05")
+    target = target_of(robot, task)
+    in_hand = information_in_hand(target, task) or _nothing(target)
+    factor = _stated_factor(asked, in_hand)
+    if of == "measured":
+        asked = _of_measured(asked, target, in_hand.values, factor * deviations_of(in_hand.R))
+        task = task.changed(precision=asked)
+    now = _in_hand(asked, target, in_hand, factor)
+    design = None
+    if not all(one.enough for one in now):
+        given_period = "period" in options or task.objective.scale == "precision"
+        design = (
+            _at_period(task, progress) if given_period else design_for_precision(task, progress=progress, report=report)
+        )
+    planned = tuple(dict.fromkeys(one.name for one in task.objective.after if one.kind == DESIGN))
+    return NextMotion(robot.name, _with_expected(now, design), design, planned, task)
+
+
+def _at_period(task: Task, progress: Progress | None) -> Design:
+    """The motion of the task's own period."""
+    return design_trajectory(precise_task(task), progress=progress)
+
+
+def _nothing(target: IdentificationTarget) -> InformationInHand:
+    b = target.base.rank
+    return InformationInHand(np.zeros((0, b)), 0, np.full(b, np.nan))
+
+
+def _stated_factor(asked: PrecisionTarget, in_hand: InformationInHand) -> float:
+    """Half-width over standard deviation of an interval, by Student's t."""
+    return float(scipy.stats.t.ppf(0.5 + 0.5 * asked.level, max(in_hand.degrees_of_freedom, 1)))
+
+
+def _of_measured(
+    asked: PrecisionTarget, target: IdentificationTarget, values: Array, half_widths: Array
+) -> PrecisionTarget:
+    """The target with measured values as scales, of parameters that have one and no scale of their own."""
+    size = base_sizes(target.model, target.base)
+    sized, magnitude = np.isfinite(size), np.abs(values)
+    at_least = np.where(sized, ABOUT_ZERO * size, 0.0)
+    about_zero = magnitude + half_widths < at_least
+    scale = np.where(about_zero, size, np.maximum(magnitude, at_least))
+    scale[~sized & (magnitude <= half_widths)] = np.nan  # a share of what may be zero asks for what nothing measures
+    known = {name: float(x) for name, x in zip(target.base.names, scale, strict=True) if np.isfinite(x) and x > 0.0}
+    return replace(asked, scales={**known, **asked.scales})
+
+
+def _in_hand(
+    asked: PrecisionTarget, target: IdentificationTarget, in_hand: InformationInHand, factor: float
+) -> list[PrecisionInHand]:
+    """Half-widths by what is in hand: of the base parameters, and of torques along a task motion where there is one."""
+    base, deviation = target.base, deviations_of(in_hand.R)
+    known = (None if np.isnan(value) else float(value) for value in in_hand.values)
+    rows = [
+        PrecisionInHand(name, expression, unit, value, float(allowed), float(factor * s), float(factor * s))
+        for name, expression, unit, value, allowed, s in zip(
+            base.names, base.expressions, base.units, known, allowed_half_widths(asked, target), deviation, strict=True
+        )
+    ]
+    if asked.torques is None:
+        return rows
+    torques = torque_precision(asked.torques, target)
+    identified = bool(np.all(np.isfinite(deviation)))
+    errors = torques.deviations(inverse_half(in_hand.R)) if identified else np.full(len(torques.names), np.inf)
+    return rows + [
+        PrecisionInHand(name, name, unit, None, float(allowed), float(factor * s), float(factor * s))
+        for name, unit, allowed, s in zip(torques.names, torques.units, torques.allowed, errors, strict=True)
+    ]
+
+
+def _with_expected(now: Sequence[PrecisionInHand], design: Design | None) -> tuple[PrecisionInHand, ...]:
+    forecast = None if design is None else design.precision
+    if forecast is None:
+        return tuple(now)
+    return tuple(replace(one, expected=then.half_width) for one, then in zip(now, forecast.parameters, strict=True))

@@ -1,0 +1,184 @@
+"""Accuracy that repeats of an experiment will show, predicted from a design and the conditions of measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from excite.identification.identify import identify
+from excite.identification.recipe import Recipe
+from excite.identification.stated_uncertainty import DELAY, PRESLIDING
+from excite.registry import name_of
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate
+from excite.study.accuracy_prediction import AccuracyPrediction, ParameterAccuracy
+from excite.study.motion_errors import motion_errors
+from excite.study.parameter_errors import FREE, bounded_estimates, torque_errors
+from excite.study.rehearsal import Rehearsal, exact_settings, motion_settings
+from excite.study.torque_noise import StatedNoise, TorqueNoise
+from regressors.arguments import checked
+from regressors.errors import InputError
+from regressors.models.nominal import parameter_values
+from regressors.numerical import numerical_work
+from regressors.quantities import check
+
+if TYPE_CHECKING:
+    from excite.design.designed_motion import DesignedMotion
+    from excite.identification.choices.choice import Choice
+    from excite.identification.estimator import Estimator
+    from regressors.friction.curves import FrictionCurves
+    from regressors.samples import Array
+
+
+COUNT = 400
+_OF_IDENTIFY = {field.name for field in fields(Recipe)} - {field.name for field in fields(SimulationSettings)}
+_STEPS = 4  # of progress
+
+
+@checked
+@numerical_work("the prediction of the accuracy", "noise that is far larger than the torques is the likely cause")
+def predict_accuracy(
+    design: DesignedMotion,
+    settings: SimulationSettings | None = None,
+    *,
+    noise: TorqueNoise | None = None,
+    friction: FrictionCurves | str | Path | None = None,
+    recipe: Recipe | None = None,
+    estimator: Estimator | str | None = None,
+    choose: bool | Collection[str] = True,
+    count: int = COUNT,
+    progress: Callable[[str], None] = lambda _: None,
+    **options: Any,
+) -> AccuracyPrediction:
+    """Predict the deviation and the bias that repeats of an experiment will show of each parameter.
+
+    The experiment is simulated once and identified as its log will be: that gives the settings that the identification
+    chooses, and the weights V of the equations ``y = W beta``. Errors then reach the parameters by
+    ``(W' V W)^-1 W' V e`` with random samples of the errors e: noise of the torques of the stated level and colour
+    through the filters of the equations; and measured motions, with their noise and encoder counts, through the filter
+    and the derivatives of the identification. What repeats share is the bias: the estimate from exact sensors, less the
+    truth, such as by friction that the model does not describe. Estimators with bounds get the sum of these errors.
+
+    Parameters
+    ----------
+    design : DesignedMotion
+    settings : SimulationSettings, optional
+        Noise, counts, sample rate, and what the controller and friction do; see `excite.simulate`.
+    noise : TorqueNoise, optional
+        Noise of the torques instead of that of the settings, such as `measured_noise` of an earlier result.
+    friction : FrictionCurves or path, optional
+        Friction of the simulated robot, where it is another than that of its description.
+    recipe, estimator, choose
+        How the log will be identified, see `excite.identify`.
+    count : int
+        Random samples; the deviations are known to ``1 / sqrt(2 count)``, 3.5 % for 400.
+    progress : callable
+        Called with a description of each step.
+    **options
+        By name, such as ``torque_noise=0.5``: fields of the settings, and of the recipe those that
+        the settings do not have too, such as ``cutoff=10``.
+
+    Returns
+    -------
+    AccuracyPrediction
+
+    Raises
+    ------
+    InputError
+        Invalid settings, a model or an estimator that is not supported, or conditions without any noise.
+    """
+    check("count", count)
+    how = {name: options.pop(name) for name in list(options) if name in _OF_IDENTIFY}
+    settings = replace(settings if settings is not None else SimulationSettings(), **options)
+    stated = noise if noise is not None else StatedNoise.of(settings)
+    _check_noise(stated, settings)
+    recipe = recipe if recipe is not None else Recipe()
+    progress("simulating the experiment once")
+    simulation = simulate(design, settings, friction=friction)
+    progress("identifying its log")
+    result = identify(design.robot, simulation, design=design, recipe=recipe, estimator=estimator, choose=choose, **how)
+    rehearsal = Rehearsal(simulation, result, _found(recipe, result.choices))
+    steps, seed = _Steps(progress), settings.seed
+    torques = torque_errors(result, stated, count, seed, rehearsal.found, steps("noise of the torques"))
+    motion = np.zeros_like(torques)
+    if rehearsal.moves:
+        motion = motion_errors(rehearsal, count, seed, steps("noise of the motion"))
+    parameters = _parameters(rehearsal, torques, motion, steps)
+    return AccuracyPrediction(
+        design.name,
+        design.robot.name,
+        str(name_of(result.task.model.model)),
+        parameters,
+        count,
+        seed,
+        settings.to_dict(),
+        result.recipe.to_dict(),
+        _notes(rehearsal),
+        design.coefficients_sha256,
+    )
+
+
+def _check_noise(noise: TorqueNoise, settings: SimulationSettings) -> None:
+    quiet = isinstance(noise, StatedNoise) and not any((*noise.white, *noise.coloured))
+    if quiet and motion_settings(settings) == exact_settings(settings):
+        raise InputError(
+            "without noise repeats do not scatter; give `torque_noise`, `coloured_noise`, `encoder`, `position_noise` "
+            "or `velocity_noise`"
+        )
+
+
+class _Steps:
+    """Descriptions of the steps, with how much of each is done."""
+
+    def __init__(self, progress: Callable[[str], None]) -> None:
+        self.progress = progress
+
+    def __call__(self, what: str) -> Callable[[int, int], None]:
+        def report(done: int, total: int) -> None:
+            if done == total or done % max(1, total // _STEPS) == 0:
+                self.progress(f"{what}: {done} of {total} samples")
+
+        return report
+
+
+def _found(recipe: Recipe, choices: tuple[Choice, ...]) -> frozenset[str]:
+    """Settings that every repeat finds again from its own log, so that they scatter too."""
+    found = {choice.name for choice in choices} & {DELAY, PRESLIDING}
+    if recipe.sign_width is None and not recipe.breakaway:
+        found |= {PRESLIDING}
+    return frozenset(found)
+
+
+def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, steps: _Steps) -> tuple[ParameterAccuracy, ...]:
+    """What the errors by noise of the torques and of the motion, each of shape (k, p), make of each parameter."""
+    result, exact = rehearsal.result, rehearsal.exact
+    values = exact.solution.values[: exact.count]
+    by_torques, by_motion = (np.std(errors, axis=0, ddof=1) for errors in (torques, motion))
+    deviation, mean = np.hypot(by_torques, by_motion), values + motion.mean(axis=0)
+    if result.estimate.method not in FREE:
+        free = values + torques + motion
+        bounded = bounded_estimates(result, exact, free, steps("bounds"))
+        deviation, mean = np.std(bounded, axis=0, ddof=1), mean + (bounded - free).mean(axis=0)
+    truth = _truth(rehearsal)
+    return tuple(
+        ParameterAccuracy(name, unit, float(m), float(t), float(q), float(s), None if np.isnan(x) else float(m - x))
+        for name, unit, m, t, q, s, x in zip(
+            result.names, result.units, mean, by_torques, by_motion, deviation, truth, strict=True
+        )
+    )
+
+
+def _truth(rehearsal: Rehearsal) -> Array:
+    """True parameters, NaN where the simulated robot has none, as of friction of another form."""
+    target = rehearsal.result.target
+    return parameter_values(target.model, target.base, dict(rehearsal.simulation.truth))
+
+
+def _notes(rehearsal: Rehearsal) -> tuple[str, ...]:
+    result = rehearsal.result
+    chosen = tuple(f"{choice.name}: {choice.reason}" for choice in result.choices)
+    return *rehearsal.simulation.notes, *chosen

@@ -1,0 +1,415 @@
+"""Repetitions: against the chain done by hand, and against the laws of least squares."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import tracemalloc
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.stats
+from motions import random_sines
+from slow_dynamics import random_chain
+
+from excite.errors import TooLargeError
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.instrumental import instrumental
+from excite.identification.estimators.least_squares import least_squares
+from excite.identification.estimators.weighted import weighted
+from excite.identification.observations import Observations
+from excite.signals.butterworth import Butterworth
+from excite.signals.differences import Differences
+from excite.signals.fourier_fit import FourierFit
+from excite.signals.low_pass import decimated
+from excite.signals.savitzky_golay import SavitzkyGolay
+from excite.signals.smoothing_spline import SmoothingSpline
+from excite.study import experiment as chain_file
+from excite.study import jax_moments as jax_moments
+from excite.study import moment_sums as columns_file
+from excite.study.experiment import Experiment, Noise, drawn
+from excite.study.repeated import repeat_experiment
+from excite.study.repetitions import Repetitions, experiment_prediction
+from regressors.errors import InputError
+from regressors.models.base import Base, base_parameters
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.energy import EnergyModel
+from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
+from regressors.models.model import RegressorModel
+from regressors.models.windows import Window, WindowModel
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+RATE = 100.0
+TIME = np.arange(301) / RATE
+CUTOFF, EVERY = 12.0, 3
+
+
+@cache
+def arm() -> Robot:
+    return random_chain("rr", np.random.default_rng(3))
+
+
+@cache
+def base_of(model: RegressorModel) -> Base:
+    return base_parameters(model)
+
+
+def experiment(model: RegressorModel, noise: Noise, **choices: Any) -> Experiment:
+    base = base_of(model)
+    beta = np.random.default_rng(1).uniform(0.5, 2.0, base.rank)
+    return Experiment(model, base, random_sines(model.robot.n, 2).samples(TIME), beta, noise, **choices)
+
+
+# --- one repetition by hand ------------------------------------------------------------------------------------------
+
+SENSOR = Sensor(equations=("fx", "fy", "nx", "ny", "nz"))
+NOISE = Noise(effort=0.3, position=[1e-5, 2e-5], count=[3e-5, 0.0])
+
+
+@cache
+def chains() -> dict[str, Experiment]:
+    load, robot = random_chain("rrrr", np.random.default_rng(8)), arm()
+    return {
+        "differential": experiment(DifferentialModel(robot), NOISE, method=Differences(), estimator="least-squares"),
+        "filtered": experiment(
+            DifferentialModel(robot, Terms(offset=True)),
+            NOISE,
+            method=Butterworth(cutoff=15.0),
+            low_pass=CUTOFF,
+            every=EVERY,
+            estimator="instrumental",
+        ),
+        "energy": experiment(EnergyModel(robot, Terms(), Window("long")), NOISE, method=SavitzkyGolay(window=0.15)),
+        "load": experiment(LoadModel(load, SENSOR), Noise(0.1), method=Differences(), every=2),
+        "spline": experiment(DifferentialModel(robot), NOISE, method=SmoothingSpline(knots=(0.1, 0.2))),
+        "fourier": experiment(DifferentialModel(robot), NOISE, method=FourierFit(3.01, 8)),
+    }
+
+
+def truth(model: RegressorModel, samples: Samples, beta: Array) -> Array:
+    """Torques or wrench of the parameters, each of the other columns being zero."""
+    standard = np.zeros(len(model.columns))
+    standard[base_of(model).index] = beta
+    kind: RegressorModel = model
+    if isinstance(model, EnergyModel):
+        kind = DifferentialModel(model.robot, model.terms)
+    elif isinstance(model, LoadIntegralModel):
+        kind = LoadModel(model.robot, model.sensor)
+    return (kind.assemble(samples) @ standard).reshape(samples.time.size, -1)
+
+
+def by_hand(e: Experiment, seed: int, number: int) -> Estimate:
+    """The slow chain of one repetition, with the same random numbers."""
+    model, (N, n) = e.model, e.samples.q.shape
+    tau = truth(model, e.samples, e.beta)
+    draw = drawn(seed, number, N, n, tau.shape[1])
+    tau = tau + np.asarray(e.noise.effort) * draw[0]
+    q = e.samples.q + np.asarray(e.noise.position) * draw[1]
+    for j, step in enumerate(np.broadcast_to(np.asarray(e.noise.count), n)):
+        if step > 0:
+            q[:, j] = step * (np.round(q[:, j] / step + draw[2][j]) - draw[2][j])
+    assert e.method is not None
+    motion = e.method.motion(TIME, q)
+    true = Samples(*(getattr(e.samples, name)[motion.kept] for name in ("time", "q", "dq", "ddq", "dddq")))
+    r, index = len(model.row_labels), base_of(model).index
+    W, Z = (model.assemble(x)[:, index].reshape(-1, r, index.size) for x in (motion.samples, true))
+    y = model.right_side(motion.samples, tau[motion.kept]).reshape(-1, r)
+    if e.low_pass is not None:
+        Z = decimated(Z, y, RATE, e.low_pass, e.every)[0]
+        W, y, _ = decimated(W, y, RATE, e.low_pass, e.every)
+    elif not isinstance(model, WindowModel):
+        W, Z, y = W[:: e.every], Z[:: e.every], y[:: e.every]
+    count, b = len(W) * r, index.size
+    observations = Observations(
+        W.reshape(count, b),
+        y.ravel(),
+        base_of(model).names,
+        base_of(model).units,
+        np.tile(np.arange(r), len(W)),
+        model.row_labels,
+        np.zeros(count, dtype=np.intp),
+        ("log",),
+        np.zeros(count),
+    )
+    if e.estimator == "instrumental":
+        return instrumental(observations, Z.reshape(count, b))
+    return {"least-squares": least_squares, "weighted": weighted}[e.estimator](observations)
+
+
+@pytest.mark.parametrize("kind", [EnergyModel, LoadIntegralModel])
+def test_true_efforts_have_the_integrals_that_windows_show(kind: type[EnergyModel] | type[LoadIntegralModel]) -> None:
+    e = experiment(kind(arm(), window=Window("short", 0.1)), Noise())
+    expected = (e.regressor(e.samples) @ e.beta).ravel()
+    found = e.model.right_side(e.samples, e.efforts)
+    np.testing.assert_allclose(found, expected, atol=2e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["differential", "filtered", "energy", "load", "spline", "fourier"])
+def test_repetitions_are_the_chain_done_by_hand(name: str) -> None:
+    e = chains()[name]
+    found = repeat_experiment(e, 3, seed=11)
+    for number in (0, 2):
+        expected = by_hand(e, 11, number)
+        half = 1e-6 * expected.deviation
+        assert np.all(np.abs(found.estimates[number] - expected.values) <= half)
+        np.testing.assert_allclose(found.predicted[number], expected.deviation, rtol=1e-6)
+        np.testing.assert_allclose(found.noise[number], expected.noise[0], rtol=1e-6)
+        assert found.degrees_of_freedom == expected.degrees_of_freedom
+    assert found.names == expected.names
+
+
+def test_badly_conditioned_columns_are_mixed_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same estimates from columns that are multiplied by a triangular factor."""
+    for name in ("differential", "filtered"):
+        e = chains()[name]
+        plain = repeat_experiment(e, 2, seed=11)
+        with monkeypatch.context() as patch:
+            patch.setattr(chain_file, "_WELL", 0.0)
+            mixed = repeat_experiment(e, 2, seed=11)
+        assert np.all(np.abs(mixed.estimates - plain.estimates) <= 1e-6 * plain.predicted)
+        np.testing.assert_allclose(mixed.predicted, plain.predicted, rtol=1e-6)
+
+
+def test_a_method_chooses_its_settings_once() -> None:
+    """From the true positions, as the settled one does."""
+    chosen, given = (
+        repeat_experiment(experiment(DifferentialModel(arm()), Noise(0.3, 1e-6), method=method), 3, seed=0)
+        for method in (Butterworth(), Butterworth().settled(TIME, random_sines(2, 2).at(TIME, 0)))
+    )
+    np.testing.assert_array_equal(chosen.estimates, given.estimates)
+
+
+@pytest.mark.parametrize(("rate", "cutoff"), [(250.0, 85.0), (2000.0, 342.0)])
+def test_fast_logs_are_repeated_as_slow_ones_are(rate: float, cutoff: float) -> None:
+    """342 Hz at 2 kHz: the accelerations' weights are large, and cancel only to rounding."""
+    model = DifferentialModel(arm())
+    e = experiment(model, Noise(0.1, 1e-9), method=Butterworth(cutoff=cutoff))
+    fast = dataclasses.replace(e, samples=random_sines(2, 2).samples(np.arange(round(2 * rate)) / rate))
+    found = repeat_experiment(fast, 20, seed=0)
+    np.testing.assert_allclose(found.deviation / found.predicted_deviation, 1.0, atol=0.6)
+
+
+# --- the laws of least squares ---------------------------------------------------------------------------------------
+
+TORQUE_NOISE = Noise([0.5, 0.05])
+RARE = 1e-6  # probability of each bound's being crossed by chance
+
+
+@cache
+def torque_noise(estimator: str) -> Repetitions:
+    return repeat_experiment(experiment(DifferentialModel(arm()), TORQUE_NOISE, estimator=estimator), 2000, seed=0)
+
+
+def covariance(weights: Array) -> Array:
+    """Of estimates whose rows are weighted, for the noise of `torque_noise`."""
+    model = DifferentialModel(arm())
+    W = model.assemble(random_sines(2, 2).samples(TIME))[:, base_of(model).index]
+    w, s = np.tile(weights, TIME.size)[:, None], np.tile([0.5, 0.05], TIME.size)[:, None]
+    inverse = np.linalg.inv(W.T @ (w**2 * W))
+    return np.asarray(inverse @ (W.T @ (w**4 * s**2 * W)) @ inverse)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("estimator", "weights"), [("least-squares", [1.0, 1.0]), ("weighted", [2.0, 20.0])])
+def test_estimates_spread_as_the_covariance_says(estimator: str, weights: list[float]) -> None:
+    """Their variance within chi-square bounds, their mean within its error."""
+    found = torque_noise(estimator)
+    expected = np.sqrt(np.diag(covariance(np.array(weights))))
+    freedom = found.count - 1
+    low, high = scipy.stats.chi2.ppf([RARE, 1 - RARE], freedom) / freedom
+    ratio = (found.deviation / expected) ** 2
+    slack = 0.02 if estimator == "weighted" else 0.0  # weights are estimated too
+    assert np.all((ratio > low - slack) & (ratio < high + slack))
+    assert np.all(np.abs(found.bias) < 5 * found.bias_error)
+
+
+def test_intervals_of_the_weighted_estimate_hold_as_often_as_they_say() -> None:
+    found = torque_noise("weighted")
+    hits = scipy.stats.binom.ppf([RARE, 1 - RARE], found.count, 0.99) / found.count
+    assert np.all((found.coverage >= hits[0]) & (found.coverage <= hits[1]))
+    np.testing.assert_allclose(
+        found.predicted_deviation, np.sqrt(np.diag(covariance(np.array([2.0, 20.0])))), rtol=0.02
+    )
+    np.testing.assert_allclose(found.noise.mean(axis=0), [0.5, 0.05], rtol=0.01)
+
+
+def test_intervals_of_least_squares_fail_where_joints_differ_in_noise() -> None:
+    """One noise for all rows is too much for the quiet joint: its intervals hold too often, the others too seldom."""
+    coverage = torque_noise("least-squares").coverage
+    assert coverage.max() > 0.999
+    assert coverage.min() < 0.985
+
+
+@pytest.mark.slow
+def test_noisy_positions_bias_least_squares_and_instruments_repair_it() -> None:
+    """Noise of the differentiated positions is also in the regressor, and makes inertia look smaller."""
+    model = DifferentialModel(random_chain("r", np.random.default_rng(0)), Terms(coulomb=False))
+    errors = {}
+    for estimator in ("least-squares", "instrumental"):
+        e = experiment(model, Noise(0.05, 1e-3), method=Differences(), estimator=estimator)
+        found = repeat_experiment(e, 400, seed=5)
+        inertia = found.names.index("I1xx")
+        errors[estimator] = found.bias[inertia] / found.beta[inertia], found.bias_error[inertia] / found.beta[inertia]
+    bias, error = errors["least-squares"]
+    assert bias < -0.2
+    assert error < 0.01
+    bias, error = errors["instrumental"]
+    assert abs(bias) < 0.02
+
+
+# --- repetitions are repeatable --------------------------------------------------------------------------------------
+
+
+def test_repetitions_depend_on_the_seed_and_not_on_their_number() -> None:
+    e, again = experiment(DifferentialModel(arm()), TORQUE_NOISE), torque_noise("weighted")
+    seen: list[tuple[int, int]] = []
+    first = repeat_experiment(e, 8, seed=0, progress=lambda done, count: seen.append((done, count)))
+    other = repeat_experiment(e, 8, seed=1)
+    assert seen == [(k, 8) for k in range(1, 9)]
+    assert first.estimates.shape == first.predicted.shape == (8, e.base.rank)
+    np.testing.assert_allclose(first.estimates, again.estimates[:8], rtol=1e-9)
+    assert np.all(np.abs(first.estimates - other.estimates) > 1e-6 * first.deviation)
+    assert np.all(np.diff(np.sort(again.estimates, axis=0), axis=0) > 0)  # no repetition is another one again
+
+
+@pytest.mark.parametrize("name", ["differential", "load"])
+def test_repetitions_do_not_depend_on_how_many_rows_are_computed_at_once(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    e = chains()[name]
+    whole = repeat_experiment(e, 3, seed=4)
+    for module in (columns_file, chain_file):
+        monkeypatch.setattr(module, "BLOCK", 37)
+    parts = repeat_experiment(e, 3, seed=4)
+    assert np.all(np.abs(parts.estimates - whole.estimates) <= 1e-9 * whole.predicted)
+    np.testing.assert_allclose(parts.predicted, whole.predicted, rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["differential", "energy"])
+def test_jax_computes_the_same_repetitions_in_batches_of_any_size(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a GPU, but here on whatever JAX has."""
+    e = dataclasses.replace(chains()[name], estimator="instrumental")
+    expected = repeat_experiment(e, 3, seed=4)
+    monkeypatch.setattr(chain_file, "has_gpu", lambda: True)
+    for at_once in (2, 5):
+        monkeypatch.setattr(jax_moments, "_MOST", at_once)
+        assert chain_file.Chain(e).batch == at_once
+        found = repeat_experiment(e, 3, seed=4)
+        assert np.all(np.abs(found.estimates - expected.estimates) <= 1e-7 * expected.predicted)
+        np.testing.assert_allclose(found.predicted, expected.predicted, rtol=1e-7)
+
+
+def test_jax_leaves_what_it_does_not_compute_to_the_processor() -> None:
+    chain = chain_file.Chain(chains()["filtered"])
+    assert jax_moments.JaxMoments.of(chain.sums, chain.columns) is None
+
+
+def test_ctrl_c_keeps_the_repetitions_that_were_completed() -> None:
+    e, last = experiment(DifferentialModel(arm()), TORQUE_NOISE), 3
+
+    def stop(done: int, count: int) -> None:
+        if done == last:
+            raise KeyboardInterrupt
+
+    found, whole = repeat_experiment(e, 9, seed=0, progress=stop), repeat_experiment(e, 9, seed=0)
+    assert (found.count, found.interrupted, whole.interrupted) == (3, True, False)
+    np.testing.assert_array_equal(found.estimates, whole.estimates[:3])
+    last = 1  # no scatter of one
+    with pytest.raises(KeyboardInterrupt):
+        repeat_experiment(e, 9, seed=0, progress=stop)
+
+
+def test_summaries() -> None:
+    found = Repetitions(
+        ("a",),
+        ("kg",),
+        np.array([1.0]),
+        np.array([[1.0], [3.0], [5.0]]),
+        np.array([[3.0], [1.0], [1.0]]),
+        np.ones((3, 1)),
+        10,
+        0,
+    )
+    assert found.count == 3
+    assert found.bias == 2.0
+    assert found.deviation == 2.0
+    np.testing.assert_allclose(found.bias_error, 2 / np.sqrt(3))
+    np.testing.assert_allclose(found.predicted_deviation, np.sqrt(11 / 3))
+    np.testing.assert_array_equal(found.covered[:, 0], [True, True, False])  # t of 10 degrees of freedom: 3.17
+    np.testing.assert_allclose(found.coverage, 2 / 3)
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("choices", "message"),
+    [
+        ({"noise": Noise(0.1, 1e-3)}, "positions with noise or counts need a method"),
+        ({"noise": Noise([0.1, 0.2, 0.3])}, "noise, effort: expected 1 number or 2, given 3"),
+        ({"estimator": "best"}, "no estimator named 'best'; available: least-squares, weighted, instrumental"),
+        ({"every": 0}, "every must be 1 or more, given 0"),
+        ({"beta": np.ones(2)}, r"expected \d+ finite parameters, given \[1. 1.\]"),
+        ({"samples": random_sines(3, 0).samples(TIME)}, "motion of 3 joints for a robot of 2"),
+        ({"samples": random_sines(2, 0).samples(TIME**2)}, "uniform"),
+        ({"model": EnergyModel(arm()), "low_pass": 5.0}, "a model of windows integrates already"),
+    ],
+)
+def test_experiments_that_cannot_be(choices: dict[str, Any], message: str) -> None:
+    good = experiment(DifferentialModel(arm()), Noise(0.1))
+    fields = {"model": good.model, "base": good.base, "samples": good.samples, "beta": good.beta}
+    with pytest.raises(InputError, match=message):
+        Experiment(**{**fields, **choices})
+
+
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
+def test_noise_that_cannot_be(value: float) -> None:
+    with pytest.raises(InputError, match="noise, count: expected finite numbers, zero or more"):
+        Noise(count=[0.0, value])
+
+
+@pytest.mark.parametrize(
+    ("instants", "choices", "refused"),
+    [
+        (20_000, {}, False),
+        (20_000, {"low_pass": 10.0}, False),
+        (3_000_000, {}, False),  # in blocks
+        (4_000_000, {"low_pass": 10.0}, True),
+        (12_000_000, {}, True),
+        (6_000_000, {"estimator": "instrumental"}, True),
+    ],
+)
+def test_memory_is_planned_before_anything_is_computed(
+    instants: int, choices: dict[str, Any], refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    e = experiment(DifferentialModel(arm()), Noise(0.1, 1e-5), method=Differences(), **choices)
+    still = np.broadcast_to(0.0, (instants, 2))
+    long = copy.copy(e)  # without the checks of a motion
+    object.__setattr__(long, "samples", Samples(np.broadcast_to(0.0, instants), still, still, still, still))
+    if not refused:
+        experiment_prediction(long).check()
+        monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.15")  # little more than the programs themselves
+        with pytest.raises(TooLargeError):
+            experiment_prediction(long).check()
+        return
+    tracemalloc.start()
+    with pytest.raises(
+        TooLargeError, match=r"^the repetition of the experiment would take about .* the cap of 4 GB: .*`rows`"
+    ):
+        repeat_experiment(long, 1000, seed=0)
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
+
+
+def test_repetitions_that_cannot_be() -> None:
+    e = experiment(DifferentialModel(arm()), Noise(0.1))
+    with pytest.raises(InputError, match="expected 2 or more, given 1"):
+        repeat_experiment(e, 1, 0)
+    still = Samples(TIME, *(0.0 * x for x in (e.samples.q, e.samples.dq, e.samples.ddq, e.samples.dddq)))
+    with pytest.raises(InputError, match=r"experiment: .* identifiable from the motion"):
+        repeat_experiment(Experiment(e.model, e.base, still, e.beta), 2, 0)

@@ -1,0 +1,165 @@
+"""Repetitions in worker processes and on a real Dask scheduler: as serial ones, though workers are killed."""
+
+from __future__ import annotations
+
+import json
+import logging
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import Here
+from dask_processes import DaskProcesses, kill
+from recorded import link_files, write_files
+from repeated_experiments import chains, plain, same
+
+from excite.errors import LostWorkersError
+from excite.executors.unit_executor import InProcesses
+from excite.study import repeated as units_file
+from excite.study import repetition as repetition
+from excite.study.repeated import repeat_experiment
+
+pytestmark = pytest.mark.slow
+COUNT = 12
+
+
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskProcesses]:
+    pytest.importorskip("distributed")
+    with DaskProcesses(tmp_path_factory.mktemp("dask")) as processes:
+        yield processes
+
+
+@pytest.fixture(autouse=True)
+def small_units(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Units of few repetitions, so that there are many."""
+    monkeypatch.setattr(units_file, "_UNIT", 3 * units_file.repetition_seconds(plain(), 1))
+
+
+@pytest.fixture
+def never_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(units_file, "SHORT", 0.0)
+
+
+@pytest.mark.parametrize("name", chains())
+@pytest.mark.usefixtures("never_short")
+def test_every_model_is_repeated_alike_everywhere(name: str, dask: DaskProcesses) -> None:
+    e = chains()[name]
+    serial = repeat_experiment(e, COUNT, 5, executor="serial")
+    for executor in ("process", dask.address):
+        same(repeat_experiment(e, COUNT, 5, executor=executor, workers=2), serial)
+
+
+def test_processes_that_inherit_nothing_repeat_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on macOS and Windows, and below a progress bar."""
+    monkeypatch.setattr("excite.design.workers.can_fork", lambda: False)
+    e = chains()["differential"]
+    same(repeat_experiment(e, COUNT, 5, executor=InProcesses(2)), repeat_experiment(e, COUNT, 5))
+
+
+def after(count: int, act: Callable[[], None]) -> Callable[[int, int], None]:
+    """Progress that acts once, as soon as so many repetitions are done."""
+    acted: list[int] = []
+
+    def progress(done: int, _: int) -> None:
+        if done >= count and not acted:
+            acted.append(done)
+            act()
+
+    return progress
+
+
+def test_a_worker_process_that_is_killed_changes_no_number(caplog: pytest.LogCaptureFixture) -> None:
+    def kill_one() -> None:
+        pid = multiprocessing.active_children()[0].pid
+        assert pid is not None
+        os.kill(pid, signal.SIGKILL)
+
+    with caplog.at_level(logging.WARNING):
+        found = repeat_experiment(plain(), 100, 0, progress=after(6, kill_one), executor=InProcesses(2))
+    assert [message.split(" (")[0] for message in caplog.messages] == ["a worker process ended"]
+    same(found, repeat_experiment(plain(), 100, 0))
+    assert not multiprocessing.active_children()
+
+
+def test_a_dask_worker_that_is_killed_changes_no_number(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    with DaskProcesses(tmp_path) as dask:
+        progress = after(6, lambda: kill(dask.workers[0]))
+        found = repeat_experiment(plain(), 100, 0, progress=progress, executor=f"dask-file:{dask.file}")
+    same(found, repeat_experiment(plain(), 100, 0))
+
+
+def test_a_scheduler_that_goes_away_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("excite.executors.dask_cluster._AHEAD", 4)  # the others are not even sent
+    with DaskProcesses(tmp_path) as dask:
+        progress = after(6, lambda: kill(dask.scheduler))
+        with pytest.raises(LostWorkersError, match=f"^the Dask scheduler at {dask.address} went away; repeat with"):
+            repeat_experiment(plain(), 400, 0, progress=progress, executor=dask.address)
+
+
+def test_after_a_scheduler_that_goes_away_the_same_call_computes_the_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("excite.executors.dask_cluster._AHEAD", 4)
+    (tmp_path / "one").mkdir()
+    (tmp_path / "other").mkdir()
+    file = tmp_path / "so-far.npz"
+    with DaskProcesses(tmp_path / "one") as dask:
+        progress = after(6, lambda: kill(dask.scheduler))
+        with pytest.raises(LostWorkersError, match=r"went away; \d+ of 100 repetitions are kept in"):
+            repeat_experiment(plain(), 100, 0, progress=progress, executor=dask.address, kept=file)
+    done: list[int] = []
+    with DaskProcesses(tmp_path / "other") as dask:
+        found = repeat_experiment(
+            plain(), 100, 0, progress=lambda count, _: done.append(count), executor=dask.address, kept=file
+        )
+    assert done[0] > 6
+    same(found, repeat_experiment(plain(), 100, 0))
+
+
+def test_ctrl_c_ends_the_worker_processes() -> None:
+    def stop() -> None:
+        raise KeyboardInterrupt
+
+    found = repeat_experiment(plain(), 100, 0, progress=after(6, stop), executor=InProcesses(2))
+    assert found.interrupted
+    assert 6 <= found.count < 100
+    assert not multiprocessing.active_children()
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    (tmp_path / "files").mkdir()
+    write_files(tmp_path / "files")
+    (tmp_path / "here").mkdir()
+    link_files(tmp_path / "files", tmp_path / "here")
+    return Here(tmp_path / "here", monkeypatch, capfd)
+
+
+def test_identify_command_on_dask(here: Here, dask: DaskProcesses, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = ("identify", "irp6", "run.csv", "--choose", "none", "--repeat", "9", "--figures", "none")
+    contents = []
+    for out, executor in (("a", "serial"), ("b", dask.address)):
+        ended = here.run(*run, "--executor", executor, "--out", out)
+        assert ended.returncode == 0, ended.stderr
+        contents.append(json.loads((here.cwd / out / "result.json").read_text())["repetitions"])
+    assert contents[0] == contents[1]
+    repeat = repetition.repeat_experiment
+
+    def interrupted(e: Any, count: int, seed: int, progress: Any, **where: Any) -> Any:
+        return repeat(e, count, seed, progress=after(2, lambda: signal.raise_signal(signal.SIGINT)), **where)
+
+    monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
+    monkeypatch.setattr(units_file, "_UNIT", 0.0)
+    ended = here.run(*run, "--executor", dask.address, "--out", "c")
+    assert ended.returncode == 130
+    assert ended.stderr == (
+        "excite: interrupted; the result is saved, with 2 of 9 repetitions; with --force, the same command goes on\n"
+    )
