@@ -1,4 +1,4 @@
-"""What executors cost and gain: 200 starts on one worker and on two, and the overhead of a cell of a campaign."""
+"""What executors cost and gain: 200 starts on one worker and on two, and the overhead of a cell of a sweep."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from excite.executors.unit_executor import UnitExecutor, Work
 from excite.executors.unit_executors import unit_executor
 
 ROBOT, HARMONICS = "irp6", 5
-FEW, MANY = 10, 40  # cells; the difference is free of what a campaign costs once
+FEW, MANY = 10, 40  # cells; the difference is free of what a sweep costs once
 _REST = 5.0  # seconds for which processes without work are watched
 _TICKS = os.sysconf("SC_CLK_TCK")
 LIMITATIONS = (
@@ -38,14 +38,14 @@ LIMITATIONS = (
     "Dask: scheduler, workers and client on this one machine; no network, and no SLURM",
     "beside it: processor time of all processes less that of the threads in which cells are designed and saved, with "
     "all that Dask's scheduler and workers do meanwhile; with nothing to do: what these use of it in any case, as in "
-    f"the {_REST:g} s before the campaign",
-    f"cells: campaigns of {FEW} and of {MANY}, so that processes have started already; as small as designs get",
+    f"the {_REST:g} s before the sweep",
+    f"cells: sweeps of {FEW} and of {MANY}, so that processes have started already; as small as designs get",
 )
 
 
 @dataclass(frozen=True)
 class Times:
-    """Of a campaign [s]: ``cpu`` of all processes, ``work`` of the threads in which cells run, and ``wall``.
+    """Of a sweep [s]: ``cpu`` of all processes, ``work`` of the threads in which cells run, and ``wall``.
 
     ``idle`` is what other processes use in that time with nothing to do.
     """
@@ -141,14 +141,14 @@ class _Timed:
             yield index, result
 
 
-def campaign(executor: str, count: int) -> Times:
-    """A campaign with two workers."""
+def sweep(executor: str, count: int) -> Times:
+    """A sweep with two workers."""
 
     def run(address: str, others: list[int]) -> Times:
         idle = _idle(others)
         with tempfile.TemporaryDirectory() as folder:
             began, spent, timed = time.monotonic(), cpu(others), _Timed(unit_executor(address, 2))
-            excite.run_campaign(_tasks(count), folder, executor=timed)
+            excite.run_sweep(_tasks(count), folder, executor=timed)
             wall = time.monotonic() - began
             return Times(cpu(others) - spent, timed.cpu, wall, idle * wall)
 
@@ -186,10 +186,10 @@ def main() -> None:
     sums = {each["sum"] for measured in runs.values() for pair in measured for each in pair.values()}
     cells: dict[str, list[dict[str, float]]] = {"serial": [], "process": [], "dask": []}
     for name in cells:
-        campaign(name, 1)  # imports
+        sweep(name, 1)  # imports
     for _ in range(given.rounds):
         for name, slopes in cells.items():
-            few, many = asdict(campaign(name, FEW)), asdict(campaign(name, MANY))
+            few, many = asdict(sweep(name, FEW)), asdict(sweep(name, MANY))
             slopes.append({part: (many[part] - few[part]) / (MANY - FEW) for part in few})
             print(name, slopes[-1], file=sys.stderr)
     content = {"starts": given.starts, "runs": runs, "equal": len(sums) == 1, "cells": cells}
@@ -210,7 +210,7 @@ def _text(content: dict[str, object]) -> str:
     head = ["executor", "wall s, 1 worker", "wall s, 2 workers", "ratio", "CPU, 2 over 1"]
     lines = [record.table(head, rows), ""]
     head = [
-        "campaign",
+        "sweep",
         "wall ms for each further cell",
         "CPU ms of its design",
         "CPU ms beside it",

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from constraints.limits.tool import ToolBox, ToolSpeed
     from constraints.limits.torque import TorqueLimit
     from constraints.nonlinear import NonlinearConstraint
-    from excite.campaigns.campaign_table import CampaignTable, load_campaign
-    from excite.campaigns.run_campaign import run_campaign
     from excite.design.campaign import plan_campaign
     from excite.design.comparison import compare
     from excite.design.design import Design
@@ -87,6 +85,8 @@ if TYPE_CHECKING:
     from excite.study.study_over_time import study_over_time
     from excite.study.time_study import TimeCourse, TimeStudy
     from excite.study.torque_noise import TorqueNoise, measured_noise
+    from excite.sweeps.run_sweep import run_sweep
+    from excite.sweeps.sweep_table import SweepTable, load_sweep
     from excite.tasks.earlier_information import EarlierInformation
     from excite.tasks.installation import Installation
     from excite.tasks.limit_choice import LimitChoice
@@ -128,7 +128,7 @@ _PLACES = {
     "BSpline": "excite.trajectories.bspline",
     "Belief": "excite.tasks.objective",
     "Collisions": "constraints.collision.collision_limits",
-    "CampaignTable": "excite.campaigns.campaign_table",
+    "SweepTable": "excite.sweeps.sweep_table",
     "Column": "regressors.models.columns",
     "BrokenLimitError": "excite.errors",
     "ConicSolverError": "excite.errors",
@@ -215,7 +215,7 @@ _PLACES = {
     "fit_friction": "excite.friction.fit.fit_friction",
     "guess_mapping": "excite.logs.guess.log_guess",
     "identify": "excite.identification.identify",
-    "load_campaign": "excite.campaigns.campaign_table",
+    "load_sweep": "excite.sweeps.sweep_table",
     "load_design": "excite.files.design_json",
     "load_posterior": "excite.study.posterior_samples",
     "load_result": "excite.files.result_json",
@@ -230,7 +230,7 @@ _PLACES = {
     "read_mapping": "excite.logs.mapping",
     "read_recording": "excite.logs.recordings.formats",
     "read_world": "excite.files.world_file",
-    "run_campaign": "excite.campaigns.run_campaign",
+    "run_sweep": "excite.sweeps.run_sweep",
     "sample_posterior": "excite.study.sample_posterior",
     "simulate": "excite.simulation.simulate",
     "study_over_time": "excite.study.study_over_time",
@@ -249,6 +249,9 @@ _PLACES = {
 }
 # deprecated names, with what they are called now; docs/development.md says when they go
 _RENAMED = {
+    "CampaignTable": "SweepTable",
+    "load_campaign": "load_sweep",
+    "run_campaign": "run_sweep",
     "LimitOverrides": "LimitChoice",
     "identified": "identify",
     "read_design": "load_design",
@@ -262,7 +265,6 @@ __all__ = [
     "Belief",
     "BrokenLimitError",
     "CalibratedGains",
-    "CampaignTable",
     "Collisions",
     "Column",
     "ConicSolverError",
@@ -325,6 +327,7 @@ __all__ = [
     "Sines",
     "Solver",
     "SpectralCriterion",
+    "SweepTable",
     "Task",
     "TaskMotion",
     "TaskTorques",
@@ -357,11 +360,11 @@ __all__ = [
     "guess_mapping",
     "identify",
     "identify_payload",
-    "load_campaign",
     "load_design",
     "load_posterior",
     "load_result",
     "load_robot",
+    "load_sweep",
     "measured_noise",
     "next_motion",
     "plan_campaign",
@@ -372,7 +375,7 @@ __all__ = [
     "read_mapping",
     "read_recording",
     "read_world",
-    "run_campaign",
+    "run_sweep",
     "sample_posterior",
     "simulate",
     "study_over_time",

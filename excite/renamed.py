@@ -13,6 +13,9 @@ from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
+from excite.sweeps.run_sweep import run_sweep as run_campaign
+from excite.sweeps.sweep_table import SweepTable as CampaignTable
+from excite.sweeps.sweep_table import load_sweep as load_campaign
 from excite.tasks.limit_choice import LimitChoice as LimitOverrides
 from excite.tasks.robot_of_task import check_robot
 from excite.tasks.task import Task
@@ -20,7 +23,17 @@ from excite.verification.verify import verify as verified
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 
-__all__ = ["LimitOverrides", "identified", "read_design", "read_result", "save_design", "verified"]
+__all__ = [
+    "CampaignTable",
+    "LimitOverrides",
+    "identified",
+    "load_campaign",
+    "read_design",
+    "read_result",
+    "run_campaign",
+    "save_design",
+    "verified",
+]
 
 
 def save_design(design: Design, folder: str | Path, *, force: bool = False) -> list[Path]:

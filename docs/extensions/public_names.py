@@ -20,7 +20,7 @@ GROUPS = {
         "excite.design",
         "excite.tasks",
         "excite.files",
-        "excite.campaigns",
+        "excite.sweeps",
         "excite.optimality",
     ),
     "Criteria and solvers": ("excite.information", "excite.design.solvers"),

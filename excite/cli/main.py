@@ -23,7 +23,7 @@ _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
     "design": "Find the motion that identifies a robot's parameters best, and write it.",
     "plan": "Propose the shortest campaign of partial motions that identifies every parameter.",
-    "campaign": "Design for every combination of options that a campaign file states.",
+    "sweep": "Design for every combination of options that a sweep file states.",
     "export": "Write a design as a motion that a controller plays, or a result as a model.",
     "simulate": "Simulate the motion of a design, and write what the robot would measure.",
     "logs": "Show what a recording holds, and write the mapping that reads it.",
@@ -38,7 +38,7 @@ _COMMANDS = {
     "bound": "Bound the criteria of all motions within the limits: how far a design is from the best possible.",
 }
 _GROUPS = {
-    "Design a motion": ("robots", "design", "plan", "campaign", "compare", "bound", "predict", "export"),
+    "Design a motion": ("robots", "design", "plan", "sweep", "compare", "bound", "predict", "export"),
     "From logs to parameters": ("simulate", "logs", "identify", "verify", "study"),
     "Friction and payload": ("friction", "payload"),
     "Share results": ("report",),
@@ -59,6 +59,7 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     cls=LazyGroup,
     summaries=_COMMANDS,
     groups=_GROUPS,
+    renamed={"campaign": "sweep"},
     modules="excite.cli.{}_command",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b

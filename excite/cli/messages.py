@@ -21,7 +21,7 @@ _TYPED: Mapping[str, str] = {
 _COMMANDS: Mapping[str, str] = {
     "design_trajectory": "'excite design'",
     "plan_campaign": "'excite plan'",
-    "run_campaign": "'excite campaign run'",
+    "run_sweep": "'excite sweep run'",
     "identify": "'excite identify'",
     "next_motion": "'excite plan'",
     "simulate": "'excite simulate'",

@@ -16,9 +16,9 @@ from excite.cli.streams import say, verbosity
 from excite.cli.terminal import can_move
 
 if TYPE_CHECKING:
-    from excite.campaigns.run_campaign import CellProgress
     from excite.design.kept_starts import KeptStarts
     from excite.design.start_results import StartResult
+    from excite.sweeps.run_sweep import CellProgress
 
 _MANY = 100  # starts above which a line comes before the first of them has ended
 _BETWEEN = 2.0  # seconds between two lines of a simulation

@@ -10,8 +10,6 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from excite.campaigns.campaign_table import KIND as CAMPAIGN
-from excite.campaigns.campaign_table import CampaignTable
 from excite.design.design import Design
 from excite.design.stored_design import StoredDesign
 from excite.friction.fit.friction_fit import KIND as FIT
@@ -21,16 +19,18 @@ from excite.friction.plan.friction_plan import FrictionPlan
 from excite.identification.identification import Identification
 from excite.payload.payload_motion import PayloadMotion
 from excite.plots import design_figures
-from excite.plots.campaign_plot import campaign_figure
 from excite.plots.figure_files import drawn_figures, write_figure_files
 from excite.plots.friction_plan_plot import friction_plan_figure
 from excite.plots.friction_plot import friction_figure
 from excite.plots.identification_plots import identification_figures
+from excite.plots.sweep_plot import sweep_figure
 from excite.plots.time_course_plot import estimates_over_time_figure
 from excite.plots.verification_plots import verification_figures
 from excite.registry import built_in
 from excite.study.time_study import KIND as STUDY
 from excite.study.time_study import TimeStudy
+from excite.sweeps.sweep_table import KIND as CAMPAIGN
+from excite.sweeps.sweep_table import SweepTable
 from excite.verification.verification import Verification
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -51,7 +51,7 @@ def draw(result: Any, *, width: str = "screen") -> dict[str, Figure]:
 
     Parameters
     ----------
-    result : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit, PayloadMotion or CampaignTable
+    result : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit, PayloadMotion or SweepTable
         New, or, of designs and identifications, loaded; of a loaded identification only the parameters can be drawn.
     width : {"screen", "single", "double"}
         As wide as they like, one column of a paper (3.5 in), or both (7.16 in); with fewer panels side by side, and in
@@ -123,8 +123,8 @@ def _(result: TimeStudy) -> _Drawing:
 
 
 @_drawing.register
-def _(result: CampaignTable) -> _Drawing:
-    return _Drawing(lambda: {"campaign": campaign_figure(result)}, CAMPAIGN)
+def _(result: SweepTable) -> _Drawing:
+    return _Drawing(lambda: {"campaign": sweep_figure(result)}, CAMPAIGN)
 
 
 @_drawing.register

@@ -8,20 +8,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from excite.campaigns.campaign_table import CampaignTable
 from excite.design.campaign import Campaign, Step
 from excite.design.designed_motion import DesignedMotion
 from excite.report.drawings import drawn
 from excite.report.sections import ReportSection
 from excite.report.view_section import section_of
 from excite.storage.codec import record_of
+from excite.sweeps.sweep_table import SweepTable
 from excite.views.campaign_view import campaign_view, cells_view
 from regressors.errors import InputError
 
 _REASONS = 20  # of cells without a design, as notes; the table has all
 
 
-def cells_section(table: CampaignTable, prefix: str) -> ReportSection:
+def cells_section(table: SweepTable, prefix: str) -> ReportSection:
     """Everything that a page says of the cells of a campaign; identifiers of its figures begin with the prefix."""
     view = cells_view(table)
     more = len(view.against) - _REASONS

@@ -8,9 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from excite.campaigns.campaign_table import JSON as CAMPAIGN_TABLE
-from excite.campaigns.campaign_table import KIND as CAMPAIGN
-from excite.campaigns.campaign_table import CampaignTable, load_campaign
 from excite.design.campaign import Campaign
 from excite.design.designed_motion import DesignedMotion
 from excite.files import design_folder, result_json
@@ -28,12 +25,15 @@ from excite.storage.destination import Destination
 from excite.storage.migrations import is_of_kind
 from excite.study.time_study import KIND as STUDY
 from excite.study.time_study import TimeStudy, load_time_study
+from excite.sweeps.sweep_table import JSON as CAMPAIGN_TABLE
+from excite.sweeps.sweep_table import KIND as CAMPAIGN
+from excite.sweeps.sweep_table import SweepTable, load_sweep
 from excite.verification.verification import KIND as VERIFICATION
 from excite.verification.verification import Verification, load_verification
 from regressors.arguments import check_of, fit
 from regressors.errors import InputError
 
-Record = Verification | TimeStudy | FrictionPlan | FrictionFit | CampaignTable
+Record = Verification | TimeStudy | FrictionPlan | FrictionFit | SweepTable
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ Subject = (
     | Filed
     | Verification
     | Campaign
-    | CampaignTable
+    | SweepTable
     | FrictionPlan
     | FrictionFit
     | TimeStudy
@@ -108,7 +108,7 @@ def _record(path: Path, schema: object) -> Filed | None:
         VERIFICATION: load_verification,
         STUDY: load_time_study,
         FRICTION_PLAN: load_friction_plan,
-        CAMPAIGN: load_campaign,
+        CAMPAIGN: load_sweep,
         FRICTION_FIT: load_friction_fit,
     }
     return next((Filed(read(path), path) for kind, read in readers.items() if is_of_kind(kind, schema)), None)

@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from constraints.collision.geometry import World
-from excite.campaigns.campaign_table import CampaignTable
 from excite.design.campaign import Campaign
 from excite.design.design import Design
 from excite.design.designed_motion import DesignedMotion
@@ -31,6 +30,7 @@ from excite.storage.atomic import replacing
 from excite.storage.records import complete
 from excite.storage.result_folder import replace_files, result_file
 from excite.study.time_study import TimeStudy
+from excite.sweeps.sweep_table import SweepTable
 from excite.views.campaign_view import designs_of
 from regressors.arguments import checked
 from regressors.errors import ExciteError, InputError
@@ -172,7 +172,7 @@ def _built(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[S
     if isinstance(subject, Campaign):
         return campaign_section(subject, [each for each in of_page if isinstance(each, DesignedMotion)])
     record, path = (subject.record, subject.path) if isinstance(subject, Filed) else (subject, None)
-    if isinstance(record, CampaignTable):
+    if isinstance(record, SweepTable):
         return cells_section(record, prefix)
     if isinstance(record, FrictionPlan):
         return friction_plan_section(record, prefix, looks, path)

@@ -1,4 +1,4 @@
-"""What is shown of campaigns: the cells of a campaign file in one table, and motions that identify in parts."""
+"""What is shown of sweeps, the cells of a sweep file in one table, and of campaigns, motions that identify in parts."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from excite.campaigns.campaign_table import DESIGNED, CampaignRow, CampaignTable
 from excite.design.campaign import Campaign, Step
 from excite.design.designed_motion import DesignedMotion
 from excite.registry import name_of
+from excite.sweeps.sweep_table import DESIGNED, SweepRow, SweepTable
 from excite.views.view import Column, Format, View, ViewTable
 from regressors.models.partial import drive_names
 
@@ -17,15 +17,15 @@ _LEADING = 12  # rows of a summary
 _MOST_OPTIONS = 5  # as columns of a summary; of more, the name of the cell
 
 
-def cells_view(table: CampaignTable) -> View:
-    """View of the cells of a campaign file."""
+def cells_view(table: SweepTable) -> View:
+    """View of the cells of a sweep file."""
     counts = table.counts
     others = "".join(f"; {count} {status}" for status, count in counts.items() if status != DESIGNED)
     groups = len(table.groups)
     alike = "all have the same robot, model and parameters"
     apart = f"{groups} groups; only cells of the same group have comparable numbers, at the top the best of each"
     return View(
-        title=f"{len(table.rows)} cells of a campaign",
+        title=f"{len(table.rows)} cells of a sweep",
         verdict=f"{counts.get(DESIGNED, 0)} of {len(table.rows)} cells have a design within their limits{others}.",
         holds=table.holds,
         summary=(alike if groups == 1 else apart,) if groups else (),
@@ -42,20 +42,20 @@ def cells_view(table: CampaignTable) -> View:
     )
 
 
-def leading_cells(table: CampaignTable) -> ViewTable:
+def leading_cells(table: SweepTable) -> ViewTable:
     """The rows of a summary: the best cells of each group."""
     groups = table.groups
     chosen = [row for rows in groups.values() for row in rows[: max(1, _LEADING // len(groups))]][:_LEADING]
     return replace(_cells(table), rows=tuple(_cell(row, table.varied) for row in chosen))
 
 
-def _drawn(table: CampaignTable) -> Any:
-    from excite.plots.campaign_plot import campaign_figure
+def _drawn(table: SweepTable) -> Any:
+    from excite.plots.sweep_plot import sweep_figure
 
-    return campaign_figure(table)
+    return sweep_figure(table)
 
 
-def _best(table: CampaignTable) -> ViewTable:
+def _best(table: SweepTable) -> ViewTable:
     columns = (
         Column("group"),
         Column("best cell", Format.TEXT),
@@ -69,7 +69,7 @@ def _best(table: CampaignTable) -> ViewTable:
     return ViewTable("campaign-best", "The best of each group", columns, rows)
 
 
-def _cells(table: CampaignTable) -> ViewTable:
+def _cells(table: SweepTable) -> ViewTable:
     often = table.often_varied if len(table.often_varied) <= _MOST_OPTIONS else ()
     columns = (
         Column("cell", Format.TEXT, brief=not often),
@@ -87,7 +87,7 @@ def _cells(table: CampaignTable) -> ViewTable:
     return ViewTable("campaign-cells", "All cells", columns, tuple(_cell(row, table.varied) for row in table.rows))
 
 
-def _cell(row: CampaignRow, varied: Sequence[str]) -> tuple[Any, ...]:
+def _cell(row: SweepRow, varied: Sequence[str]) -> tuple[Any, ...]:
     options, facts = (row.options.get(name, "") for name in varied), row.facts
     begin = (row.cell, *options, row.status, row.group or None, row.condition)
     if facts is None:

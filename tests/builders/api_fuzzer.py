@@ -140,7 +140,7 @@ class Api:
             "load_robot": {"spec": "irp6", "base": None, "tip": None, "snap_angles": True},
             "load_design": {"folder": design, "part": ()},
             "load_result": {"folder": self.folder / "result", "part": ()},
-            "load_campaign": {"folder": design},
+            "load_sweep": {"folder": design},
             "load_posterior": {"path": design},
             "read_log": {"path": run, "joints": None, "mapping": None, "drop": (), "only": (1, 90), "robot": robot},
             "read_mapping": {"path": self.folder / "friction.yaml"},
@@ -173,7 +173,7 @@ class Api:
                 "robot": "irp6", "schedule": None, "joints": ("1",), "drives": None, "limits": None, "pose": None,
                 "balanced": False, "world": None, "torque_ramp": None, "seed": 0,
             },
-            "run_campaign": {"cells": {"a": task}, "folder": self.folder / "o", "executor": "serial", "workers": None},
+            "run_sweep": {"cells": {"a": task}, "folder": self.folder / "o", "executor": "serial", "workers": None},
             "compare": {"designs": [self.design], "model": None, "window": None},
             "bound": {"design": self.design, "criteria": ("condition",), "rounds": 1, "seed": 0},
         }  # fmt: skip

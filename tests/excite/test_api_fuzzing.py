@@ -21,7 +21,7 @@ KINDS = ("values", "files", "designs", "measurements", "outputs")
 TESTS = Path(__file__).parents[1]
 CALLS = 1000  # of each kind, and of each class
 RESULTS = {
-    "AccuracyPrediction", "CalibratedGains", "CampaignTable", "Design", "DesignBound", "EarlierInformation", "Estimate",
+    "AccuracyPrediction", "CalibratedGains", "SweepTable", "Design", "DesignBound", "EarlierInformation", "Estimate",
     "Exported", "Identification", "LogGuess", "NextMotion", "PayloadMotion", "PayloadResult", "PosteriorSamples",
     "PrecisionInHand", "Simulation", "TimeCourse", "TimeStudy", "Verification",
 }  # fmt: skip

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from excite.campaigns.campaign_file import read_campaign_file
 from excite.files.friction_file import read_friction
 from excite.files.load_file import read_load
 from excite.files.mesh import MeshError, mesh_corners
@@ -23,6 +22,7 @@ from excite.logs.mapping import read_mapping
 from excite.payload.known_gains import read_gains
 from excite.storage.atomic import read_json
 from excite.study.posterior_samples import load_posterior
+from excite.sweeps.sweep_file import read_sweep_file
 from regressors import input_files
 from regressors.errors import InputError
 from regressors.input_files import UnreadableFile, in_bytes, read_bytes, read_text, regular_size
@@ -50,7 +50,7 @@ READERS = {
     "prior": read_prior,
     "world": lambda path: read_world(path),
     "motion": lambda path: read_motion(path, ("1",)),
-    "campaign": read_campaign_file,
+    "campaign": read_sweep_file,
     "gains": read_gains,
     "precision": read_precision_target,
     "capsules": lambda path: urdf_shape(path, built_in("irp6")),

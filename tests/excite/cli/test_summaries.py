@@ -27,7 +27,7 @@ SESSION = {
     "compare": "compare d dh",
     "bound": "bound d",
     "predict": "predict d --torque-noise 0.3 --rate 200 --count 10",
-    "campaign run": "campaign run ROBOT.yaml --executor serial --out c",
+    "sweep run": "sweep run ROBOT.yaml --executor serial --out c",
     "plan": "plan ROBOT",
     "plan towards a precision": "plan ROBOT --precision 1000% --after r,d",
     "export": "export d --format npz --out play.npz",
@@ -64,9 +64,7 @@ def words_of(line: str, robot: str, *, again: bool) -> list[str]:
 
 
 def test_the_session_has_every_command() -> None:
-    run = {
-        " ".join(line.split()[: 1 + line.startswith(("friction", "payload", "campaign"))]) for line in SESSION.values()
-    }
+    run = {" ".join(line.split()[: 1 + line.startswith(("friction", "payload", "sweep"))]) for line in SESSION.values()}
     assert run == set(COMMANDS)
 
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from written_results import result, verification
 
-from excite.campaigns.campaign_table import load_campaign
 from excite.friction.fit.friction_fit import load_friction_fit
 from excite.friction.plan.friction_plan import load_friction_plan
 from excite.friction.plan.plan_friction import plan_friction
@@ -23,6 +22,7 @@ from excite.payload.payload_result import load_payload
 from excite.storage.records import json_of, read_curves, read_record, write_curves
 from excite.study.accuracy_prediction import load_accuracy
 from excite.study.time_study import TimeCourse, TimeStudy, load_time_study
+from excite.sweeps.sweep_table import load_sweep
 from excite.verification.verification import Verification, load_verification
 from excite.views.friction_plan_view import friction_plan_view
 from regressors.errors import InputError
@@ -228,16 +228,16 @@ def test_a_friction_plan_of_schema_1_is_the_same(tmp_path: Path) -> None:
         }
 
 
-def test_a_campaign_table_of_schema_1_is_the_same(tmp_path: Path) -> None:
+def test_a_sweep_table_of_schema_1_is_the_same(tmp_path: Path) -> None:
     path = shutil.copytree(SAMPLES / "campaign-1", tmp_path / "campaign") / "campaign.json"
-    content, read = json.loads(path.read_text()), load_campaign(path.parent)
+    content, read = json.loads(path.read_text()), load_sweep(path.parent)
     assert [dataclasses.asdict(row) for row in read.rows] == content["rows"]
     rows = [*content["rows"], {**content["rows"][0], "cell": "c", "status": "failed", "group": 0, "facts": {}}]
     path.write_text(json.dumps({**content, "rows": rows}))
-    read = load_campaign(path)
+    read = load_sweep(path)
     assert (read.rows[2].facts, read.counts) == (None, {"designed": 2, "failed": 1})
     read.save(tmp_path / "again")
-    assert load_campaign(tmp_path / "again") == read
+    assert load_sweep(tmp_path / "again") == read
 
 
 def test_gravity_that_is_not_known_is_read_from_null(tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ from reported import ParsedPage
 from written_results import plan
 
 import excite
-from excite.campaigns.campaign_table import BROKEN, DESIGNED, CampaignRow, CampaignTable, CellFacts
 from excite.cli.view_text import print_verdict, print_view
 from excite.report.write_report import report_text
+from excite.sweeps.sweep_table import BROKEN, DESIGNED, CellFacts, SweepRow, SweepTable
 from excite.views.campaign_view import campaign_view, cells_view, leading_cells
 from excite.views.friction_plan_view import friction_plan_view
 from excite.views.view import Format, View
@@ -23,13 +23,13 @@ FACTS = CellFacts(
     tightest_limit="joint q1 velocity",
 )  # fmt: skip
 ROWS = (
-    CampaignRow("a", {"seed": "0"}, DESIGNED, 1, {"condition_number": 7.0}, FACTS),
-    CampaignRow("b", {"seed": "1"}, BROKEN, 1, {"condition_number": 5.0}, replace(FACTS, limit_use=1.5)),
-    CampaignRow("c", {"seed": "2"}, "infeasible", reason="no motion"),
+    SweepRow("a", {"seed": "0"}, DESIGNED, 1, {"condition_number": 7.0}, FACTS),
+    SweepRow("b", {"seed": "1"}, BROKEN, 1, {"condition_number": 5.0}, replace(FACTS, limit_use=1.5)),
+    SweepRow("c", {"seed": "2"}, "infeasible", reason="no motion"),
 )
 SUBJECTS = {
     "friction plan": (lambda: plan("old"), friction_plan_view),
-    "cells": (lambda: CampaignTable(ROWS), cells_view),
+    "cells": (lambda: SweepTable(ROWS), cells_view),
     "campaign": (lambda: excite.plan_campaign("irp6"), campaign_view),
 }
 
@@ -67,7 +67,7 @@ def test_the_terminal_has_the_same_tables(
 
 
 def test_a_summary_of_cells_begins_with_the_best() -> None:
-    leading = leading_cells(CampaignTable(ROWS)).brief
+    leading = leading_cells(SweepTable(ROWS)).brief
     assert [column.heading for column in leading.columns][:3] == ["seed", "status", "group"]
     assert [row[:4] for row in leading.rows] == [("1", BROKEN, 1, 5.0), ("0", DESIGNED, 1, 7.0)]
 

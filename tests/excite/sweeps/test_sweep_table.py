@@ -1,4 +1,4 @@
-"""The table of a campaign: a thousand cells, groups that are comparable, figure, page and summary."""
+"""The table of a sweep: a thousand cells, groups that are comparable, figure, page and summary."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cells import copies
+from excite.cli.sweep_run import sweep_summary
+from sweep_cells import copies
 
 import excite
-from excite.campaigns.campaign_table import CampaignTable, campaign_table
-from excite.campaigns.cell import Cell
-from excite.campaigns.cell_folder import CELLS, read_cell, write_cell
-from excite.campaigns.run_campaign import cells_left
-from excite.cli.campaign_run import campaign_summary
 from excite.cli.summary import show
 from excite.files.task_file import task_content
+from excite.sweeps.cell import Cell
+from excite.sweeps.cell_folder import CELLS, read_cell, write_cell
+from excite.sweeps.run_sweep import cells_left
+from excite.sweeps.sweep_table import SweepTable, sweep_table
 from excite.tasks.task import Task
 from regressors.errors import InputError
 
@@ -37,7 +37,7 @@ def cells() -> list[Cell]:
 
 @pytest.fixture(scope="module")
 def root(cells: list[Cell], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("campaign") / "out"
+    root = tmp_path_factory.mktemp("sweep") / "out"
 
     def change(number: int, content: dict[str, Any]) -> None:
         content["criteria"]["condition_number"] = 1000.0 - number
@@ -54,8 +54,8 @@ def root(cells: list[Cell], tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def table(cells: list[Cell], root: Path) -> Iterator[CampaignTable]:
-    return campaign_table(cells, root)
+def table(cells: list[Cell], root: Path) -> Iterator[SweepTable]:
+    return sweep_table(cells, root)
 
 
 def test_finished_cells_are_not_left(cells: list[Cell], root: Path) -> None:
@@ -89,7 +89,7 @@ def test_failed_cells_run_again_and_infeasible_ones_do_not(cells: list[Cell], ro
         assert len(cells_left([cells[0]], tmp_path).work) == work
 
 
-def test_groups_have_the_best_first(table: CampaignTable) -> None:
+def test_groups_have_the_best_first(table: SweepTable) -> None:
     assert table.counts == {"designed": COUNT - 2, "exceeds limits": 1, "infeasible": 1}
     assert not table.holds
     assert {group: (rows[0].cell, len(rows)) for group, rows in table.groups.items()} == {
@@ -100,22 +100,22 @@ def test_groups_have_the_best_first(table: CampaignTable) -> None:
     assert conditions == sorted(conditions)
 
 
-def test_csv_has_a_line_for_every_cell_and_the_table_is_read_back(table: CampaignTable, root: Path) -> None:
+def test_csv_has_a_line_for_every_cell_and_the_table_is_read_back(table: SweepTable, root: Path) -> None:
     files = table.save(root)
     with files[0].open(newline="", encoding="utf-8") as stream:
         lines = list(csv.DictReader(stream))
     assert [line["cell"] for line in lines] == [row.cell for row in table.rows]
     assert [float(line["condition_number"] or "inf") for line in lines] == [row.condition for row in table.rows]
     assert (lines[5]["status"], lines[5]["group"], lines[5]["grid.seed"]) == ("infeasible", "", "5")
-    assert excite.load_campaign(root) == table
+    assert excite.load_sweep(root) == table
     files[1].write_text(files[1].read_text().replace("designed", "dreamt"))
-    with pytest.raises(InputError, match=r"campaign\.json has been changed"):
-        excite.load_campaign(root)
+    with pytest.raises(InputError, match=r"sweep\.json has been changed"):
+        excite.load_sweep(root)
     table.save(root)
 
 
-def test_summary_fits_thirty_lines(table: CampaignTable, root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    show(campaign_summary(table, [root / "campaign.csv"], root), dict, lambda: None)
+def test_summary_fits_thirty_lines(table: SweepTable, root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    show(sweep_summary(table, [root / "campaign.csv"], root), dict, lambda: None)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) <= 30
     assert lines[0] == "58 of 60 cells have a design within their limits; 1 exceeds limits; 1 infeasible."
@@ -130,7 +130,7 @@ def test_a_thousand_cells_are_in_one_table_figure_and_page(tmp_path: Path) -> No
     ]
     copies(cells, tmp_path / "out", lambda number, content: content["criteria"].update(condition_number=50.0 + number))
     assert cells_left(cells, tmp_path / "out").work == ()
-    table = campaign_table(cells, tmp_path / "out")
+    table = sweep_table(cells, tmp_path / "out")
     table.save(tmp_path / "out")
     with (tmp_path / "out" / "campaign.csv").open(newline="", encoding="utf-8") as stream:
         assert [line["cell"] for line in csv.DictReader(stream)] == [cell.name for cell in cells]
@@ -144,8 +144,8 @@ def test_a_thousand_cells_are_in_one_table_figure_and_page(tmp_path: Path) -> No
 
 
 def test_the_options_that_identify_a_cell_are_all_of_a_task() -> None:
-    """An option of a task that did not count would let a campaign keep designs of another problem."""
-    from excite.campaigns.cell import cell_identities
+    """An option of a task that did not count would let a sweep keep designs of another problem."""
+    from excite.sweeps.cell import cell_identities
 
     task = Task("irp6")
     ours = cell_identities([Cell("a", task)])["a"]

@@ -1,4 +1,4 @@
-"""A cell of a campaign: one design task, the name that its options give it, and what its design depends on."""
+"""A cell of a sweep: one design task, the name that its options give it, and what its design depends on."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _DIGITS = 8  # of a hash in a name
 
 @dataclass(frozen=True)
 class Cell:
-    """One design of a campaign.
+    """One design of a sweep.
 
     Parameters
     ----------
     name : str
-        Of its folder; unique in the campaign, whatever the other cells are.
+        Of its folder; unique in the sweep, whatever the other cells are.
     task : Task
     options : mapping of str to str
         Options of the grid and what they are in this cell, as text.

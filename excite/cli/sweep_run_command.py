@@ -8,9 +8,6 @@ from pathlib import Path
 
 import click
 
-from excite.campaigns.campaign_file import read_campaign_file
-from excite.campaigns.campaign_table import JSON, TABLE, CampaignTable, load_campaign
-from excite.campaigns.run_campaign import CellsLeft, run_campaign
 from excite.cli.command import Command
 from excite.cli.interrupts import one_interrupt
 from excite.cli.option_types import Folder
@@ -22,26 +19,29 @@ from excite.cli.summary import Summary
 from excite.cli.terminal import console
 from excite.cli.view_text import brief_table, print_view
 from excite.storage.result_folder import result_folder
+from excite.sweeps.run_sweep import CellsLeft, run_sweep
+from excite.sweeps.sweep_file import read_sweep_file
+from excite.sweeps.sweep_table import JSON, TABLE, SweepTable, load_sweep
 from excite.views.campaign_view import cells_view, leading_cells
 
 _PAGE = "campaign.html"
 
 
 @dataclass(frozen=True)
-class CampaignRun:
+class SweepRun:
     """What a run has left."""
 
-    table: CampaignTable
+    table: SweepTable
     files: tuple[Path, ...]
     interrupted: bool = False
 
 
 def run_and_write(
     file: Path, out: Path, *, executor: str, workers: int | None, figures: FigureChoice, report: bool, force: bool
-) -> CampaignRun:
-    """Design the cells of a campaign file that are left; write the table, the figure and the page of all."""
-    tell("reading the campaign")
-    cells = read_campaign_file(file)
+) -> SweepRun:
+    """Design the cells of a sweep file that are left; write the table, the figure and the page of all."""
+    tell("reading the sweep")
+    cells = read_sweep_file(file)
     interrupted = False
     with result_folder(out), one_interrupt() as interruption:
         try:
@@ -53,7 +53,7 @@ def run_and_write(
                         remark(f"excite: {len(todo.done)} of {count} cells are already done in {out}")
                     begin(len(todo.done), len(todo.work))
 
-                table = run_campaign(
+                table = run_sweep(
                     cells, out, executor=executor, workers=workers, replace=force, progress=progress, left=left
                 )
         except KeyboardInterrupt:
@@ -61,17 +61,17 @@ def run_and_write(
             interrupted, table = True, _saved(out)
             say("excite: interrupted; finished cells are saved, and the same command continues with the others")
         files = _write(table, out, figures, report=report and not interrupted)
-    return CampaignRun(table, files, interrupted)
+    return SweepRun(table, files, interrupted)
 
 
-def _saved(out: Path) -> CampaignTable:
+def _saved(out: Path) -> SweepTable:
     """The table of a run that was interrupted; before there was any, the interruption goes on."""
     if not (out / "campaign.json").exists():
         raise KeyboardInterrupt
-    return load_campaign(out)
+    return load_sweep(out)
 
 
-def _write(table: CampaignTable, out: Path, figures: FigureChoice, *, report: bool) -> tuple[Path, ...]:
+def _write(table: SweepTable, out: Path, figures: FigureChoice, *, report: bool) -> tuple[Path, ...]:
     files = [out / TABLE, out / JSON]
     if figures:
         from excite.plots import write_figures
@@ -86,7 +86,7 @@ def _write(table: CampaignTable, out: Path, figures: FigureChoice, *, report: bo
     return tuple(files)
 
 
-def campaign_summary(table: CampaignTable, files: Sequence[Path], out: Path) -> Summary:
+def sweep_summary(table: SweepTable, files: Sequence[Path], out: Path) -> Summary:
     """The verdict, the best cells of every group, and the first reasons of those without a design."""
     view, leading = cells_view(table), leading_cells(table)
     options = sum(column.brief for column in leading.columns[: 1 + len(table.varied)])
@@ -106,14 +106,14 @@ def campaign_summary(table: CampaignTable, files: Sequence[Path], out: Path) -> 
     )
 
 
-def _next(table: CampaignTable, out: Path) -> str:
+def _next(table: SweepTable, out: Path) -> str:
     best = next((row.cell for rows in table.groups.values() for row in rows), None)
     if best is None:
         return f"read the reasons in {out / TABLE}, and change the file"
     return f"excite report {out} --out campaign.html; each cell is a design: {out / 'cells' / best}"
 
 
-def print_campaign(table: CampaignTable, files: Sequence[Path]) -> None:
+def print_sweep(table: SweepTable, files: Sequence[Path]) -> None:
     """Print every cell."""
     print_view(cells_view(table))
     console().print(f"written: {', '.join(map(str, files))}", soft_wrap=True)
@@ -128,9 +128,9 @@ _GROUPS = {"Execution": ("executor", "workers")}
     name="run",
     epilog="""\b
 Examples:
-  excite campaign run campaign.yaml --out campaigns/arms
-  excite campaign run campaign.yaml --out campaigns/arms --report --figures svg
-  excite campaign run campaign.yaml --out campaigns/arms --executor dask://10.0.0.1:8786
+  excite sweep run sweep.yaml --out sweeps/arms
+  excite sweep run sweep.yaml --out sweeps/arms --report --figures svg
+  excite sweep run sweep.yaml --out sweeps/arms --executor dask://10.0.0.1:8786
 
 \b
 Contents of FILE (YAML; options are the keys of a task file, see --task of 'excite design'):
@@ -163,7 +163,7 @@ Exit status: 0 every cell has a design within its limits; 1 at least one has not
 def command(
     file: Path, out: Path, executor: str, workers: int | None, figures: FigureChoice, report: bool, force: bool
 ) -> None:
-    """Design every cell of the campaign FILE, or those that are left, and write all of them in one table."""
+    """Design every cell of the sweep FILE, or those that are left, and write all of them in one table."""
     import sys
 
     from excite.cli.interrupts import interrupted_status
@@ -173,9 +173,9 @@ def command(
 
     ran = run_and_write(file, out, executor=executor, workers=workers, figures=figures, report=report, force=force)
     show(
-        campaign_summary(ran.table, ran.files, out),
+        sweep_summary(ran.table, ran.files, out),
         lambda: {"out": str(out), "counts": ran.table.counts, **json_of(ran.table)},
-        lambda: print_campaign(ran.table, ran.files),
+        lambda: print_sweep(ran.table, ran.files),
     )
     if ran.interrupted:
         sys.exit(interrupted_status())

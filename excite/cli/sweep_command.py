@@ -1,4 +1,4 @@
-"""``excite campaign``: a group of commands, each imported only when it is run."""
+"""``excite sweep``: a group of commands, each imported only when it is run."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import click
 
 from excite.cli.lazy import LazyGroup
 
-_COMMANDS = {"run": "Design every cell of a campaign file, or those that are left, and tabulate all."}
+_COMMANDS = {"run": "Design every cell of a sweep file, or those that are left, and tabulate all."}
 
 
 @click.group(
-    name="campaign",
+    name="sweep",
     cls=LazyGroup,
     summaries=_COMMANDS,
-    modules="excite.cli.campaign_{}_command",
+    modules="excite.cli.sweep_{}_command",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 def command() -> None:

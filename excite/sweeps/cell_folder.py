@@ -44,7 +44,7 @@ _NEW, _OLD = ".new-", ".old-"
 class CellRecord:
     """What ``cell.json`` holds."""
 
-    sha256: str | None  # hash of the problem, see `excite.campaigns.cell`
+    sha256: str | None  # hash of the problem, see `excite.sweeps.cell`
     search: str  # starts, rounds and budget that were asked for
     status: str = ""  # empty while there is no outcome beside the design; ``infeasible`` or ``failed``
     reason: str = ""  # why there is no design

@@ -1,4 +1,4 @@
-"""All cells of a campaign in one table, with what may be compared marked."""
+"""All cells of a sweep in one table, with what may be compared marked."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from constraints.bounds.certificate import LimitUse
-from excite.campaigns.cell import Cell
-from excite.campaigns.cell_folder import CELLS, read_cell, stored_design
 from excite.design.motion_limits import RecomputedLimits, recomputed_limits
 from excite.files.design_json import load_design
 from excite.registry import name_of
 from excite.storage.atomic import replacing
 from excite.storage.records import read_record, write_record
+from excite.sweeps.cell import Cell
+from excite.sweeps.cell_folder import CELLS, read_cell, stored_design
 from regressors.arguments import checked
 from regressors.errors import InputError
 
@@ -44,8 +44,8 @@ class CellFacts:
 
 
 @dataclass(frozen=True)
-class CampaignRow:
-    """One cell of a campaign in numbers.
+class SweepRow:
+    """One cell of a sweep in numbers.
 
     Parameters
     ----------
@@ -88,16 +88,16 @@ class CampaignRow:
 
 
 @dataclass(frozen=True)
-class CampaignTable:
-    """The table of a campaign; the same when it is loaded.
+class SweepTable:
+    """The table of a sweep; the same when it is loaded.
 
     Parameters
     ----------
-    rows : tuple of CampaignRow
-        In the order of the campaign.
+    rows : tuple of SweepRow
+        In the order of the sweep.
     """
 
-    rows: tuple[CampaignRow, ...]
+    rows: tuple[SweepRow, ...]
 
     def __post_init__(self) -> None:
         """Check that there are cells."""
@@ -106,7 +106,7 @@ class CampaignTable:
 
     def __repr__(self) -> str:
         told = ", ".join(f"{count} {status}" for status, count in self.counts.items())
-        return f"CampaignTable({len(self.rows)} cells: {told})"
+        return f"SweepTable({len(self.rows)} cells: {told})"
 
     @property
     def counts(self) -> dict[str, int]:
@@ -135,13 +135,13 @@ class CampaignTable:
         )
 
     @property
-    def groups(self) -> dict[int, tuple[CampaignRow, ...]]:
+    def groups(self) -> dict[int, tuple[SweepRow, ...]]:
         """Designed rows by group, each sorted by condition number."""
         made = sorted((row for row in self.rows if row.group), key=lambda row: (row.group, row.condition))
         return {group: tuple(row for row in made if row.group == group) for group in {row.group: None for row in made}}
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write ``campaign.csv`` and ``campaign.json`` into the folder of the campaign, both at once.
+        """Write ``campaign.csv`` and ``campaign.json`` into the folder of the sweep, both at once.
 
         Raises
         ------
@@ -156,8 +156,8 @@ class CampaignTable:
 
 
 @checked
-def load_campaign(folder: str | Path) -> CampaignTable:
-    """Read the table of a campaign from its folder.
+def load_sweep(folder: str | Path) -> SweepTable:
+    """Read the table of a sweep from its folder.
 
     Parameters
     ----------
@@ -170,22 +170,22 @@ def load_campaign(folder: str | Path) -> CampaignTable:
         It cannot be read, or is of another kind.
     """
     path = Path(folder)
-    return read_record(path if path.suffix == ".json" else path / JSON, CampaignTable, KIND)
+    return read_record(path if path.suffix == ".json" else path / JSON, SweepTable, KIND)
 
 
-def campaign_table(cells: Iterable[Cell], folder: Path) -> CampaignTable:
-    """Table of the cells of a campaign, from their folders."""
+def sweep_table(cells: Iterable[Cell], folder: Path) -> SweepTable:
+    """Table of the cells of a sweep, from their folders."""
     groups: dict[Any, int] = {}
-    return CampaignTable(tuple(_row(cell, folder / CELLS / cell.name, groups) for cell in cells))
+    return SweepTable(tuple(_row(cell, folder / CELLS / cell.name, groups) for cell in cells))
 
 
-def _row(cell: Cell, folder: Path, groups: dict[Any, int]) -> CampaignRow:
+def _row(cell: Cell, folder: Path, groups: dict[Any, int]) -> SweepRow:
     record, options = read_cell(folder), dict(cell.options)
     if record is not None and record.status:
-        return CampaignRow(cell.name, options, record.status, reason=record.reason)
+        return SweepRow(cell.name, options, record.status, reason=record.reason)
     design = stored_design(folder)
     if design is None:
-        return CampaignRow(cell.name, options, LEFT)
+        return SweepRow(cell.name, options, LEFT)
     group = groups.setdefault(_comparable(design), len(groups) + 1)
     reason = ""
     try:
@@ -194,7 +194,7 @@ def _row(cell: Cell, folder: Path, groups: dict[Any, int]) -> CampaignRow:
         known, reason = RecomputedLimits.of(design), f"all limits are those that its file states: {error}"
     uses = (*known.motion, *(use for uses in known.transfers.values() for use in uses))
     status = DESIGNED if all(use.holds for use in uses) else BROKEN
-    return CampaignRow(cell.name, options, status, group, design["criteria"], _facts(cell, design, uses), reason)
+    return SweepRow(cell.name, options, status, group, design["criteria"], _facts(cell, design, uses), reason)
 
 
 def _comparable(design: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -223,7 +223,7 @@ def _facts(cell: Cell, design: Mapping[str, Any], uses: Sequence[LimitUse]) -> C
     )
 
 
-def _lines(table: CampaignTable) -> list[Sequence[Any]]:
+def _lines(table: SweepTable) -> list[Sequence[Any]]:
     """Header and lines of the CSV file."""
     criteria = list(dict.fromkeys(name for row in table.rows for name in row.criteria))
     facts = [each.name for each in fields(CellFacts)] if table.groups else []

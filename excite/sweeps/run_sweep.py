@@ -1,4 +1,4 @@
-"""Designs of all cells of a campaign, each on disk as soon as it ends; finished ones are not computed again."""
+"""Designs of all cells of a sweep, each on disk as soon as it ends; finished ones are not computed again."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from excite.campaigns.campaign_file import read_campaign_file
-from excite.campaigns.campaign_table import CampaignTable, campaign_table
-from excite.campaigns.cell import Cell, cell_identities, is_cell_name
-from excite.campaigns.cell_folder import (
+from excite.design.problem_identity import PACKAGES
+from excite.errors import LostWorkersError
+from excite.executors.unit_executor import LostUnit, UnitExecutor
+from excite.executors.unit_executors import unit_executor
+from excite.storage.atomic import writing
+from excite.storage.result_folder import result_folder
+from excite.sweeps.cell import Cell, cell_identities, is_cell_name
+from excite.sweeps.cell_folder import (
     CELLS,
     FAILED,
     INFEASIBLE,
@@ -26,12 +30,8 @@ from excite.campaigns.cell_folder import (
     stored_design,
     write_cell,
 )
-from excite.design.problem_identity import PACKAGES
-from excite.errors import LostWorkersError
-from excite.executors.unit_executor import LostUnit, UnitExecutor
-from excite.executors.unit_executors import unit_executor
-from excite.storage.atomic import writing
-from excite.storage.result_folder import result_folder
+from excite.sweeps.sweep_file import read_sweep_file
+from excite.sweeps.sweep_table import SweepTable, sweep_table
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -65,7 +65,7 @@ class CellProgress:
 
 @dataclass(frozen=True)
 class CellsLeft:
-    """Cells of a campaign in a folder.
+    """Cells of a sweep in a folder.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class CellsLeft:
 
 
 @checked
-def run_campaign(
+def run_sweep(
     cells: str | Path | Mapping[str, Task] | Sequence[Cell],
     folder: str | Path,
     *,
@@ -89,8 +89,8 @@ def run_campaign(
     replace: bool = False,
     progress: Callable[[CellProgress], None] | None = None,
     left: Callable[[CellsLeft], None] | None = None,
-) -> CampaignTable:
-    """Design every cell of a campaign, and write the table of all.
+) -> SweepTable:
+    """Design every cell of a sweep, and write the table of all.
 
     Every cell is a folder ``cells/NAME`` as `Design.save` writes it, complete as soon as the cell ends. A cell that has
     no feasible motion, or fails, does not stop the others. The same call again continues: finished cells of the same
@@ -99,7 +99,7 @@ def run_campaign(
     Parameters
     ----------
     cells : path, mapping of str to Task, or sequence of Cell
-        Campaign file, see `excite.campaigns.campaign_file.read_campaign_file`; or tasks by the names of their cells.
+        Sweep file, see `excite.sweeps.sweep_file.read_sweep_file`; or tasks by the names of their cells.
     folder : path
         Created if it does not exist.
     executor : str or UnitExecutor
@@ -116,7 +116,7 @@ def run_campaign(
 
     Returns
     -------
-    CampaignTable
+    SweepTable
 
     Raises
     ------
@@ -140,22 +140,22 @@ def run_campaign(
         try:
             _run(units, todo, folder, progress or (lambda _: None))
         except (KeyboardInterrupt, LostWorkersError):
-            campaign_table(chosen, folder).save(folder)
+            sweep_table(chosen, folder).save(folder)
             raise
         except InputError:
             with suppress(OSError):  # as there are no cells in it
                 (folder / CELLS).rmdir()
             raise
-        table = campaign_table(chosen, folder)
+        table = sweep_table(chosen, folder)
         table.save(folder)
     return table
 
 
 def _cells(given: str | Path | Mapping[str, Task] | Sequence[Cell]) -> list[Cell]:
     if not isinstance(given, str | Path) and not given:
-        raise InputError("a campaign needs at least one cell; none is given")
+        raise InputError("a sweep needs at least one cell; none is given")
     if isinstance(given, str | Path):
-        return read_campaign_file(given)
+        return read_sweep_file(given)
     if not isinstance(given, Mapping):
         return list(given)
     if bad := [name for name in given if not is_cell_name(name)]:
@@ -164,7 +164,7 @@ def _cells(given: str | Path | Mapping[str, Task] | Sequence[Cell]) -> list[Cell
 
 
 def cells_left(cells: Sequence[Cell], folder: Path, *, replace: bool = False, shares_disk: bool = True) -> CellsLeft:
-    """Compare the cells of a campaign with those that a folder holds."""
+    """Compare the cells of a sweep with those that a folder holds."""
     identities = cell_identities(cells)
     done, others, work = [], [], []
     for cell in cells:

@@ -1,4 +1,4 @@
-"""A campaign: condition numbers of all cells by each option of its grid."""
+"""A sweep: condition numbers of all cells by each option of its grid."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from excite.campaigns.campaign_table import CampaignRow, CampaignTable
 from excite.plots.panels import Panel, ends, head, legend_below, panels
 from excite.plots.style import (
     BLUE,
@@ -26,6 +25,7 @@ from excite.plots.style import (
     plain,
     size_of,
 )
+from excite.sweeps.sweep_table import SweepRow, SweepTable
 
 FIGURE = "campaign"
 _MOST_PANELS, _COLUMNS, _MOST_LABELS, _LETTERS = 6, 3, 12, 14
@@ -36,14 +36,14 @@ _RANGE = 1e3  # of condition numbers that are told apart
 _WHOLE = "cell"
 
 
-def campaign_figure(table: CampaignTable) -> Figure:
+def sweep_figure(table: SweepTable) -> Figure:
     """Draw the condition number of every designed cell over the values of each option that varies."""
     names = list(table.often_varied)[:_MOST_PANELS] or [_WHOLE]
     columns = 2 if len(names) == 4 else min(_COLUMNS, len(names))
     rows = -(-len(names) // columns)
     size = Panel(_PANEL.widths * columns, _PANEL.height, between=_PANEL.between, below=_PANEL.below)
     designed = sum(bool(row.group) for row in table.rows)
-    figure, axes = panels(rows, size, f"campaign: {designed} of {len(table.rows)} cells designed")
+    figure, axes = panels(rows, size, f"sweep: {designed} of {len(table.rows)} cells designed")
     flat = [ax for row in axes for ax in row]
     for ax, name in zip(flat, names, strict=False):
         _draw(ax, table, name)
@@ -58,16 +58,16 @@ def campaign_figure(table: CampaignTable) -> Figure:
     return figure
 
 
-def _values(table: CampaignTable, name: str) -> list[str]:
+def _values(table: SweepTable, name: str) -> list[str]:
     """Values of an option in the order of the table; rows without it have an empty one."""
     return list(dict.fromkeys(_value(row, name) for row in table.rows))
 
 
-def _value(row: CampaignRow, name: str) -> str:
+def _value(row: SweepRow, name: str) -> str:
     return row.cell if name == _WHOLE else row.options.get(name, "")
 
 
-def _draw(ax: Axes, table: CampaignTable, name: str) -> None:
+def _draw(ax: Axes, table: SweepTable, name: str) -> None:
     values = _values(table, name)
     place = {value: k for k, value in enumerate(values)}
     groups, conditions = table.groups, [row.condition for row in table.rows if np.isfinite(row.condition)]
@@ -93,7 +93,7 @@ def _draw(ax: Axes, table: CampaignTable, name: str) -> None:
     head(ax, f"by {name}")
 
 
-def _write_values(ax: Axes, table: CampaignTable, name: str, values: list[str]) -> None:
+def _write_values(ax: Axes, table: SweepTable, name: str, values: list[str]) -> None:
     step = -(-len(values) // _MOST_LABELS)
     missing = {value: sum(not row.group for row in table.rows if _value(row, name) == value) for value in values}
     labels = [
@@ -112,7 +112,7 @@ def _colour(group: int) -> str:
     return _COLOURS[group - 1] if group <= len(_COLOURS) else GREY
 
 
-def _handle(row: CampaignRow, group: int) -> Line2D:
+def _handle(row: SweepRow, group: int) -> Line2D:
     assert row.facts is not None
     label = f"group {group}: {row.facts.robot}, {row.facts.model}, {row.facts.parameters} parameters"
     return Line2D([], [], color=_colour(group), marker=".", markersize=6.0, linestyle="", label=plain(label))

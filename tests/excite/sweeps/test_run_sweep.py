@@ -1,4 +1,4 @@
-"""Campaigns run to their end: alike on every executor, resumed after kills, nothing lost and nothing done twice."""
+"""Sweeps run to their end: alike on every executor, resumed after kills, nothing lost and nothing done twice."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from dask_processes import DaskProcesses, kill
 from processes import alive, stderr_of, until, workers
 
 import excite
-from excite.campaigns.cell_folder import clear_cells, packed, place
-from excite.campaigns.run_campaign import CellProgress, run_campaign
+from excite.sweeps.cell_folder import clear_cells, packed, place
+from excite.sweeps.run_sweep import CellProgress, run_sweep
 from regressors.errors import InputError
 
 CAMPAIGN = """
@@ -36,7 +36,7 @@ grid: {robot: [panda], trajectory: [fourier, cosine], seed: [0, 1, 2]}
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    (tmp_path / "campaign.yaml").write_text(CAMPAIGN)
+    (tmp_path / "sweep.yaml").write_text(CAMPAIGN)
     (tmp_path / "slow.yaml").write_text(SLOW)
     return Here(tmp_path, monkeypatch, capfd)
 
@@ -57,7 +57,7 @@ def files(out: Path, pattern: str) -> dict[str, bytes]:
 
 @pytest.mark.slow
 def test_command_writes_table_figure_and_page_and_does_nothing_twice(here: Here) -> None:
-    command = ("campaign", "run", "campaign.yaml", "--out", "out", "--executor", "serial", "--report")
+    command = ("sweep", "run", "sweep.yaml", "--out", "out", "--executor", "serial", "--report")
     ended = here.run(*command)
     out = here.cwd / "out"
     assert ended.returncode == 1
@@ -78,7 +78,7 @@ def test_command_writes_table_figure_and_page_and_does_nothing_twice(here: Here)
     assert here.run("export", cells[0], "--format", "npz", "--out", "motion.npz").returncode == 0
     assert here.run("report", "out", "--out", "page.html").returncode == 0
 
-    (here.cwd / "campaign.yaml").write_text(CAMPAIGN.replace("starts: 2", "starts: 1, noise: 2"))
+    (here.cwd / "sweep.yaml").write_text(CAMPAIGN.replace("starts: 2", "starts: 1, noise: 2"))
     refused = here.run(*command)
     assert refused.returncode == 2
     assert "3 cells of the same names have other options or versions" in refused.stderr
@@ -95,7 +95,7 @@ def test_every_executor_gives_the_same(here: Here) -> None:
     tables = {}
     with DaskProcesses(here.cwd / "dask") as dask:
         for name, executor in (("a", "serial"), ("b", "process"), ("c", dask.address), ("d", f"dask-file:{dask.file}")):
-            tables[name] = run_campaign(here.cwd / "campaign.yaml", here.cwd / name, executor=executor, workers=2)
+            tables[name] = run_sweep(here.cwd / "sweep.yaml", here.cwd / name, executor=executor, workers=2)
     expected = motions(here.cwd / "a")
     assert len(expected) == 2
     for name in "bcd":
@@ -109,7 +109,7 @@ def test_every_executor_gives_the_same(here: Here) -> None:
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks at processes through /proc")
 def test_killed_at_once_and_a_worker_killed(here: Here) -> None:
     out = here.cwd / "out"
-    command = [sys.executable, "-m", "excite", "campaign", "run", "slow.yaml", "--out", "out", "--workers", "2"]
+    command = [sys.executable, "-m", "excite", "sweep", "run", "slow.yaml", "--out", "out", "--workers", "2"]
     command += ["--figures", "none"]
 
     def start() -> subprocess.Popen[bytes]:
@@ -135,7 +135,7 @@ def test_killed_at_once_and_a_worker_killed(here: Here) -> None:
     assert {name: designs[name] for name in kept} == {name: (out / name).read_bytes() for name in kept}
     assert {name: (out / name).read_bytes() for name in starts} == starts
 
-    excite.run_campaign(here.cwd / "slow.yaml", here.cwd / "serial", executor="serial")
+    excite.run_sweep(here.cwd / "slow.yaml", here.cwd / "serial", executor="serial")
     assert motions(out) == motions(here.cwd / "serial")
 
 
@@ -148,7 +148,7 @@ def finished_starts(out: Path) -> dict[str, bytes]:
 def test_dask_worker_killed_and_scheduler_gone(here: Here) -> None:
     pytest.importorskip("distributed")
     out = here.cwd / "out"
-    command = ("campaign", "run", "slow.yaml", "--out", "out", "--figures", "none", "--executor")
+    command = ("sweep", "run", "slow.yaml", "--out", "out", "--figures", "none", "--executor")
     with DaskProcesses(here.cwd / "dask") as dask:
         process = subprocess.Popen(
             [sys.executable, "-m", "excite", *command, dask.address],
@@ -174,18 +174,18 @@ def test_dask_worker_killed_and_scheduler_gone(here: Here) -> None:
             if len(ended) == 1:
                 kill(dask.workers[1])
 
-        table = run_campaign(here.cwd / "slow.yaml", out, executor=dask.address, progress=progress)
+        table = run_sweep(here.cwd / "slow.yaml", out, executor=dask.address, progress=progress)
     assert table.holds
     assert len(ended) == 6 - len(before)
     assert {name: (out / name).read_bytes() for name in before} == before
-    run_campaign(here.cwd / "slow.yaml", here.cwd / "serial", executor="serial")
+    run_sweep(here.cwd / "slow.yaml", here.cwd / "serial", executor="serial")
     assert motions(out) == motions(here.cwd / "serial")
 
 
 @pytest.mark.slow
-def test_interrupted_campaign_writes_the_table(here: Here) -> None:
+def test_interrupted_sweep_writes_the_table(here: Here) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "excite", "campaign", "run", "slow.yaml", "--out", "out", "--executor", "serial"],
+        [sys.executable, "-m", "excite", "sweep", "run", "slow.yaml", "--out", "out", "--executor", "serial"],
         cwd=here.cwd, env=ENVIRONMENT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     until(lambda: files(here.cwd / "out", "cells/*/design.json"))
@@ -194,7 +194,7 @@ def test_interrupted_campaign_writes_the_table(here: Here) -> None:
     assert process.returncode == 130
     assert "excite: interrupted; finished cells are saved, and the same command continues with the others" in stderr
     assert "not run" in stdout
-    table = excite.load_campaign(here.cwd / "out")
+    table = excite.load_sweep(here.cwd / "out")
     assert table.counts["designed"] + table.counts["not run"] == 6
     assert not list((here.cwd / "out" / "cells").glob("*/design.json")) or table.counts["designed"] >= 1
 
@@ -202,7 +202,7 @@ def test_interrupted_campaign_writes_the_table(here: Here) -> None:
 def test_names_of_tasks_are_checked(tmp_path: Path) -> None:
     for cells, what in (({}, "at least one cell"), ({"a/b": excite.Task("irp6")}, "given 'a/b'")):
         with pytest.raises(InputError, match=what):
-            run_campaign(cells, tmp_path / "out")
+            run_sweep(cells, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -222,7 +222,7 @@ def test_folders_are_put_in_place_whole(tmp_path: Path) -> None:
 def test_nothing_is_left_where_no_scheduler_answers(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr("excite.executors.dask_cluster._CONNECT", 0.3)
-    for command in (("design", "irp6", "--harmonics", "3"), ("campaign", "run", "campaign.yaml")):
+    for command in (("design", "irp6", "--harmonics", "3"), ("sweep", "run", "sweep.yaml")):
         ended = here.run(*command, "--out", "out", "--executor", "dask://127.0.0.1:9")
         assert ended.returncode == 2
         assert ended.stderr.splitlines()[-1].startswith("excite: no Dask scheduler answers at dask://127.0.0.1:9: ")

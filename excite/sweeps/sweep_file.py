@@ -1,4 +1,4 @@
-"""Campaign files: YAML that states the options of many designs at once."""
+"""Sweep files: YAML that states the options of many designs at once."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from excite.campaigns.cell import Cell, cell_name, value_name
 from excite.files.task_file import beside, option_types, options_schema, task_from_options
+from excite.sweeps.cell import Cell, cell_name, value_name
 from excite.tasks.task import Task
 from regressors.errors import ExciteError, InputError
 from regressors.input_files import read_text
@@ -21,15 +21,15 @@ from regressors.readers.documents import Document, FieldPath, parse_document, va
 from regressors.readers.library import built_in_names
 
 MOST_CELLS = 10_000
-_WHERE = ("executor", "workers")  # options that say where a single design runs: given for the whole campaign
+_WHERE = ("executor", "workers")  # options that say where a single design runs: given for the whole sweep
 _LONGEST_LABEL = 40
 _NAME = "name"
 Values = Mapping[str, Any]
 _Chosen = tuple[str, dict[str, str], dict[str, Any]]
 
 
-def read_campaign_file(path: str | Path) -> list[Cell]:
-    """Read the cells of a campaign file: the product of its ``grid``, less ``exclude``, then those of ``include``.
+def read_sweep_file(path: str | Path) -> list[Cell]:
+    """Read the cells of a sweep file: the product of its ``grid``, less ``exclude``, then those of ``include``.
 
     ``grid`` has lists of values by the names of options of a task file; or, where values are long, mappings of short
     labels to values. ``common`` has options of all cells. ``exclude`` is a list of combinations that are left out, by
@@ -39,14 +39,14 @@ def read_campaign_file(path: str | Path) -> list[Cell]:
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read campaign file {path}: {getattr(error, 'strerror', None) or error}") from error
+        raise InputError(f"cannot read sweep file {path}: {getattr(error, 'strerror', None) or error}") from error
     document = parse_document(text, str(path))
     content = validate(document, _schema(document)).model_dump(exclude_none=True)
     grid = {option: _labelled(document, option, content["grid"][option]) for option in _given(document, "grid", {})}
     included = content.get("include", [])
     count = math.prod(map(len, grid.values())) * bool(grid) + len(included)
     if count > MOST_CELLS:
-        raise InputError(f"{path}: {count} cells are more than the {MOST_CELLS} that a campaign may have")
+        raise InputError(f"{path}: {count} cells are more than the {MOST_CELLS} that a sweep may have")
     exclude = [
         _excluded(document, grid, number, combination) for number, combination in enumerate(content.get("exclude", []))
     ]
@@ -59,7 +59,7 @@ def read_campaign_file(path: str | Path) -> list[Cell]:
 
 
 def _schema(document: Document) -> type[BaseModel]:
-    """Schema of a campaign file; each option of a grid is a list, or a mapping of labels to values, as it is given."""
+    """Schema of a sweep file; each option of a grid is a list, or a mapping of labels to values, as it is given."""
     types = {name: kind for name, kind in option_types().items() if name not in _WHERE}
     content = document.content
     given = content.get("grid") if isinstance(content, dict) else None
@@ -75,7 +75,7 @@ def _schema(document: Document) -> type[BaseModel]:
         "exclude": _list_of(options_schema("Combination", dict.fromkeys(given, one))),
         "include": _list_of(options_schema("Included", {**types, _NAME: str})),
     }
-    return options_schema("Campaign", sections)
+    return options_schema("Sweep", sections)
 
 
 def _list_of(kind: Any) -> GenericAlias:

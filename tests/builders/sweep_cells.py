@@ -1,4 +1,4 @@
-"""Folders of campaigns whose designs are copies of one, made without any search."""
+"""Folders of sweeps whose designs are copies of one, made without any search."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from excite.campaigns.cell import Cell, cell_identities
-from excite.campaigns.cell_folder import CELLS
 from excite.design.formulation import formulate
 from excite.design.optimisation import solve
 from excite.files.design_folder import design_content
 from excite.storage.migrations import schema_of
+from excite.sweeps.cell import Cell, cell_identities
+from excite.sweeps.cell_folder import CELLS
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 
@@ -32,7 +32,7 @@ def copies(cells: Sequence[Cell], root: Path, change: Callable[[int, dict[str, A
     ----------
     cells : sequence of Cell
     root : Path
-        Of the campaign; its parent holds the starts of the design that is copied.
+        Of the sweep; its parent holds the starts of the design that is copied.
     change : callable
         Changes the content of ``design.json`` of a cell by its number.
     """

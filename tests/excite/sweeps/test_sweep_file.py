@@ -1,4 +1,4 @@
-"""Campaign files: which cells they state, under which names; what is wrong with them in one line."""
+"""Sweep files: which cells they state, under which names; what is wrong with them in one line."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from excite.campaigns.campaign_file import read_campaign_file
-from excite.campaigns.cell import cell_name, value_name
+from excite.sweeps.cell import cell_name, value_name
+from excite.sweeps.sweep_file import read_sweep_file
 from regressors.errors import InputError
 
 
 def written(tmp_path: Path, text: str) -> Path:
-    path = tmp_path / "campaign.yaml"
+    path = tmp_path / "sweep.yaml"
     path.write_text(text, encoding="utf-8")
     return path
 
@@ -37,7 +37,7 @@ include:
 
 
 def test_cells_are_the_product_less_exclude_and_include(tmp_path: Path) -> None:
-    cells = read_campaign_file(written(tmp_path, WHOLE))
+    cells = read_sweep_file(written(tmp_path, WHOLE))
     expected = [
         {"robot": robot, "limits": limits, "seed": str(seed), "joints": joints}
         for robot, limits, seed, joints in product(("irp6", "panda"), ("slow", "fast"), (0, 1, 2), ("1+2", "1+2+3"))
@@ -56,13 +56,13 @@ def test_cells_are_the_product_less_exclude_and_include(tmp_path: Path) -> None:
 
 def test_names_do_not_depend_on_other_cells(tmp_path: Path) -> None:
     text = "common: {robot: irp6}\ngrid: {seed: [%s], period: [10, 9.5]}"
-    few = {cell.name for cell in read_campaign_file(written(tmp_path, text % "1"))}
+    few = {cell.name for cell in read_sweep_file(written(tmp_path, text % "1"))}
     assert few == {"seed=1,period=10", "seed=1,period=9.5"}
-    assert few < {cell.name for cell in read_campaign_file(written(tmp_path, text % "0, 1, 2"))}
+    assert few < {cell.name for cell in read_sweep_file(written(tmp_path, text % "0, 1, 2"))}
 
 
-def test_files_are_relative_to_the_campaign_file(tmp_path: Path) -> None:
-    (cell,) = read_campaign_file(written(tmp_path, "grid: {robot: [arms/arm.urdf]}"))
+def test_files_are_relative_to_the_sweep_file(tmp_path: Path) -> None:
+    (cell,) = read_sweep_file(written(tmp_path, "grid: {robot: [arms/arm.urdf]}"))
     assert cell.task.robot == str(tmp_path / "arms" / "arm.urdf")
     assert cell.name.startswith("robot=arms-arm.urdf-")
 
@@ -94,7 +94,7 @@ BAD = {
     "grid: {robot: [irp6], criterion: [conditon]}": "cell robot=irp6,criterion=conditon: ",
     "grid: &a {robot: [irp6]}": "anchors and aliases",
     f"grid: {{robot: [irp6], seed: {list(range(101))}, harmonics: {list(range(1, 101))}}}":
-        "10100 cells are more than the 10000 that a campaign may have",
+        "10100 cells are more than the 10000 that a sweep may have",
 }  # fmt: skip
 
 
@@ -102,7 +102,7 @@ BAD = {
 def test_what_is_wrong_is_one_line(tmp_path: Path, text: str) -> None:
     path = written(tmp_path, text)
     with pytest.raises(InputError) as raised:
-        read_campaign_file(path)
+        read_sweep_file(path)
     message = str(raised.value)
     assert BAD[text] in message
     assert message.startswith(str(path))
@@ -110,8 +110,8 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, text: str) -> None:
 
 
 def test_a_file_that_is_missing_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cannot read campaign file .*none\.yaml: No such file"):
-        read_campaign_file(tmp_path / "none.yaml")
+    with pytest.raises(InputError, match=r"cannot read sweep file .*none\.yaml: No such file"):
+        read_sweep_file(tmp_path / "none.yaml")
 
 
 plain = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=60)

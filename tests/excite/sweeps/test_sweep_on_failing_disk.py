@@ -1,4 +1,4 @@
-"""Whatever call to the disk a campaign is stopped at, the same call again completes it, and keeps what was complete."""
+"""Whatever call to the disk a sweep is stopped at, the same call again completes it, and keeps what was complete."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from failing_disk import CRASHED, Disk, run_failing
 from written_results import VERSIONS, design
 
 import excite
-from excite.campaigns.cell_folder import stored_design
-from excite.campaigns.run_campaign import run_campaign
 from excite.design.kept_starts import KeptStarts
 from excite.design.problem_identity import ProblemIdentity
 from excite.design.start_results import write_start
 from excite.executors.unit_executor import InThisProcess
+from excite.sweeps.cell_folder import stored_design
+from excite.sweeps.run_sweep import run_sweep
 
 STEP = 7  # every so many calls
 
@@ -46,34 +46,34 @@ def _no_search(monkeypatch: pytest.MonkeyPatch) -> None:
             write_start(kept.folder, start, formulation.identity.origin)
         return formulation.made
 
-    monkeypatch.setattr("excite.campaigns.cell_folder.formulate", formulate)
-    monkeypatch.setattr("excite.campaigns.cell_folder.solve", solve)
+    monkeypatch.setattr("excite.sweeps.cell_folder.formulate", formulate)
+    monkeypatch.setattr("excite.sweeps.cell_folder.solve", solve)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["killed", "power"])
 @pytest.mark.parametrize("executor", [InThisProcess(), Elsewhere()], ids=["shared disk", "sent back"])
-def test_a_campaign_continues_wherever_it_was_stopped(executor: InThisProcess, how: str, tmp_path: Path) -> None:
+def test_a_sweep_continues_wherever_it_was_stopped(executor: InThisProcess, how: str, tmp_path: Path) -> None:
     def run(folder: Path) -> int:
-        return int(not run_campaign(cells(), folder, executor=executor).holds)
+        return int(not run_sweep(cells(), folder, executor=executor).holds)
 
     clean = Disk(tmp_path / "clean")
     assert run_failing(clean, lambda: run(tmp_path / "clean")) == 0
     assert len(clean.calls) > 50
-    expected = excite.load_campaign(tmp_path / "clean")
+    expected = excite.load_sweep(tmp_path / "clean")
     for at in range(0, len(clean.calls), STEP):
         folder = tmp_path / f"{at}"
         assert run_failing(Disk(folder, at, how), lambda folder=folder: run(folder)) == CRASHED, clean.calls[at]
         done = {name for name in cells() if stored_design(folder / "cells" / name) is not None}
         kept = {name: (folder / "cells" / name / "design.json").stat().st_mtime_ns for name in done}
         assert run(folder) == 0, clean.calls[at]
-        assert excite.load_campaign(folder) == expected, clean.calls[at]
+        assert excite.load_sweep(folder) == expected, clean.calls[at]
         assert {name: (folder / "cells" / name / "design.json").stat().st_mtime_ns for name in done} == kept
         assert {path.name for path in (folder / "cells").iterdir()} == set(cells())
 
 
-def test_a_full_disk_is_one_error_and_the_campaign_continues(tmp_path: Path) -> None:
+def test_a_full_disk_is_one_error_and_the_sweep_continues(tmp_path: Path) -> None:
     full = Disk(tmp_path / "out", 40, "full")
     with pytest.raises(excite.InputError, match="No space left on device"):
-        run_failing(full, lambda: int(run_campaign(cells(), tmp_path / "out", executor="serial").holds))
-    assert run_campaign(cells(), tmp_path / "out", executor="serial").holds
+        run_failing(full, lambda: int(run_sweep(cells(), tmp_path / "out", executor="serial").holds))
+    assert run_sweep(cells(), tmp_path / "out", executor="serial").holds

@@ -1,1 +1,0 @@
-"""Campaign files: designs for every combination of options, resumed where they stopped, in one table."""

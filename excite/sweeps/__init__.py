@@ -1,0 +1,1 @@
+"""Sweep files: designs for every combination of options, resumed where they stopped, in one table."""
