@@ -13,15 +13,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 111_080,
-    "lines of code": 55_940,
-    "files": 906,
-    "classes": 835,
-    "public names": 124,
-    "blocks of `TYPE_CHECKING`": 70,
-    "imports inside functions": 307,
-    "look-ups of built-in parts by name": 39,
-    "lines of code of tests": 44_100,
+    "lines": 91_200,
+    "lines of code": 54_950,
+    "files": 649,
+    "classes": 833,
+    "public names": 122,
+    "blocks of `TYPE_CHECKING`": 68,
+    "imports inside functions": 308,
+    "look-ups of built-in parts by name": 34,
+    "lines of code of tests": 44_450,
 }
 _TABLE = re.compile(r"(<!-- size -->\n).*?(<!-- end of size -->)", re.DOTALL)
 

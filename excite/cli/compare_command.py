@@ -169,7 +169,7 @@ def _notes(judgements: Sequence[Judgement]) -> list[str]:
 def _print(judgements: Sequence[Judgement]) -> None:
     from rich.table import Table
 
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
 
     table = Table()
     table.add_column("")

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
+from excite.cli.literal_console import console
 from excite.cli.messages import in_options
 from excite.cli.precision_text import half_width_table, precision_lines
 from excite.cli.summary import Summary, compact_table, some_of
-from excite.cli.terminal import console
 from excite.design.between_samples import between_samples_text
 from excite.design.stated_limits import collisions_unchecked, kept_headline, kept_text
 from excite.information.metrics import noise_text

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from rich.text import Text
 
+from excite.cli.literal_console import console
 from excite.cli.messages import in_options
 from excite.cli.summary import Summary, compact_table, some_of
-from excite.cli.terminal import console
 from excite.cli.view_text import print_view
 from excite.files.task_file import task_content
 from excite.identification.identification import Identification

@@ -10,12 +10,12 @@ import click
 
 import excite
 from excite.cli.command import Command
+from excite.cli.literal_console import console
 from excite.cli.option_types import Folder, Names, RobotName
 from excite.cli.options import drop_option, figure_options, mapping_option, own_parts, robot_file_of, robot_file_options
 from excite.cli.sign_of_life import tell
 from excite.cli.summary import Summary, show
 from excite.cli.task_options import chosen_of, settings_options, task_options
-from excite.cli.terminal import console
 from excite.cli.view_text import brief_table, print_view
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_fit import FIGURE, FRICTION, check_no_fit

@@ -173,7 +173,7 @@ def _summary(view: View, files: Sequence[Path]) -> Summary:
 
 
 def _print(view: View, files: Sequence[Path]) -> None:
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
     from excite.cli.view_text import print_view
 
     print_view(view)

@@ -140,7 +140,7 @@ def _finite(value: Any) -> Any:
 def _print(step: NextMotion) -> None:
     from rich.table import Table
 
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
 
     out = console()
     for line in _runs_lines(step):

@@ -105,8 +105,8 @@ def _summary(calibrated: CalibratedGains, out: Path) -> Summary:
 def _print(calibrated: CalibratedGains, out: Path) -> None:
     from rich.table import Table
 
+    from excite.cli.literal_console import console
     from excite.cli.messages import in_options
-    from excite.cli.terminal import console
 
     shown, table = console(), Table()
     for heading in ("drive", "factor", "99 %"):

@@ -150,7 +150,7 @@ def _summary(view: View, files: Sequence[Path]) -> Summary:
 
 def _print(view: View, texts: Mapping[str, Mapping[str, str]], files: Sequence[Path]) -> None:
     """Print the numbers with their intervals, and the controllers' forms of them."""
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
     from excite.cli.view_text import print_view
 
     print_view(view)

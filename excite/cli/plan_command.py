@@ -188,7 +188,7 @@ def _next_step(campaign: Campaign, design: str) -> str:
 
 
 def _print(campaign: Campaign, design: str) -> None:
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
     from excite.cli.view_text import print_view
     from excite.views.campaign_view import campaign_view
 

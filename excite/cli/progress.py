@@ -36,7 +36,7 @@ def progress_of_starts(kept: KeptStarts) -> Iterator[Callable[[StartResult], Non
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from excite.cli.terminal import console_of_progress
+    from excite.cli.literal_console import console_of_progress
 
     columns = (
         TextColumn("designing"),
@@ -96,7 +96,7 @@ def progress_of_cells() -> Iterator[tuple[Callable[[int, int], None], Callable[[
         TimeRemainingColumn,
     )
 
-    from excite.cli.terminal import console_of_progress
+    from excite.cli.literal_console import console_of_progress
 
     columns = (
         TextColumn("designing"), BarColumn(), MofNCompleteColumn(), TextColumn("cells, last {task.fields[last]}"),

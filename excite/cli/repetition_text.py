@@ -10,11 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from excite.cli.interrupts import deferred_interrupt, interrupted_status, one_interrupt
+from excite.cli.literal_console import console_of_progress
 from excite.cli.messages import in_options
 from excite.cli.options import FigureChoice
 from excite.cli.sign_of_life import something_is_shown
 from excite.cli.streams import remark, say, verbosity
-from excite.cli.terminal import can_move, console_of_progress
+from excite.cli.terminal import can_move
 from excite.errors import LostWorkersError
 from excite.files.result_json import SO_FAR, amend_result_file
 from excite.identification.identification import Identification

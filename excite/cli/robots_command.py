@@ -118,7 +118,7 @@ def _verdict(whole: Robot, moving: tuple[str, ...], base: Base) -> str:
 
 
 def _list() -> None:
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
     from regressors.readers.library import built_in, built_in_names
 
     robots = {name: built_in(name) for name in built_in_names()}
@@ -171,7 +171,7 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     from rich.text import Text
 
     from constraints.linear import QUANTITIES, linear_limits
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
     from excite.information.nearly_unidentifiable import left_out_by_rounding
 
     out = console()
@@ -215,7 +215,7 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
 
 def _show_health(notes: tuple[Finding, ...]) -> None:
     """What the reader noticed in the file."""
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
 
     if not notes:
         return

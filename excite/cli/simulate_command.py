@@ -258,8 +258,8 @@ def _print(simulation: Simulation, files: list[Path]) -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from excite.cli.literal_console import console
     from excite.cli.messages import in_options
-    from excite.cli.terminal import console
 
     out = console()
     samples, error = simulation.run.samples, simulation.tracking_error

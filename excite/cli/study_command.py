@@ -166,7 +166,7 @@ def _summary(study: TimeStudy, files: list[Path]) -> Summary:
 
 
 def _print(study: TimeStudy, files: list[Path]) -> None:
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
     from excite.cli.view_text import print_view
     from excite.views.study_view import study_view
 

@@ -24,7 +24,7 @@ from regressors.quoting import one_line
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from excite.cli.terminal import LiteralConsole
+    from excite.cli.literal_console import LiteralConsole
 
 _LINES, _COLUMNS = 24, 100
 _FIGURE, _ALIKE = "figure", 4
@@ -66,7 +66,7 @@ def _with_verdict(content: Any, verdict: str) -> Any:
 def _print_text(summary: Summary, details: Callable[[], None] | None) -> None:
     from rich.text import Text
 
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
 
     out = console()
     width = min(out.width, _COLUMNS) if sys.stdout.isatty() else _COLUMNS

@@ -10,13 +10,13 @@ import click
 
 from excite.cli.command import Command
 from excite.cli.interrupts import one_interrupt
+from excite.cli.literal_console import console
 from excite.cli.option_types import Folder
 from excite.cli.options import FigureChoice, executor_options, figure_options
 from excite.cli.progress import progress_of_cells
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark, say
 from excite.cli.summary import Summary
-from excite.cli.terminal import console
 from excite.cli.view_text import brief_table, print_view
 from excite.storage.result_folder import result_folder
 from excite.sweeps.run_sweep import CellsLeft, run_sweep

@@ -183,7 +183,7 @@ def _row(verification: Verification) -> tuple[str, ...]:
 
 
 def _print(judged: Sequence[Verification], files: Sequence[Path]) -> None:
-    from excite.cli.terminal import console
+    from excite.cli.literal_console import console
     from excite.cli.view_text import print_verdict, print_view
     from excite.views.verification_view import verification_view
 

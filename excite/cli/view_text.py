@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from excite.cli.literal_console import console
 from excite.cli.messages import in_options
 from excite.cli.streams import verbosity
 from excite.cli.summary import compact_table
-from excite.cli.terminal import console
 from excite.views.view import Column, Format, View, ViewTable
 
 if TYPE_CHECKING:

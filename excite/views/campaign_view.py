@@ -106,8 +106,8 @@ def campaign_view(campaign: Campaign, designs: Sequence[DesignedMotion] = ()) ->
     motions = f"{count} motion{'s' * (count != 1)} of at most {most} drive{'s' * (most != 1)}"
     return View(
         title=f"campaign for {campaign.robot}",
-        verdict=f"{motions} identif{'y' if count != 1 else 'ies'} all {campaign.rank} parameters of the "
-        f"{campaign.model} model of joints {joints} of {campaign.robot}.{_designed(made) if designs else ''}",
+        verdict=f"{motions} identif{'y' if count != 1 else 'ies'} all {campaign.rank} parameters of "
+        f"{campaign.robot} ({campaign.model} model).{_designed(made) if designs else ''}",
         holds=all(_holds(each) for each in made if each) if any(made) else True,
         summary=(f"{len(campaign.subsets)} selections of drives were compared",),
         remarks=("drives that do not move hold their own coordinate, as brakes and position control do",),

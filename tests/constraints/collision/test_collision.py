@@ -473,7 +473,7 @@ def test_what_would_dwarf_the_robot_is_named_and_the_view_stays() -> None:
         for obstacles in ((TABLE,), (TABLE, slab, tilted))
     ]
     assert [ax.get_xlim() for ax in figures[0].axes] == [ax.get_xlim() for ax in figures[1].axes]
-    text = " ".join(text.get_text() for text in figures[1].texts)
+    text = " ".join(legend.get_title().get_text().replace("\n", " ") for legend in figures[1].legends)
     assert "too large or too far off to be shown as a whole: hall" in text
     assert "not drawn, as planes that no view shows edge-on: ramp" in text
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from commands import Here, files_below
 
+from excite.cli.literal_console import LiteralConsole
 from excite.cli.messages import in_options
-from excite.cli.terminal import LiteralConsole
 from excite.design.optimisation import design_trajectory
 from excite.tasks.task import Task
 from regressors import input_files

@@ -14,7 +14,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureF
     return Here(tmp_path, monkeypatch, capfd)
 
 
-VERDICT = "2 motions of at most 2 drives identify all 13 parameters of the energy model of joints q1, q2, q3 of irp6.\n"
+VERDICT = "2 motions of at most 2 drives identify all 13 parameters of irp6 (energy model).\n"
 
 
 @pytest.mark.parametrize("words", ["-q plan irp6", "plan -q irp6", "plan irp6 --quiet", "--quiet plan irp6"])
@@ -27,7 +27,7 @@ def test_quiet_prints_the_verdict_alone(words: str, here: Here) -> None:
 def test_verbose_prints_all_tables_and_versions(words: str, here: Here) -> None:
     shown = here.run(*words.split()).stdout
     assert shown.startswith(VERDICT)
-    assert "parameters that each selection of drives identifies" in shown
+    assert "What each selection of drives identifies" in shown
     assert "excite 0.1.0, Python 3." in shown.splitlines()[-1]
 
 

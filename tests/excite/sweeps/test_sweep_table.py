@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from excite.cli.sweep_run import sweep_summary
 from sweep_cells import copies
 
 import excite
 from excite.cli.summary import show
+from excite.cli.sweep_run_command import sweep_summary
 from excite.files.task_file import task_content
 from excite.sweeps.cell import Cell
 from excite.sweeps.cell_folder import CELLS, read_cell, write_cell
@@ -109,7 +109,7 @@ def test_csv_has_a_line_for_every_cell_and_the_table_is_read_back(table: SweepTa
     assert (lines[5]["status"], lines[5]["group"], lines[5]["grid.seed"]) == ("infeasible", "", "5")
     assert excite.load_sweep(root) == table
     files[1].write_text(files[1].read_text().replace("designed", "dreamt"))
-    with pytest.raises(InputError, match=r"sweep\.json has been changed"):
+    with pytest.raises(InputError, match=r"campaign\.json has been changed"):
         excite.load_sweep(root)
     table.save(root)
 
