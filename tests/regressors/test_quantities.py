@@ -13,19 +13,17 @@ from regressors.errors import InputError
 from regressors.quantities import QUANTITIES, Quantity, check, fault, number_of, shown, whole_number_of
 
 
-@pytest.mark.parametrize("name", QUANTITIES)
-def test_a_quantity_holds_its_ends_and_nothing_beyond(name: str) -> None:
-    quantity = QUANTITIES[name]
-    one = int if quantity.whole else float
-    assert quantity.least < quantity.most
-    assert fault(name, one(quantity.least)) is None
-    assert fault(name, one(quantity.most)) is None
-    ends = (one(quantity.least - abs(quantity.least) - 1), one(2 * abs(quantity.most) + 1))
-    for beyond in (*ends, math.nan, -math.inf, 10**400):
-        assert fault(name, beyond) is not None
-    assert (fault(name, math.inf) is None) == quantity.infinite
-    assert (fault(name, 0) is None) == (quantity.zero or quantity.least <= 0)
-    assert fault(name, True) is not None
+def test_quantities_hold_their_ends_and_nothing_beyond() -> None:
+    for name, quantity in QUANTITIES.items():
+        one = int if quantity.whole else float
+        assert quantity.least < quantity.most, name
+        assert fault(name, one(quantity.least)) is None
+        assert fault(name, one(quantity.most)) is None
+        ends = (one(quantity.least - abs(quantity.least) - 1), one(2 * abs(quantity.most) + 1))
+        for beyond in (*ends, math.nan, -math.inf, 10**400, True):
+            assert fault(name, beyond) is not None, (name, beyond)
+        assert (fault(name, math.inf) is None) == quantity.infinite, name
+        assert (fault(name, 0) is None) == (quantity.zero or quantity.least <= 0), name
 
 
 @pytest.mark.parametrize(
