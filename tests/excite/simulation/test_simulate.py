@@ -357,6 +357,19 @@ def placement() -> object:
     return pin.SE3(rotation_from_rpy(SHIFTED["sensor_rpy"]), np.array(SHIFTED["sensor_xyz"]))
 
 
+def test_noise_of_the_wrench_is_that_of_forces_then_of_torques() -> None:
+    load, task = Payload(random_body(np.random.default_rng(9))), Task("irp6", model="load")
+    exact, noisy = (
+        simulate_motion(built_in("irp6"), task, motion(5), replace(LOOSE, wrench_noise=noise), load=load).wrench_log
+        for noise in ((0.0, 0.0), (2.0, 0.1))
+    )
+    assert exact is not None
+    assert noisy is not None
+    assert exact.wrench is not None
+    assert noisy.wrench is not None
+    np.testing.assert_allclose(np.std(noisy.wrench - exact.wrench, axis=0), [2.0] * 3 + [0.1] * 3, rtol=0.25)
+
+
 def test_the_wrench_moves_the_load() -> None:
     """Newton and Euler for the free body, by Pinocchio: ``I a + v x* I v`` less its weight, in the sensor's frame."""
     found, load = loaded(Task("irp6", model="load", **SHIFTED), 5)

@@ -73,6 +73,17 @@ def test_a_payload_with_inertia_is_a_body_about_its_centre() -> None:
     np.testing.assert_allclose(theta, [2.0, 0.2, 0.0, 0.0, 0.01, 0.0, 0.0, 0.04, 0.0, 0.04])
 
 
+def test_products_of_inertia_of_a_payload_are_in_their_places() -> None:
+    m, c = 2.0, np.array([0.1, -0.2, 0.3])
+    theta = payload_parameters((m, *c, 0.05, 0.001, 0.002, 0.06, 0.003, 0.07))
+    about_origin = [
+        [0.05 + m * (c[1] ** 2 + c[2] ** 2), 0.001 - m * c[0] * c[1], 0.002 - m * c[0] * c[2]],
+        [0.001 - m * c[0] * c[1], 0.06 + m * (c[0] ** 2 + c[2] ** 2), 0.003 - m * c[1] * c[2]],
+        [0.002 - m * c[0] * c[2], 0.003 - m * c[1] * c[2], 0.07 + m * (c[0] ** 2 + c[1] ** 2)],
+    ]
+    np.testing.assert_allclose(theta, [m, *(m * c), *np.array(about_origin)[np.triu_indices(3)]], rtol=1e-14)
+
+
 def test_a_payload_from_a_file_is_that_of_its_keys(tmp_path: Path) -> None:
     file = tmp_path / "load.yaml"
     file.write_text("m: 2.0\nmcx: 0.2\nIxx: 0.01\nIyy: 0.04\nIzz: 0.04\n")

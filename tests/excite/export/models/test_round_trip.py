@@ -68,6 +68,16 @@ def test_mujoco_has_the_rigid_torques_of_the_result(name: str, options: dict[str
     assert relative(by_mujoco(tmp_path / "robot.xml", target.robot.joint_names, samples).rigid, rigid) < RIGID
 
 
+def test_mujoco_reads_the_limits_of_the_joints(tmp_path: Path) -> None:
+    import mujoco
+
+    result, _, _ = case(*CASES[0], tmp_path)
+    excite.export_model(result, "mjcf", tmp_path / "robot.xml")
+    model, limits = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml")), result.robot.limits
+    for k, name in enumerate(result.robot.joint_names):
+        np.testing.assert_allclose(model.joint(name).range, [limits.lower[k], limits.upper[k]], rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("name", "options"), [CASES[0], *(pytest.param(*c, marks=SLOW) for c in (CASES[1], *CASES[3:]))]
 )

@@ -19,7 +19,7 @@ from excite.friction.fit.constant_speed_windows import ConstantWindow, WindowSea
 from excite.friction.fit.curve_fit import chosen_fit, fit, table_of
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Conditions, Form, forms
-from excite.friction.fit.points import Point, drive_log, mean_deviation, points_of, windows_of
+from excite.friction.fit.points import Point, drive_log, mean_deviation, paired_points, points_of, windows_of
 from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
 from excite.logs.log_reading import write_log
@@ -432,3 +432,24 @@ def test_the_command_refuses(here: Here, arguments: tuple[str, ...], message: st
     assert ended.returncode == 2
     assert message in ended.stderr
     assert not (here.cwd / "fit").exists()
+
+
+def test_paired_points_scatter_as_they_state() -> None:
+    """Half the difference of two means of white noise over the same path, whose deviation is known."""
+    robot, count, sigma = irp6(), 400, 0.3
+    half = np.linspace(0.0, 1.0, count)
+    q = np.zeros((2 * count, robot.n))
+    q[:, 0] = np.concatenate([half, half[::-1]])
+    time = np.arange(2 * count) / 100.0
+    speed = 1.0 / (time[count - 1] - time[0])
+    windows = [ConstantWindow(0, count, speed, 0.0), ConstantWindow(count, 2 * count, -speed, 0.0)]
+    values, stated = [], []
+    for seed in range(60):
+        effort = sigma * np.random.default_rng(seed).standard_normal(q.shape)
+        log = Log(source="x", sha256="", joints=robot.joint_names, time=time, q=q, effort=effort)
+        measured = drive_log(log, robot)
+        (point,) = paired_points(measured, measured.names[0], windows)
+        values.append(point.torque)
+        stated.append(point.deviation)
+    assert np.mean(stated) == pytest.approx(sigma / np.sqrt(2 * count), rel=0.2)
+    assert np.std(values) == pytest.approx(np.mean(stated), rel=0.35)
