@@ -18,6 +18,8 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.storage.atomic import write_json
 from excite.storage.codec import content_of
+from excite.storage.commit import read_settled
+from excite.storage.destination import Destination
 from excite.storage.migrations import schema_of
 from excite.storage.records import complete, curves_file, read_record, write_record
 from excite.storage.result_folder import amend_result, check_not_taken, result_folder
@@ -103,7 +105,7 @@ def load_result(folder: str | Path, part: str | Collection[str] = (), **own: Any
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / RESULT
     allowed = (part,) if isinstance(part, str) else part
-    return _result(folder, path, allowed, own)
+    return read_settled(Destination(path.parent), lambda: _result(folder, path, allowed, own))
 
 
 def _result(folder: Path, path: Path, allowed: Collection[str], own: dict[str, Any]) -> Identification:
