@@ -137,7 +137,30 @@ def design_figures(design: Design) -> dict[str, Figure]:
 def write_figures(
     design: Any, folder: str | Path, *, formats: str | Sequence[str] = ("png",), width: str = "screen"
 ) -> list[Path]:
-    """Draw every figure of a design, or of whatever else `excite.draw` draws, and write them all at once."""
+    """Draw every figure of a design, or of whatever else `excite.draw` draws, and write them all at once.
+
+    Parameters
+    ----------
+    design : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit, PayloadMotion or CampaignTable
+    folder : path
+        An existing folder; where it holds what is drawn, its manifest lists the figures too.
+    formats : str or sequence of str
+        Of ``png``, ``pdf`` (TrueType fonts embedded) and ``svg`` (text that can be edited).
+    width : {"screen", "single", "double"}
+        See `excite.draw`.
+
+    Returns
+    -------
+    list of Path
+        ``motion.png``, ``phase.png``, ``spectrum.png`` and ``convergence.png`` in the folder, and those of
+        `design_figures` that the design has besides. Or those of other formats, or of another object.
+
+    Raises
+    ------
+    InputError
+        Another format or width, or nothing that has figures; or the folder is being written by another process, or
+        cannot be written to.
+    """
     if isinstance(design, Design):
         return write_figure_files(lambda: design_figures(design), folder, "design", formats=formats, width=width)
     from excite.plots.drawable import write_drawable

@@ -216,7 +216,18 @@ def _zipped(arrays: dict[str, Any]) -> bytes:
 
 @checked
 def load_posterior(path: str | Path) -> PosteriorSamples:
-    """Read samples that `PosteriorSamples.save` or `export_ensemble` has written."""
+    """Read samples that `PosteriorSamples.save` or `export_ensemble` has written.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.npz`` or ``.csv``.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or holds no samples of this schema.
+    """
     path = Path(path)
     read = _from_arrays if _suffix(path) == NPZ else _from_table
     what = f"{str(path)!r} holds no samples of a posterior ({schema_of(KIND)})"

@@ -36,7 +36,23 @@ FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file rea
 
 @checked
 def read_recording(path: str | Path, columns: Sequence[str] | None = None) -> Recording:
-    """Read columns of a recording, in the units of the file."""
+    """Read columns of a recording, in the units of the file.
+
+    Parameters
+    ----------
+    path : path
+        File or folder of any known format.
+    columns : sequence of str, optional
+        Names as `excite.logs.guess.log_guess.guess_mapping` lists them; all if not given. The clocks of their streams
+        are read with them.
+
+    Raises
+    ------
+    InputError
+        Cannot be read, or of no known format.
+    UnknownName
+        A column that the recording does not have.
+    """
     path = Path(path)
     form = recording_format(path)
     contents = form.contents(path)
