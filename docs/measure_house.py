@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 91_200,
+    "lines": 91_250,
     "lines of code": 54_950,
     "files": 649,
     "classes": 833,
@@ -21,7 +21,7 @@ BOUNDS = {
     "blocks of `TYPE_CHECKING`": 68,
     "imports inside functions": 308,
     "look-ups of built-in parts by name": 34,
-    "lines of code of tests": 44_450,
+    "lines of code of tests": 44_480,
 }
 _TABLE = re.compile(r"(<!-- size -->\n).*?(<!-- end of size -->)", re.DOTALL)
 

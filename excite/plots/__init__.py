@@ -141,7 +141,7 @@ def write_figures(
 
     Parameters
     ----------
-    design : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit, PayloadMotion or CampaignTable
+    design : Design, Identification, Verification, TimeStudy, FrictionPlan, FrictionFit, PayloadMotion or SweepTable
     folder : path
         An existing folder; where it holds what is drawn, its manifest lists the figures too.
     formats : str or sequence of str
