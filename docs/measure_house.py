@@ -14,7 +14,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
     "lines": 91_250,
-    "lines of code": 54_950,
+    "lines of code": 54_960,
     "files": 649,
     "classes": 833,
     "public names": 122,

@@ -168,15 +168,21 @@ class World:
 
     @classmethod
     def from_dict(cls, plain: Mapping[str, Any]) -> World:
-        """Inverse of `to_dict`."""
-        return cls(
-            tuple(Part.from_dict(part) for part in plain["robot"]),
-            tuple(_obstacle(name, each) for name, each in plain["objects"].items()),
-            float(plain["clearance"]),
-            bool(plain["self_collision"]),
-            tuple((str(one), str(other)) for one, other in plain["ignore"]),
-            float(plain["tolerance"]),
-        )
+        """Inverse of `to_dict`; `InputError` for entries that are missing or of another type."""
+        try:
+            return cls(
+                tuple(Part.from_dict(part) for part in plain["robot"]),
+                tuple(_obstacle(name, each) for name, each in plain["objects"].items()),
+                float(plain["clearance"]),
+                bool(plain["self_collision"]),
+                tuple((str(one), str(other)) for one, other in plain["ignore"]),
+                float(plain["tolerance"]),
+            )
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                "expected a world with `robot`, `objects`, `clearance`, `self_collision`, `ignore` and `tolerance`, as "
+                f"World.to_dict writes it; {type(error).__name__}: {error}"
+            ) from error
 
     def check(self, robot: Robot) -> None:
         """Check that the world fits a robot.

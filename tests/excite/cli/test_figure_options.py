@@ -23,7 +23,7 @@ MODULES = (
     "cli.verify_command",
     "cli.study_command",
     "cli.friction_plan_command",
-    "cli.friction_fit_run",
+    "cli.friction_fit_command",
     "cli.payload_design_command",
     "files.design_folder",
     "storage.records",
