@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 PACKAGES = ("excite", "regressors", "constraints")
-LICENCES = ("LICENSE", "excite/report/page/three.LICENSE")
+LICENCES = ("LICENSE", "excite/views/page/three.LICENSE")
 ALSO_IN_SDIST = (
     "tests",
     "docs",

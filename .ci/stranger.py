@@ -23,7 +23,7 @@ def check_files(report: Path) -> None:
         place = Path(str(package.__file__))
         assert place.is_relative_to(sys.prefix), f"{place} is not the one installed"
         assert files(package).joinpath("py.typed").is_file()
-    page = files("excite.report").joinpath("page")
+    page = files("excite.views").joinpath("page")
     player, licence = (page.joinpath(name).read_text("utf-8") for name in ("player.min.js", "three.LICENSE"))
     text = report.read_text("utf-8")
     assert player.strip()[-200:] in text

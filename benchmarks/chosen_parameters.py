@@ -11,7 +11,7 @@ from problems import FREE_SPACE, HARMONICS, PERIOD, RATE
 
 if TYPE_CHECKING:
     from excite.design.formulation import Formulation
-    from excite.tasks.task_motion import TaskMotion
+    from excite.tasks.stored_files import TaskMotion
     from regressors.samples import Array
 
 STARTS, SEED = 4, 0
@@ -35,7 +35,7 @@ LIMITS: dict[str, dict[str, Any]] = {
 
 def task_motion(name: str) -> TaskMotion:
     """There by a quintic from rest to rest, at 100 instants."""
-    from excite.tasks.task_motion import TaskMotion
+    from excite.tasks.stored_files import TaskMotion
 
     begin, end = (np.array(pose, dtype=float) for pose in TASKS[name])
     duration = 2.0
@@ -68,7 +68,7 @@ def problem_of(name: str, options: dict[str, Any]) -> Formulation:
 
 def best(made: Formulation) -> tuple[Array, float]:
     """Coefficients of the best start that keeps every limit, and the processor time of a start."""
-    from excite.design.multistart import optimise_start
+    from excite.design.single_start import optimise_start
     from excite.registry import instance
 
     method = instance("solver", "sqp")
@@ -91,8 +91,7 @@ def torques_of_robots(design: Any, share: float) -> int:
     """How many robots of a box break a torque limit at an instant of the motion: each parameter off by a share."""
     from regressors.models.columns import Terms
     from regressors.models.differential import DifferentialModel
-    from regressors.models.nominal import standard_values
-    from regressors.models.stated_deviations import stated_deviations
+    from regressors.models.nominal import standard_values, stated_deviations
 
     robot, rng = design.moving, np.random.default_rng(SEED)
     model = DifferentialModel(robot, Terms(coulomb=False))

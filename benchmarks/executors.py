@@ -20,12 +20,12 @@ from typing import Any
 import record
 
 import excite
+from excite.design.executors.dask_starts import DaskStarts
+from excite.design.executors.unit_executor import UnitExecutor, Work
+from excite.design.executors.unit_executors import unit_executor
 from excite.design.formulation import formulate
 from excite.design.multistart import run_in_pool
 from excite.design.start_results import StartResult, read_starts
-from excite.executors.dask_starts import DaskStarts
-from excite.executors.unit_executor import UnitExecutor, Work
-from excite.executors.unit_executors import unit_executor
 
 ROBOT, HARMONICS = "irp6", 5
 FEW, MANY = 10, 40  # cells; the difference is free of what a sweep costs once

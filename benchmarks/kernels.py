@@ -23,9 +23,9 @@ from problems import FREE_SPACE, PROBLEMS
 from excite.design.formulation import formulate
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
+from regressors.robot.symbolic import vectorised
+from regressors.robot.symbolic.machine_code import MachineCode
 from regressors.samples import Array
-from regressors.symbolic import vectorised
-from regressors.symbolic.machine_code import MachineCode
 
 Kernel = Callable[[Sequence[Array]], Array]
 ROBOTS = {"irp6": "IRp-6, 3 axes, with friction", "P1": "Panda, 7 axes"}

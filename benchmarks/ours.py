@@ -84,7 +84,7 @@ def search(wanted: Specification) -> dict[str, Any]:
 
 def starts(wanted: Specification) -> list[dict[str, Any]]:
     """Single starts, each on its own, one after the other in this process."""
-    from excite.design.multistart import optimise_start
+    from excite.design.single_start import optimise_start
     from excite.registry import instance
 
     made = formulation(wanted)

@@ -21,7 +21,7 @@ import record
 import scipy.stats
 
 from excite.identification.estimators.possible_set import PossibleSet
-from excite.identification.torque_target import torque_target
+from excite.identification.identification import torque_target
 from excite.study import chains as chains
 from excite.study import chains as reflected_paths
 from excite.study.chains import PosteriorCoordinates, coordinates_inside, inner_point
@@ -48,7 +48,7 @@ def problem(case: posterior.Case) -> Problem:
     result = posterior.identified(case, experiment, experiment.log(experiment.truth(rng), case.noise, rng, 0))
     standard, coordinates = posterior_of(result, torque_target(result), PRIOR)
     possible = coordinates_inside(standard, coordinates)
-    return Problem(coordinates, possible, inner_point(possible).z)
+    return Problem(coordinates, possible, inner_point(possible)[0])
 
 
 def elliptical(p: Problem) -> Step:

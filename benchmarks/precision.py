@@ -17,7 +17,7 @@ import numpy as np
 import record
 
 import excite
-from excite.information import allowed_half_widths
+from excite.information import half_widths
 from excite.information.prior import prior_of
 from excite.tasks.robot_of_task import robot_and_task
 
@@ -67,18 +67,18 @@ def about_zero(name: str, noise: float) -> list[list[object]]:
     task = task.changed(precision=SHARE, noise=(noise,), starts=2, executor="serial")
     task = task.changed(criterion="max-deviation", scale="precision")
     rows: list[list[object]] = []
-    kept = allowed_half_widths.ABOUT_ZERO
+    kept = half_widths.ABOUT_ZERO
     design = excite.design_trajectory(task)
     run = design.run_information
     value = np.abs(prior_of(run.target.model, run.target.base, None).base_values(np.eye(run.target.base.rank)))
     for threshold in THRESHOLDS:
-        allowed_half_widths.ABOUT_ZERO = threshold
-        scale = allowed_half_widths.precision_scales(run.precision, run.target)
+        half_widths.ABOUT_ZERO = threshold
+        scale = half_widths.precision_scales(run.precision, run.target)
         sized = int(np.sum(np.isfinite(scale) & (scale != value)))
         worst = run.target.base.names[int(np.argmax(run.deviation / run.allowed))]
         chosen = f"**{threshold:g}**" if threshold == kept else f"{threshold:g}"
         rows.append([name, chosen, f"{sized} of {np.sum(np.isfinite(scale))}", worst, run.fewest_runs()])
-    allowed_half_widths.ABOUT_ZERO = kept
+    half_widths.ABOUT_ZERO = kept
     return rows
 
 

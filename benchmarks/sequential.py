@@ -19,13 +19,13 @@ import scipy.stats
 from measure import HERE
 
 import excite
-from excite.files.earlier_files import earlier_information
-from excite.information.allowed_half_widths import ABOUT_ZERO, allowed_half_widths
+from excite.identification.earlier_files import earlier_information
 from excite.information.earlier_precision import deviations_of, information_in_hand
-from excite.information.parameter_sizes import base_sizes
+from excite.information.half_widths import ABOUT_ZERO, allowed_half_widths
+from excite.information.prior import base_sizes
 from excite.information.target import moving_robot, target_of
 from excite.study.next_motion import _of_measured
-from excite.tasks.earlier_information import RESULT
+from excite.tasks.stored_files import RESULT
 from regressors.models.nominal import standard_values
 
 ROBOTS, SEED, WRONG, SHARE, NOISE = 200, 0, 0.5, 0.05, 1.0  # noise in Nm of each row at 100 Hz, as described

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import fields, is_dataclass, replace
 
 from constraints.nonlinear import NonlinearConstraint
-from regressors.friction.curves import FrictionCurves
 from regressors.models.partial import PartialMotion
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 
 
@@ -47,5 +48,6 @@ class Limit(ABC):
         """
 
     def knowing(self, friction: FrictionCurves | None) -> Limit:
-        """The limit with friction known beforehand; the same limit unless it depends on torques."""
-        return self
+        """The limit with friction known beforehand, where it has a field for it and none was given."""
+        takes = is_dataclass(self) and any(each.name == "friction" for each in fields(self))
+        return replace(self, friction=friction) if takes and self.friction is None else self  # type: ignore[type-var]

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 
 from constraints.constraint import OTHER, Constraint
 from regressors.arguments import checked
-from regressors.models.model import evaluate_samples
 from regressors.models.partial import PartialMotion
+from regressors.robot.symbolic.intervals import IntervalFunction
+from regressors.robot.symbolic.kinematics import sparse
+from regressors.robot.symbolic.vectorised import VectorisedFunction, evaluate_samples
 from regressors.samples import Array, Index, Samples
-from regressors.symbolic.intervals import IntervalFunction
-from regressors.symbolic.kinematics import sparse
-from regressors.symbolic.vectorised import VectorisedFunction
 
 Expression = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 

@@ -37,6 +37,7 @@ nitpick_ignore = [  # classes that are not public
     ("py:class", "FrictionCurves"),
     ("py:class", "Interpolation"),
     ("py:class", "Reduction"),
+    ("py:class", "Window"),
     ("py:class", '{"effort"'),
     ("py:class", '"wrench"}'),
     ("py:exc", "UnknownName"),

@@ -11,6 +11,18 @@ from excite.friction.plan.schedule import Schedule
 from excite.identification.recipe import Recipe
 from excite.registry import ADDRESS_FORMS, BUILT_IN
 from excite.simulation.settings import SimulationSettings
+from excite.tasks.further_settings import (
+    CampaignSettings,
+    EnsembleSettings,
+    Extents,
+    FrictionPoses,
+    GainSettings,
+    LoadFrame,
+    PayloadMotionSettings,
+    PayloadSettings,
+    RepeatSettings,
+    StudySettings,
+)
 from excite.tasks.limit_choice import OF_JOINTS
 from excite.tasks.option import Option, options_of
 from excite.tasks.task import PARTS
@@ -23,12 +35,22 @@ OTHERS = {
     Tolerances: "excite verify",
     Schedule: "excite friction plan",
     FitSettings: "excite friction fit",
+    FrictionPoses: "excite friction plan",
+    CampaignSettings: "excite plan",
+    GainSettings: "excite identify",
+    RepeatSettings: "excite identify",
+    StudySettings: "excite study",
+    Extents: "excite predict, excite verify",
+    EnsembleSettings: "excite export",
+    PayloadMotionSettings: "excite payload design",
+    LoadFrame: "excite payload design, excite payload identify",
+    PayloadSettings: "excite payload identify",
 }
 
 HEAD = """# Options of a task
 
 Each option is a field of one of the seven parts of `excite.Task`, an option of `excite design`, and a key of a task
-file. Those of other commands follow: fields of the settings that the Python functions take.
+file. Those of other commands follow: fields of the settings, or arguments, that the Python functions take.
 `excite COMMAND --help-all` lists every option of a command, and each can be given as `--set NAME=VALUE` too.
 Limits of joints stand below `limits` in a task file. Where a name is expected, `module:Name` names a part of your own.
 """
@@ -39,7 +61,7 @@ def table(settings: type, where: str) -> str:
     rows = ["| option | on the command line | value | default | meaning |", "|---|---|---|---|---|"]
     for field, option in options_of(settings):
         key = f"limits: {field.name}" if field.name in OF_JOINTS and settings is PARTS["limits"] else field.name
-        meaning = option.help.split("  [default")[0].replace("; see below", "").rstrip(".").replace("|", "or")
+        meaning = option.described(field.name).replace("; see below", "").rstrip(".").replace("|", "or")
         cells = (f"`{key}`", flag(field.name, option), values(option), default(field.default, option), meaning)
         rows.append(f"| {' | '.join(cells)} |")
     return f"## `{settings.__name__}` (`{where}`)\n\n" + "\n".join(rows) + "\n"

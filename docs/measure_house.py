@@ -13,15 +13,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 91_250,
-    "lines of code": 54_960,
-    "files": 649,
-    "classes": 833,
-    "public names": 122,
-    "blocks of `TYPE_CHECKING`": 68,
-    "imports inside functions": 308,
-    "look-ups of built-in parts by name": 34,
-    "lines of code of tests": 44_480,
+    "lines": 85_259,
+    "lines of code": 51_848,
+    "files": 483,
+    "classes": 764,
+    "public names": 95,
+    "blocks of `TYPE_CHECKING`": 27,
+    "imports inside functions": 141,
+    "look-ups of built-in parts by name": 17,
+    "lines of code of tests": 42_456,
 }
 _TABLE = re.compile(r"(<!-- size -->\n).*?(<!-- end of size -->)", re.DOTALL)
 

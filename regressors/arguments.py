@@ -81,7 +81,7 @@ def _checks(function: Callable[..., Any]) -> dict[str, tuple[Check, str]]:
     parameters = inspect.signature(inner).parameters.values()
     plain = {p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)}
     hints = evaluated(inner)
-    return {name: (check_of(hint), words(hint)) for name, hint in hints.items() if name in plain and hint is not Any}
+    return {name: rule_of(hint) for name, hint in hints.items() if name in plain and hint is not Any}
 
 
 def evaluated(thing: Any) -> dict[str, Any]:
@@ -104,31 +104,41 @@ def _import_names(module: str) -> None:
             exec(compile(ast.Module(node.body, []), str(space["__file__"]), "exec"), space)
 
 
-def check_of(hint: Any) -> Check:
-    """What converts a value to a type hint, or raises `Unfit`."""
-    if isinstance(hint, typing.TypeVar) or hint in (Any, object):
-        return lambda value: value
+def rule_of(hint: Any) -> tuple[Check, str]:
+    """What converts a value to a type hint, or raises `Unfit`; and what the hint expects, in words."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
-        names = (_file,) if {str, Path} <= set(inner) else ()
-        return partial(_any_of, (*names, *(check_of(each) for each in inner if not names or each not in (str, Path))))
+        rules = {each: rule_of(each) for each in inner}
+        several = list(dict.fromkeys(text for _, text in rules.values()))
+        if {str, Path} <= rules.keys():
+            del rules[str]  # that of a path takes the name of a file too
+        text = f"{', '.join(several[:-1])} or {several[-1]}" if several[1:] else several[0]
+        return partial(_any_of, tuple(check for check, _ in rules.values())), text
     if origin is typing.Literal:
-        return partial(_one_of, inner)
-    if _is_array(origin):
-        return _array_of(inner[1])
+        kinds = {type(choice) for choice in inner}  # a text that is none is refused by who looks it up
+        return _only(lambda value: type(value) in kinds), " or ".join(map(repr, inner))
+    if getattr(origin, "__name__", "") == "ndarray":
+        return _array_of(inner[1]), "an array of real numbers"
     if origin is tuple and inner[-1:] != (...,):
-        return partial(_tuple, tuple(map(check_of, inner)))
-    if hint in (tuple[float, ...], tuple[int, ...]):
-        return partial(_one_or_several, check_of(inner[0]))
+        checks, texts = zip(*map(rule_of, inner), strict=True)
+        return partial(_tuple, checks), f"({', '.join(texts)})"
     if origin in _SEQUENCES:
-        return partial(_several, check_of(inner[0]), origin)
+        check, one = rule_of(inner[0])
+        items = {float: "numbers", int: "whole numbers", str: "names"}.get(inner[0])
+        text = f"a list of {items}" if items else f"a list, each {one}"
+        if hint in (tuple[float, ...], tuple[int, ...]):
+            return partial(_one_or_several, check), f"{one}, or {text}"
+        return partial(_several, check, origin), text
     if origin in (dict, Mapping):
-        return partial(_mapping, *map(check_of, inner))
-    if origin is type:
-        return partial(_of_class, type)
+        (key, _), (item, one) = map(rule_of, inner)
+        return partial(_mapping, key, item), f"a mapping, each {one}"
     if origin is Callable or hint is Callable:
-        return _callable
-    return _PLAIN[hint] if hint in _PLAIN else partial(_of_class, origin or hint)
+        return _only(callable), "a function"
+    name = getattr(hint, "__name__", str(hint))
+    text = _WORDS.get(hint) or _OBJECTS.get(name) or f"{'an' if name[:1] in 'AEIOU' else 'a'} {name}"
+    if isinstance(hint, typing.TypeVar) or hint in (Any, object):
+        return (lambda value: value), text
+    return _PLAIN.get(hint) or partial(_of_class, type if origin is type else origin or hint), text
 
 
 def _number(value: Any) -> Any:
@@ -142,40 +152,21 @@ def _number(value: Any) -> Any:
         raise Unfit from error
 
 
-def _whole(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, Integral):
-        raise Unfit
-    return int(value)
+def _only(holds: Callable[[Any], bool], convert: Callable[[Any], Any] = lambda value: value) -> Check:
+    """A check of values of which something holds."""
 
+    def check(value: Any) -> Any:
+        if not holds(value):
+            raise Unfit
+        return convert(value)
 
-def _flag(value: Any) -> Any:
-    if not isinstance(value, bool) and str(getattr(value, "dtype", "")) != "bool":
-        raise Unfit
-    return bool(value)
-
-
-def _nothing(value: Any) -> None:
-    if value is not None:
-        raise Unfit
+    return check
 
 
 def _file(value: Any) -> Any:
     """A name that a file can have."""
     parts = Path(value).parts if isinstance(value, str | Path) else ("\0",)
     if any("\0" in part or len(part.encode(errors="replace")) > _LONGEST_NAME for part in parts):
-        raise Unfit
-    return value
-
-
-def _callable(value: Any) -> Any:
-    if not callable(value):
-        raise Unfit
-    return value
-
-
-def _one_of(choices: tuple[Any, ...], value: Any) -> Any:
-    """A choice; a text that is none is refused by who looks it up, with the names that there are."""
-    if type(value) not in {type(choice) for choice in choices}:
         raise Unfit
     return value
 
@@ -218,10 +209,6 @@ def _mapping(key: Check, item: Check, value: Any) -> Any:
     for name, each in value.items():
         key(name), item(each)
     return value
-
-
-def _is_array(origin: Any) -> bool:
-    return getattr(origin, "__name__", "") == "ndarray"
 
 
 def _array_of(kind: Any) -> Check:
@@ -270,9 +257,9 @@ def _members(protocol: type) -> frozenset[str]:
 
 _PLAIN: dict[Any, Check] = {
     float: _number,
-    int: _whole,
-    bool: _flag,
-    type(None): _nothing,
+    int: _only(lambda value: isinstance(value, Integral) and not isinstance(value, bool), int),
+    bool: _only(lambda value: isinstance(value, bool) or str(getattr(value, "dtype", "")) == "bool", bool),
+    type(None): _only(lambda value: value is None),
     Path: _file,
 }
 _WORDS: dict[Any, str] = {
@@ -284,27 +271,3 @@ _WORDS: dict[Any, str] = {
     Path: "a path that a file can have",
 }
 _OBJECTS = {"Identification": "a result of `identify`"}
-
-
-def words(hint: Any) -> str:
-    """What a type hint expects, in words."""
-    origin, inner = typing.get_origin(hint), typing.get_args(hint)
-    if origin in (typing.Union, types.UnionType):
-        several = list(dict.fromkeys(map(words, inner)))
-        return f"{', '.join(several[:-1])} or {several[-1]}" if several[1:] else several[0]
-    if origin is typing.Literal:
-        return " or ".join(map(repr, inner))
-    if _is_array(origin):
-        return "an array of real numbers"
-    if origin is tuple and inner[-1:] != (...,):
-        return f"({', '.join(map(words, inner))})"
-    if origin in _SEQUENCES:
-        items = {float: "numbers", int: "whole numbers", str: "names"}.get(inner[0])
-        one = f"{words(inner[0])}, or " if hint in (tuple[float, ...], tuple[int, ...]) else ""
-        return f"{one}a list of {items}" if items else f"a list, each {words(inner[0])}"
-    if origin in (dict, Mapping):
-        return f"a mapping, each {words(inner[1])}"
-    if origin is Callable or hint is Callable:
-        return "a function"
-    name = getattr(hint, "__name__", str(hint))
-    return _WORDS.get(hint) or _OBJECTS.get(name) or f"{'an' if name[:1] in 'AEIOU' else 'a'} {name}"

@@ -17,3 +17,22 @@ settings.load_profile("repeatable")
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
     """An empty folder in which commands run."""
     return Here(tmp_path, monkeypatch, capfd)
+
+
+@pytest.fixture(scope="session")
+def recorded_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A design, logs of its motion and of others, and friction curves; see `recorded.write_files`."""
+    from played import write_files
+
+    folder = tmp_path_factory.mktemp("recorded")
+    write_files(folder)
+    return folder
+
+
+@pytest.fixture
+def recorded(recorded_files: Path, here: Here) -> Here:
+    """A folder in which commands run, with these files."""
+    from played import link_files
+
+    link_files(recorded_files, here.cwd)
+    return here

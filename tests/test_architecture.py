@@ -49,20 +49,10 @@ def drawing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_every_room_is_drawn_once(drawing: Path) -> None:
+def test_the_drawing_has_every_room_once_in_the_order_of_the_layers_and_no_arrow_up(drawing: Path) -> None:
     assert sorted(drawn(drawing)) == sorted(rooms())
-
-
-def test_the_drawing_in_the_repository_has_the_rooms_that_there_are() -> None:
-    assert sorted(drawn(DOCS / "rooms.svg")) == sorted(rooms())
-    assert (DOCS / "rooms.svg").stat().st_size < 200_000
-
-
-def test_rooms_are_drawn_in_the_order_of_the_layers(drawing: Path) -> None:
     assert drawn(drawing) == drawn(DOCS / "rooms.svg")
-
-
-def test_no_arrow_points_up(drawing: Path) -> None:
+    assert (DOCS / "rooms.svg").stat().st_size < 200_000
     assert UPWARD not in drawing.read_text(encoding="utf-8")
 
 

@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
+from commands import module_of
 
 BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
 PAGE = (BENCHMARKS / "README.md").read_text(encoding="utf-8")
 CLAIMS = [section for section in re.split(r"^## ", PAGE, flags=re.MULTILINE)[1:] if "<!--" in section]
 
 
-def claims() -> Any:
-    spec = importlib.util.spec_from_file_location("claims", BENCHMARKS / "claims.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_tables_are_those_of_the_results() -> None:
-    assert claims().filled(PAGE) == PAGE  # benchmarks/record.py writes them anew
+    assert module_of(BENCHMARKS / "claims.py").filled(PAGE) == PAGE  # benchmarks/record.py writes them anew
 
 
 def test_every_table_stands_on_the_page() -> None:
-    assert re.findall(r"<!-- (\w+) -->", PAGE) == list(claims().TABLES)
+    assert re.findall(r"<!-- (\w+) -->", PAGE) == list(module_of(BENCHMARKS / "claims.py").TABLES)
 
 
 def test_page_is_short() -> None:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import shutil
-import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 import pytest
+from commands import module_of
 from public_arms import ARMS, robots_folder
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -62,17 +61,7 @@ def test_readme_fits_two_screens() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
 
 
-def _script(name: str) -> Any:
-    """A script of the documents."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    loaded = sys.modules[name] = importlib.util.module_from_spec(spec)  # where dataclasses look
-    spec.loader.exec_module(loaded)
-    return loaded
-
-
-OUTPUTS = _script("show_outputs")
+OUTPUTS = module_of(ROOT / "docs" / "show_outputs.py")
 
 
 def commands_of(page: Path) -> list[Any]:

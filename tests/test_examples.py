@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import ENVIRONMENT, content_of, run
+from commands import ENVIRONMENT, content_of, module_of, run
 from recordings import REAL
 
 import excite
@@ -42,20 +42,9 @@ def ended(command: list[str], cwd: Path, text: str | None = None) -> subprocess.
     return process
 
 
-def loaded(file: Path) -> Any:
-    """A module of the site, from its file."""
-    spec = importlib.util.spec_from_file_location(file.stem, file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[file.stem] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 def gallery() -> Any:
     """The extension of the site."""
-    return loaded(DOCS / "extensions" / "example_gallery.py")
+    return module_of(DOCS / "extensions" / "example_gallery.py")
 
 
 # Scripts
@@ -125,7 +114,7 @@ def test_scripts_without_what_their_pages_show_are_refused() -> None:
 
 
 NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))
-RUN_NOTEBOOK = loaded(DOCS / "run_notebook.py")
+RUN_NOTEBOOK = module_of(DOCS / "run_notebook.py")
 
 
 def printed_by_cells(notebook: Any) -> list[str]:

@@ -39,7 +39,7 @@ FORBIDDEN = (
 )
 
 
-COMMAND_LINES = "excite/report/result_section.py"  # what a report says to type again
+COMMAND_LINES = "excite/views/result_section.py"  # what a report says to type again
 
 
 @cache

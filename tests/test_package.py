@@ -27,7 +27,7 @@ COMMANDS = re.findall(r"^```sh\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)[:
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_package_is_owned_by_this_distribution_alone(package: str) -> None:
+def test_package_is_owned_by_this_distribution_alone_and_typed(package: str) -> None:
     # An editable install lists no files below its packages, so it may be missing from the owners.
     assert set(metadata.packages_distributions().get(package, [])) <= {DISTRIBUTION}
     spec = importlib.util.find_spec(package)
@@ -36,6 +36,7 @@ def test_package_is_owned_by_this_distribution_alone(package: str) -> None:
     origin = Path(spec.origin).resolve()
     installed = {Path(str(file.locate())).resolve() for file in metadata.files(DISTRIBUTION) or []}
     assert origin == ROOT / package / "__init__.py" or origin in installed
+    assert origin.with_name("py.typed").is_file()
 
 
 @pytest.mark.parametrize("folder", ["tests", "benchmarks"])
@@ -43,14 +44,6 @@ def test_only_the_packages_are_installed(folder: str, tmp_path: Path) -> None:
     code = f"import importlib.util; print(importlib.util.find_spec({folder!r}))"
     shown = subprocess.run([sys.executable, "-I", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert str(ROOT / folder) not in shown.stdout
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_package_is_marked_as_typed(package: str) -> None:
-    spec = importlib.util.find_spec(package)
-    assert spec is not None
-    assert spec.origin is not None
-    assert Path(spec.origin).with_name("py.typed").is_file()
 
 
 def test_version_agrees() -> None:

@@ -6,11 +6,10 @@ import importlib
 import importlib.util
 import re
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import click
 import pytest
+from commands import module_of
 
 import excite
 from excite.cli.main import cli
@@ -21,25 +20,15 @@ OF_OTHER_PROGRAMS = ("development.md", "set-up.md")
 PLACE = re.compile(r"`((?:excite|constraints|regressors)(?:\.\w+)+:\w+)`")
 
 
-def script(path: str) -> Any:
-    """A script or extension of the site, loaded from its file."""
-    spec = importlib.util.spec_from_file_location(Path(path).stem, DOCS / path)
-    assert spec is not None
-    assert spec.loader is not None
-    loaded: ModuleType = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(loaded)
-    return loaded
-
-
 def test_numbers_are_those_of_the_results() -> None:
-    fill = script("fill_numbers.py")
+    fill = module_of(DOCS / "fill_numbers.py")
     assert fill.pages()
     assert fill.outdated() == []  # docs/fill_numbers.py writes them anew
 
 
 def test_every_table_of_numbers_stands_on_a_page() -> None:
     text = "".join(page.read_text(encoding="utf-8") for page in (DOCS.parent / "README.md", *DOCS.rglob("*.md")))
-    assert all(f"<!-- numbers: {name} -->" in text for name in script("fill_numbers.py").TABLES)
+    assert all(f"<!-- numbers: {name} -->" in text for name in module_of(DOCS / "fill_numbers.py").TABLES)
 
 
 PLACES = [
@@ -75,7 +64,7 @@ def test_options_that_pages_name_exist() -> None:
 
 def test_every_public_name_has_a_page() -> None:
     pytest.importorskip("sphinx", reason="the site needs Sphinx")
-    groups = script("extensions/public_names.py").groups()
+    groups = module_of(DOCS / "extensions/public_names.py").groups()
     listed = sorted(name for names in groups.values() for name in names)
     assert listed == sorted(dir(excite))
 
@@ -98,7 +87,7 @@ def test_links_lead_to_pages_where_there_are_some(target: str, expected: str) ->
     pytest.importorskip("sphinx", reason="the site needs Sphinx")
     page = DOCS / "how-to" / "identify.md"
     text = f"see [this]({target})\n\n```sh\n[that]({target})\n```\n"
-    shown = script("extensions/repository_files.py").rewritten(text, page, page, DOCS)
+    shown = module_of(DOCS / "extensions/repository_files.py").rewritten(text, page, page, DOCS)
     assert shown == text.replace(f"[this]({target})", f"[this]({expected})")
 
 
@@ -106,12 +95,12 @@ def test_links_that_lead_nowhere_are_refused() -> None:
     pytest.importorskip("sphinx", reason="the site needs Sphinx")
     page = DOCS / "how-to" / "identify.md"
     with pytest.raises(Exception, match=r"nowhere\.md leads to no file and no page"):
-        script("extensions/repository_files.py").rewritten("[this](nowhere.md)", page, page, DOCS)
+        module_of(DOCS / "extensions/repository_files.py").rewritten("[this](nowhere.md)", page, page, DOCS)
 
 
 def test_an_equation_is_drawn_in_the_size_of_the_text() -> None:
     pytest.importorskip("sphinx", reason="the site needs Sphinx")
-    drawing = script("extensions/drawn_equations.py").drawing
+    drawing = module_of(DOCS / "extensions/drawn_equations.py").drawing
     low, high = (drawing(tex) for tex in ("x", r"\frac{x}{y}"))
     heights = [float(re.search(r"height:([\d.]+)em", svg)[1]) for svg in (low, high)]  # type: ignore[index]
     assert 0.3 < heights[0] < 0.8 < heights[1] < 2.0

@@ -18,7 +18,7 @@ import record
 from threadpoolctl import threadpool_limits
 
 import excite
-from excite.study.parameter_errors import torque_errors
+from excite.study.rehearsal import torque_errors
 
 HERE = Path(__file__).resolve().parent
 LOGS = {

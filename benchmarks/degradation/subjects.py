@@ -11,15 +11,15 @@ from spoil import Degradation, degrade
 
 from excite.design.optimisation import design_trajectory
 from excite.logs.log import Log
-from excite.simulation.impact_pulse import ImpactPulse
-from excite.simulation.payload import Payload, sensor_of
-from excite.simulation.run import simulate_motion
-from excite.simulation.settings import AUTO, SimulationSettings
+from excite.simulation.sensors import sensor_of
+from excite.simulation.settings import AUTO, ImpactPulse, SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
+from excite.tasks.payload import Payload
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from regressors.friction.curves import FrictionCurves
 from regressors.readers.library import load_robot
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.joint_rotors import with_joint_rotors
 from regressors.robot.robot import Robot
 from regressors.samples import Array

@@ -71,7 +71,7 @@ def starts(folder: Path) -> Iterator[Callable[[int], None]]:
     """Units of work that are one start each, of one problem."""
     import excite
     from excite.design.formulation import formulate
-    from excite.design.multistart import optimise_start
+    from excite.design.single_start import optimise_start
     from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
 
     formulation = formulate(excite.load_robot("irp6"), excite.Task("irp6", period=4.0, harmonics=3))

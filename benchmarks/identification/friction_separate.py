@@ -28,27 +28,26 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.formulation import formulate
 from excite.design.optimisation import design_trajectory
+from excite.design.reference import Reference, SampledMotion
 from excite.friction.fit.constant_speed_windows import ConstantWindow
 from excite.friction.fit.curve_fit import CurveFit, chosen_fit, curve_uncertainty
 from excite.friction.fit.friction_equations import forms
-from excite.friction.fit.points import drive_log, points_of
-from excite.friction.fit.rigid_torques import described_model
+from excite.friction.fit.points import described_model, drive_log, points_of
 from excite.friction.plan.friction_plan import CoordinatePlan
-from excite.friction.plan.plan_friction import friction_plan
+from excite.friction.plan.plan_friction import plan_friction
 from excite.friction.plan.schedule import Schedule
 from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.recursive import recursive
 from excite.identification.recipe import Recipe
 from excite.information.target import target_of
 from excite.logs.log import Log
-from excite.plots.style import DPI
-from excite.simulation.reference import Reference, SampledMotion
-from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
-from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
+from excite.views.style import DPI
 from regressors.models.nominal import parameter_values
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
 from regressors.samples import Array, Samples
 
 HERE = Path(__file__).resolve().parent
@@ -121,7 +120,7 @@ def main() -> None:
     """All cases, and the results."""
     before, cpu = record.load(), time.process_time()
     schedule = Schedule(rate=RUNS_RATE, shortest=SHORTEST, longest=LONGEST, warm_up=0.0, breakaways=0)
-    plans = friction_plan(ROBOT, schedule, drives=DRIVES).coordinates
+    plans = plan_friction(ROBOT, schedule, drives=DRIVES).coordinates
     motions = exciting_motions()
     tustin, linear = Measured(TUSTIN, plans, REPETITIONS), Measured(EQUATION_1, plans, FEWER)
     studies = [

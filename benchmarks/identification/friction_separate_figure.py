@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, tidy
+from excite.views.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, tidy
 from regressors.samples import Array
 
 COLUMNS = (("energy, 5 ms", "energy model, windows of 5 ms"), ("differential", "differential model"))

@@ -25,8 +25,8 @@ from friction_truth_planned import CHOSEN, Measured, experiments, fitted, measur
 from friction_truth_text import LIMITATIONS, text
 from threadpoolctl import threadpool_limits
 
-from excite.friction.fit.characteristics import Characteristic
-from excite.plots.style import DPI
+from excite.friction.fit.friction_fit import Characteristic
+from excite.views.style import DPI
 
 __all__ = ["ROBOT", "TRUTH"]  # of this study, for others
 

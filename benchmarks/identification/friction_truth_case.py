@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from excite.friction.fit.friction_equations import Form
-from regressors.friction.curves import Side, Stribeck
 from regressors.readers.library import load_robot
+from regressors.robot.friction.curves import Side, Stribeck
 from regressors.samples import Array
 
 ROBOT = load_robot("irp6")

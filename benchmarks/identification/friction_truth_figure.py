@@ -10,8 +10,8 @@ from friction_truth_case import TRUTH
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from excite.friction.fit.characteristics import Characteristic
-from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, tidy
+from excite.friction.fit.friction_fit import Characteristic
+from excite.views.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, tidy
 from regressors.samples import Array
 
 ASKED = (97.5, 100.0)  # [%]

@@ -16,21 +16,21 @@ from typing import Any
 import numpy as np
 from friction_truth_case import ENCODER, FORM, RATE, ROBOT, TRUTH, noise, shares, true_values
 
-from excite.files.motion_source import read_source
 from excite.friction.fit.breakaway_torque import mean_break_aways, rest_points
-from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.curve_fit import CurveFit, fit
 from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_fit import Characteristic, characteristics
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
-from excite.friction.fit.rigid_torques import RigidModel, described_model
+from excite.friction.fit.points import RigidModel, described_model
 from excite.friction.plan.friction_plan import load_friction_plan
-from excite.friction.plan.plan_friction import friction_plan
+from excite.friction.plan.plan_friction import plan_friction
 from excite.friction.plan.schedule import Schedule
 from excite.logs.log import Log
-from excite.simulation.run import simulate_motion
+from excite.simulation.motion_source import read_source
 from excite.simulation.sensors import joint_log
 from excite.simulation.settings import SimulationSettings
-from regressors.friction.curves import FrictionCurves
+from excite.simulation.simulate import simulate_motion
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 
 SCHEDULE = Schedule(longest=1.0, warm_up=0.0, creeping=0.5)
@@ -61,7 +61,7 @@ def measured(drive: str) -> Measured:
     """What a drive's plan says, written, read, and played."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        friction_plan(ROBOT, SCHEDULE, drives=[drive]).save(folder)
+        plan_friction(ROBOT, SCHEDULE, drives=[drive]).save(folder)
         runs = planned_runs(load_friction_plan(folder), "the plan")[drive]
         files = [folder / f"{drive}.csv", folder / f"{drive}.stiction.csv"]
         plays = [read_source(file) for file in files]

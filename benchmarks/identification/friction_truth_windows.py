@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from friction_truth_case import ENCODER, EXPERIMENTS, FORM, NOISE, RATE, ROBOT, TRUTH, shares, true_values
 
+from excite.design.reference import SampledMotion
 from excite.friction.fit.constant_speed_windows import WindowSearch
 from excite.friction.fit.curve_fit import fit
-from excite.friction.fit.points import Point, drive_log, points_of, windows_of
-from excite.friction.fit.rigid_torques import described_model
-from excite.simulation.reference import SampledMotion
-from excite.simulation.run import simulate_motion
+from excite.friction.fit.points import Point, described_model, drive_log, points_of, windows_of
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.tasks.task import Task
-from regressors.friction.curves import FrictionCurves
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
 
 LINES = {"z1": (1.0, 0.0, 0.0), "z2": (0.0, 1.0, -1.0), "z3": (0.0, 0.0, 1.0)}

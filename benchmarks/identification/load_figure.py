@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
-from excite.plots.panels import Panel, head, legend_below, panels
-from excite.plots.style import BAND, BLUE, DARK, GREEN, NOTE, ORANGE, PURPLE, SKY, VERMILLION, typeset
+from excite.views.panels import Panel, head, legend_below, panels
+from excite.views.style import BAND, BLUE, DARK, GREEN, NOTE, ORANGE, PURPLE, SKY, VERMILLION, typeset
 
 LEVEL = "1e-4 rad"
 #: Way, estimator, and how the pair is drawn.

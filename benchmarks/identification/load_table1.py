@@ -42,16 +42,13 @@ from load_case import (
 from load_figure import figure
 from load_text import text
 
-from excite.files.task_file import task_content
-from excite.plots.figure_files import write_figure_files
-from excite.signals.butterworth import Butterworth
-from excite.signals.differences import Differences
-from excite.signals.fourier_fit import FourierFit
-from excite.signals.low_pass import decimation
-from excite.signals.method import Method
+from excite.design.task_file import task_content
+from excite.logs.signals.butterworth import Butterworth, Differences, decimation
+from excite.logs.signals.fourier_fit import FourierFit
+from excite.logs.signals.method import Method
 from excite.study.experiment import Experiment, Noise
-from excite.study.repeated import repeat_experiment
-from excite.study.repetitions import Repetitions
+from excite.study.repetitions import Repetitions, repeat_experiment
+from excite.views.figure_files import write_figure_files
 from regressors.models.base import base_parameters
 from regressors.robot.inertia import pseudo_inertia
 from regressors.samples import Array, Samples

@@ -22,10 +22,10 @@ from excite.design.optimisation import design_trajectory
 from excite.identification.estimation import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
-from excite.plots.style import BLUE, DARK, DPI, GREEN, LABEL, NOTE, PURPLE, VERMILLION, figure_of, log_scale, tidy
-from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.tasks.task import Task
+from excite.views.style import BLUE, DARK, DPI, GREEN, LABEL, NOTE, PURPLE, VERMILLION, figure_of, log_scale, tidy
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import load_robot
 

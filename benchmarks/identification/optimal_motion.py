@@ -24,18 +24,18 @@ from excite.design.certification import limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.optimisation import design_trajectory
+from excite.design.reference import Reference
 from excite.identification.estimate import Estimate
 from excite.identification.estimation import estimate_parameters
+from excite.identification.estimators.least_squares import weighted
 from excite.identification.estimators.recursive import recursive
-from excite.identification.estimators.weighted import weighted
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
-from excite.plots.style import BLUE, DARK, DPI, LABEL, NOTE, ORANGE, VERMILLION, figure_of, tidy
-from excite.simulation.reference import Reference
-from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
+from excite.views.style import BLUE, DARK, DPI, LABEL, NOTE, ORANGE, VERMILLION, figure_of, tidy
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import load_robot
 from regressors.samples import Array

@@ -16,19 +16,19 @@ import numpy as np
 import real_ur10e as real
 import record
 
-from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.rigid_torques import identified_model
+from excite.friction.fit.friction_fit import Characteristic, characteristics
+from excite.friction.fit.points import identified_model
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
-from excite.plots.figure_files import write_figure_files
-from excite.plots.friction_plot import friction_figure
 from excite.verification.verify import verify
-from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
+from excite.views.figure_files import write_figure_files
+from excite.views.friction_plots import friction_figure
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
 
 JOINT = "shoulder_lift_joint"
 RUNS = "ur-20_01_22-joint_2.csv"

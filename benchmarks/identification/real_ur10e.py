@@ -17,11 +17,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 import record
 
-from excite.identification.carried_payload import NAMES, load_regressor
 from excite.identification.drive_gains import drive_gains
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
-from excite.identification.estimators.weighted import weighted
+from excite.identification.estimators.least_squares import weighted
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
@@ -31,6 +30,7 @@ from excite.logs.mapping import read_mapping
 from excite.tasks.task import Task
 from excite.verification.verification import Verification
 from excite.verification.verify import verify
+from regressors.models.load import LOAD_PARAMETERS, PayloadModel
 from regressors.readers.library import load_robot
 from regressors.robot.inertia import PARAMETER_UNITS
 
@@ -45,6 +45,7 @@ FILES = {
 ROWS = "700:4200"  # of the point-to-point log, those of the published figures
 PUBLISHED = {"overall": 6.35, "joints": [13.1, 5.0, 5.9, 14.0, 15.9, 57.6]}
 MASS = 2.805
+NAMES = tuple(f"load.{name}" for name in LOAD_PARAMETERS)
 TASK = Task("ur10e", joint_rotors=True, offset=True)
 ROBOT = load_robot("ur10e")
 
@@ -122,7 +123,7 @@ def payload_study(logs: dict[str, Log]) -> dict[str, Any]:
     for name in ("unload", "load", "30sec_12harm"):
         part = prepare(logs[name], ROBOT, target, recipe)
         parts.append(equations_of(target, part, recipe))
-        K = load_regressor(target.robot, part.samples)
+        K = PayloadModel(target.robot).instants(part.samples)
         regressors.append(K if name == "load" else np.zeros_like(K))
     sets = {"load and unload": parts[:2], "with 30sec_12harm": parts}
     found = {}

@@ -22,14 +22,13 @@ from threadpoolctl import threadpool_limits
 
 import excite
 from excite.identification.equations import right_sides
-from excite.payload.held_body import HeldBody
-from excite.payload.identify_payload import _frame
+from excite.payload.held_body import Frame, HeldBody
 from excite.payload.known_gains import stated_gains
-from excite.payload.load_estimate import LoadEquations, estimate_load, fit_load
+from excite.payload.load_estimate import LoadEquations, estimate_load
 from excite.payload.load_rows import LogChoice, described, drives_of, loaded_parts, paired_equations, without_load
 from excite.payload.payload_result import PayloadResult
-from excite.simulation.payload import Payload
-from regressors.friction.curves import CoulombViscous, FrictionCurves
+from excite.tasks.payload import Payload
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
 from regressors.robot.inertia import from_centre_of_mass
 from regressors.robot.robot import Drive, Limits, Transmission
 
@@ -125,13 +124,19 @@ def _torques(log: Any, part: Any) -> np.ndarray:
     return np.column_stack([np.interp(part.samples.time, log.time, tau) for tau in log.effort.T])
 
 
+def measured(equations: LoadEquations, y: np.ndarray) -> LoadEquations:
+    """The same equations with another measurement."""
+    return replace(equations, observations=replace(equations.observations, y=y))
+
+
 def outcome(robot: Any, equations: LoadEquations, y: np.ndarray, mass: float, *, intervals: bool) -> dict[str, Any]:
     """Errors, and whether the intervals hold the truth."""
     if not intervals:
-        body = HeldBody.of(fit_load(equations.with_measured(y)))
+        body = HeldBody.of(estimate_load(measured(equations, y)).phi)
         return {"mass": mass, **errors(body, mass)}
-    estimate = estimate_load(equations.with_measured(y))
-    result = PayloadResult(robot, _frame(None, None), estimate, "joint torques", None)
+    estimate = estimate_load(measured(equations, y))
+    place = Frame("frame of the last link", np.eye(3), np.zeros(3))
+    result = PayloadResult(robot, place, estimate, "joint torques", None)
     truth = HeldBody.of(load_of(mass)).listed
     low, high = result.intervals.T
     return {

@@ -11,7 +11,7 @@ from cases import NAMES, case
 from matplotlib.axes import Axes
 from robot_time import SHARE
 
-from excite.plots.style import BLUE, DARK, DPI, GREEN, GREY, LABEL, NOTE, VERMILLION, figure_of, log_scale, tidy
+from excite.views.style import BLUE, DARK, DPI, GREEN, GREY, LABEL, NOTE, VERMILLION, figure_of, log_scale, tidy
 
 ENDS = (8.0, 30_000.0)  # [s]
 COLOURS = {"excite": BLUE, "slsqp": VERMILLION, "figaroh": GREEN, "random": GREY}

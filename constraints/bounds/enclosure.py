@@ -10,16 +10,17 @@ coefficients do not pass what is reached at the ends of the others need no roots
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import comb
+from typing import Protocol
 
 import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 from numpy.typing import NDArray
 
-from constraints.bounds.certificate import ENCLOSED, LimitUse, limit_uses, worst_of_each
-from constraints.bounds.extrema import Extrema
+from constraints.bounds.certificate import ENCLOSED, Extrema, LimitUse, limit_uses, worst_of_each
+from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from regressors.samples import Array, Samples
 
@@ -238,3 +239,30 @@ def node_factor(degree: int, count: int) -> float:
     if degree >= count:
         raise ValueError(f"{count} nodes are too few for polynomials of degree {degree}; expected {degree + 1} or more")
     return float(np.cos(np.pi * degree / (2 * count)))
+
+
+class BoundedMotion(Protocol):
+    """A motion whose extrema over continuous time are known: that of a trajectory, or an approach."""
+
+    @property
+    def duration(self) -> float:
+        """Duration from start to end [s]."""
+
+    @property
+    def jerk(self) -> Array:
+        """Largest magnitude of every joint's jerk [rad/s^3 or m/s^3]."""
+
+    def samples(self, time: Array) -> Samples:
+        """Motion at given instants [s]."""
+
+    def extrema(self, constraint: LinearConstraint, /) -> Extrema:
+        """Extrema of a linear constraint's functions."""
+
+
+def uses_of(
+    motion: BoundedMotion, linear: Iterable[LinearConstraint], nonlinear: Iterable[NonlinearConstraint] = ()
+) -> tuple[LimitUse, ...]:
+    """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others."""
+    exact = (use for limit in linear for use in limit_uses(limit, motion.extrema(limit)))
+    enclosures = ((limit, enclose(limit, motion.samples, motion.duration, motion.jerk)) for limit in nonlinear)
+    return (*exact, *(use for limit, enclosure in enclosures for use in enclosure.uses(limit)))

@@ -15,8 +15,8 @@ import numpy as np
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Shape
 from regressors.robot.inertia import skew
 from regressors.robot.robot import BASE, Joint, Robot
+from regressors.robot.symbolic.kinematics import relative_pose, sparse
 from regressors.samples import Array
-from regressors.symbolic.kinematics import relative_pose, sparse
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,10 +18,10 @@ from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import BASE, Robot
+from regressors.robot.symbolic.intervals import IntervalFunction
+from regressors.robot.symbolic.kinematics import sparse
+from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Samples
-from regressors.symbolic.intervals import IntervalFunction
-from regressors.symbolic.kinematics import sparse
-from regressors.symbolic.vectorised import VectorisedFunction
 
 _POSES = 2000
 _SCALE = 0.1  # m: a distance that counts as large
@@ -108,14 +108,6 @@ class Clearance(NonlinearConstraint):
         _, g, held, meaning = self._expression(q)
         slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
-
-    @cached_property
-    def over_boxes(self) -> tuple[IntervalFunction, IntervalFunction]:
-        """``g`` and, by columns, ``dg/dq`` of positions q, enclosed over boxes."""
-        (q,) = self._symbols(1)
-        g, open_form, held, meaning = self._expression(q)
-        slopes = ca.substitute(ca.jacobian(open_form, q), held, meaning)
-        return IntervalFunction([q], g), IntervalFunction([q], ca.vec(ca.densify(slopes)))
 
     @cached_property
     def rate(self) -> IntervalFunction:

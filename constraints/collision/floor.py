@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 
 from constraints.collision.clearance import link_poses
-from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, Vector
+from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, vector_of
 from regressors.robot.robot import BASE, Joint, Robot
 from regressors.samples import Array
 
@@ -19,8 +19,7 @@ _POSES = 500
 
 def mounting_surface(name: str, normal: Array, height: float) -> Obstacle:
     """The half-space behind a robot's base."""  # normal (3,)
-    x, y, z = (float(value) for value in normal / np.linalg.norm(normal))
-    return Obstacle(name, HalfSpace((x, y, z), height), CLEARANCE, mounting=True)
+    return Obstacle(name, HalfSpace(vector_of(normal / np.linalg.norm(normal)), height), CLEARANCE, mounting=True)
 
 
 def upwards(robot: Robot) -> Array:
@@ -96,7 +95,7 @@ def skeleton(robot: Robot, radius: float, links: Collection[str] | None = None) 
         if links is not None and name not in links:
             continue
         ends = [point for joint in joints for point in _places(robot, joint) if np.linalg.norm(point) > _SAME]
-        parts += [Part(name, Capsule((0.0, 0.0, 0.0), _vector(end), radius)) for end in ends or [np.zeros(3)]]
+        parts += [Part(name, Capsule((0.0, 0.0, 0.0), vector_of(end), radius)) for end in ends or [np.zeros(3)]]
     return tuple(parts)
 
 
@@ -108,8 +107,3 @@ def _places(robot: Robot, joint: Joint) -> list[Array]:
     ranges = [(robot.limits.lower[k], robot.limits.upper[k]) for k in numbers] or [(0.0, 0.0)]
     ends = [end if np.isfinite(end) else 0.0 for end in ranges[0]]
     return [joint.translation + joint.rotation @ (joint.axis * end) for end in ends]
-
-
-def _vector(values: Array) -> Vector:
-    x, y, z = (float(value) for value in values)
-    return x, y, z

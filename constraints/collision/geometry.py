@@ -241,7 +241,7 @@ def enclosing_capsule(points: Array) -> Capsule:
         if minimum.fun < least:
             best, least = minimum.x, minimum.fun
     radius = _radius(best, points) * (1 + _SLACK)
-    return Capsule(_vector(best[:3]), _vector(best[3:]), max(radius, _SLACK))
+    return Capsule(vector_of(best[:3]), vector_of(best[3:]), max(radius, _SLACK))
 
 
 def enclosing_cylinder(radius: float, length: float) -> Capsule:
@@ -262,7 +262,8 @@ def enclosing_cylinder(radius: float, length: float) -> Capsule:
     return Capsule((0.0, 0.0, -a), (0.0, 0.0, a), float(np.hypot(radius, length / 2 - a)) * (1 + _SLACK))
 
 
-def _vector(values: Array) -> Vector:
+def vector_of(values: Array) -> Vector:
+    """Three numbers."""
     x, y, z = (float(value) for value in values)
     return x, y, z
 

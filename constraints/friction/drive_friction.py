@@ -9,7 +9,10 @@ from functools import singledispatch
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.friction.curves import (
+from regressors.models.columns import COULOMB, VISCOUS
+from regressors.models.drives import drive_column
+from regressors.models.partial import PartialMotion
+from regressors.robot.friction.curves import (
     CoulombViscous,
     FrictionCurve,
     FrictionCurves,
@@ -20,9 +23,6 @@ from regressors.friction.curves import (
     TableFriction,
     Warm,
 )
-from regressors.models.columns import COULOMB, VISCOUS
-from regressors.models.drives import drive_column
-from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

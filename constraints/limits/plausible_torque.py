@@ -10,7 +10,7 @@ the least one likewise. Both are functions of the motion as any other, and are e
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -21,15 +21,14 @@ from constraints.limits.torque import LimitedTorques, check_inertias, joint_torq
 from constraints.nonlinear import Expression, NonlinearConstraint
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
 from regressors.models.columns import COULOMB, VISCOUS, Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.drives import drive_column
-from regressors.models.nominal import standard_values
+from regressors.models.nominal import standard_values, stated_deviations
 from regressors.models.partial import PartialMotion
-from regressors.models.stated_deviations import stated_deviations
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
-from regressors.symbolic.kinematics import sparse
+from regressors.robot.symbolic.kinematics import sparse
 
 
 @checked
@@ -38,7 +37,7 @@ class PlausibleTorqueLimit(Limit):
     """The torque limits of joints and drives, kept by every robot of a box of parameters around the description.
 
     Each mass, first moment, entry of an inertia tensor, rotor inertia and friction coefficient is off by up to a share
-    of its size, see `regressors.models.stated_deviations.stated_deviations`, independently of the others: a first
+    of its size, see `regressors.models.nominal.stated_deviations`, independently of the others: a first
     moment by a share of its length, an entry of an inertia tensor by a share of the largest principal moment. The box
     contains robots that no body could have, so the limit is never too loose for those that may exist. Parameters that
     the description does not state count as zero, as in `constraints.limits.torque`; friction curves count as known.
@@ -53,10 +52,6 @@ class PlausibleTorqueLimit(Limit):
 
     uncertainty: float
     friction: FrictionCurves | None = None
-
-    def knowing(self, friction: FrictionCurves | None) -> PlausibleTorqueLimit:
-        """The limit with the known friction, where none was given."""
-        return self if self.friction is not None else replace(self, friction=friction)
 
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
         """One constraint for the joints and one for the drives, where these have torque limits.

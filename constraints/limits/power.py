@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -13,12 +13,12 @@ from constraints.limit import Limit
 from constraints.limits.torque import check_inertias, drive_torque_matrix, joint_torque
 from constraints.nonlinear import NonlinearConstraint
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Limits, Robot
+from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
-from regressors.symbolic.kinematics import sparse
 
 SHARE = 0.5  # of torque limit times velocity limit: servo motors rarely reach both at once
 
@@ -45,10 +45,6 @@ class PowerLimit(Limit):
     power: float | Sequence[float] | None = None
     share: float = SHARE
     friction: FrictionCurves | None = None
-
-    def knowing(self, friction: FrictionCurves | None) -> PowerLimit:
-        """The limit with the known friction, where none was given."""
-        return self if self.friction is not None else replace(self, friction=friction)
 
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
         """One constraint for all drives or joints that have a bound.

@@ -14,8 +14,8 @@ from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import LinkMotion, chain, sparse
 from regressors.samples import Array
-from regressors.symbolic.kinematics import LinkMotion, chain, sparse
 
 AXES = ("x", "y", "z")
 _NEAR = 0.2  # m: the scale of a coordinate that has only one bound

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -13,14 +13,14 @@ from constraints.limit import Limit
 from constraints.nonlinear import Expression, NonlinearConstraint
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion, of_joints
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array, Index
-from regressors.symbolic.kinematics import sparse
 
 
 def torque_limits(
@@ -173,7 +173,3 @@ class TorqueLimit(Limit):
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
         """See `torque_limits`, with the parameters of the robot's description."""
         return torque_limits(robot, standard_values(robot), self.margin, motion, self.friction)
-
-    def knowing(self, friction: FrictionCurves | None) -> TorqueLimit:
-        """The limit with the known friction, where none was given."""
-        return self if self.friction is not None else replace(self, friction=friction)

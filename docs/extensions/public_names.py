@@ -19,24 +19,20 @@ GROUPS = {
     "Designs": (
         "excite.design",
         "excite.tasks",
-        "excite.files",
-        "excite.sweeps",
         "excite.optimality",
     ),
-    "Criteria and solvers": ("excite.information", "excite.design.solvers"),
+    "Criteria and solvers": ("excite.information", "excite.tasks.criteria", "excite.design.solvers"),
     "Simulation": ("excite.simulation",),
     "How uncertain": ("excite.study",),
     "Logs and identification": (
         "excite.logs",
-        "excite.signals",
         "excite.identification",
-        "excite.files.result_json",
     ),
     "Verification": ("excite.verification",),
-    "Friction": ("excite.friction", "excite.files.friction_file"),
+    "Friction": ("excite.friction", "excite.tasks.friction_file"),
     "Payloads": ("excite.payload",),
     "Exports": ("excite.export",),
-    "Figures and reports": ("excite.plots", "excite.report"),
+    "Figures and reports": ("excite.views",),
     "Errors": ("excite.errors", "regressors.errors"),
 }
 
@@ -84,7 +80,16 @@ def page(group: str, names: list[str]) -> str:
         return f".. autoclass:: {name}\n{members}"
 
     table = "\n   ".join([".. autosummary::", ":nosignatures:", "", *names])
-    return "\n".join([group, "=" * len(group), "", ".. currentmodule:: excite", "", table, "", *map(directive, names)])
+    head = [group, "=" * len(group), "", ".. currentmodule:: excite", "", table, "", *map(directive, names)]
+    return "\n".join(head + (_failures() if group == "Errors" else []))
+
+
+def _failures() -> list[str]:
+    """What is raised where nothing was wrong with the input, in `excite.errors`."""
+    from excite import errors
+
+    own = (name for name in errors.__all__ if name not in places())
+    return [".. currentmodule:: excite.errors", "", *(f".. autoclass:: {name}\n" for name in own)]
 
 
 def file_name(group: str) -> str:

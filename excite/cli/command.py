@@ -14,6 +14,7 @@ from typing import Any
 
 import click
 
+from excite.cli.lazy import CONTEXT
 from excite.cli.streams import form_options, loudness_options
 from excite.tasks.task import PLACE
 from regressors.quoting import shortened
@@ -21,7 +22,7 @@ from regressors.quoting import shortened
 LINES = 60  # of a help
 _WIDEST = 27  # characters of an option before its text begins on the next line
 _SET, _HELP_ALL = "set_options", "help_all"
-_CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
+_CONTEXT = {**CONTEXT, "show_default": True}
 OUTPUT, OTHER = "Output", "Other"
 _OF_PARTS: Mapping[str, str] = {
     "installation": "Robot",
@@ -98,7 +99,7 @@ class Command(click.Command):
             formatter.write("\n".join([*lines[:kept], ""]))
             room -= sum(rows[:kept])
         count = len(self.visible_options(ctx))
-        formatter.write(f"\nAll {count} options: {ctx.command_path} --help-all\n")
+        formatter.write(f"\nAll {count} options: {ctx.command_path} --help-all; set any by --set NAME=VALUE\n")
 
     def _set_words(self, ctx: click.Context, args: Sequence[str]) -> list[str]:
         """The options that ``--set`` names, as they are typed otherwise."""

@@ -11,7 +11,15 @@ from click.core import ParameterSource
 
 from excite.cli.command import Command, FurtherOption
 from excite.cli.option_types import Folder, RobotName
-from excite.cli.options import FigureChoice, figure_options, own_parts, robot_file_options, split_base
+from excite.cli.options import (
+    FigureChoice,
+    figure_options,
+    own_parts,
+    robot_file_options,
+    robot_file_typed,
+    split_base,
+    task_file_option,
+)
 from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CONVENTIONS
@@ -20,7 +28,6 @@ from excite.tasks.task import PARTS
 
 if TYPE_CHECKING:
     from excite.design.design import Design
-    from excite.design.designed_motion import DesignedMotion
     from excite.tasks.task import Task
 
 _BASE_TOO = "--base-link names the first link of a chain; --base still takes it too"
@@ -29,6 +36,12 @@ _GROUPS = {
     "Robot": ("base_link", "tip"),
     "Other": ("task_file",),
 }
+
+_NEXT = (
+    "play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and torques; "
+    "compare candidates with excite compare DIR..."
+)
+_NEXT_RUNS = "play trajectory.csv {} (rehearse it slowly first), and identify from that log"
 
 
 @click.command(
@@ -112,9 +125,7 @@ What is written to DIR:
 )
 @click.argument("robot", type=RobotName())
 @click.option("--out", "out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option(
-    "--task", "task_file", type=click.Path(path_type=Path), metavar="FILE", help="YAML file with these options as keys."
-)
+@task_file_option("YAML file with these options as keys.")
 @click.option(
     "--base",
     multiple=True,
@@ -158,7 +169,7 @@ def command(
 
 def _task(ctx: click.Context, robot: str, task_file: Path | None, parts: tuple[str, ...]) -> Task:
     """The task of a file and of options, which win over it."""
-    from excite.files.task_file import read_task_file, task_from_options
+    from excite.design.task_file import read_task_file, task_from_options
 
     filed = read_task_file(task_file) if task_file else {}
     typed = _typed(ctx)
@@ -171,20 +182,23 @@ def _task(ctx: click.Context, robot: str, task_file: Path | None, parts: tuple[s
 
 def _show(design: Design, files: list[Path], out: Path) -> None:
     """Print the summary."""
-    from excite.cli.design_text import design_summary, print_design
     from excite.cli.summary import show
-    from excite.files.design_folder import design_content
+    from excite.cli.view_text import print_view, view_summary
+    from excite.design.design_folder import design_content
+    from excite.views.design_view import design_view
 
     def content() -> dict[str, Any]:
         left_out = ("schema", "robot", "solver", "conventions")
         return {"out": str(out), **{k: v for k, v in design_content(design).items() if k not in left_out}}
 
-    show(design_summary(design, files), content, lambda: print_design(design, files))
+    view, runs = design_view(design), None if design.precision is None else design.precision.runs
+    steps = [_NEXT if runs is None else _NEXT_RUNS.format("once" if runs == 1 else f"{runs} times in one recording")]
+    show(view_summary(view, files, steps, "design.json"), content, lambda: print_view(view, files, steps))
 
 
-def _begin(folder: str | None, parts: tuple[str, ...]) -> DesignedMotion | None:
+def _begin(folder: str | None, parts: tuple[str, ...]) -> Design | None:
     """The design that the search begins with, where parts of its own may be imported; else its folder will do."""
-    from excite.files.design_json import load_design
+    from excite.design.design_json import load_design
 
     return load_design(folder, parts) if folder is not None and parts else None
 
@@ -214,8 +228,7 @@ def _status(design: Design) -> int:
 def _typed(ctx: click.Context) -> dict[str, Any]:
     """Options given on the command line, as keys of a task."""
     typed = {name: value for name, value in typed_options(ctx).items() if name != "base"}
-    own = ("base_link", "tip", "snap_angles", "xacro")
-    typed |= {name: ctx.params[name] for name in own if ctx.params[name] is not None}
+    typed |= robot_file_typed(ctx.params)
     if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:
         convention, link = split_base(ctx.params["base"])
         typed |= {"base": convention} if convention else {}

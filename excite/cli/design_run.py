@@ -14,13 +14,19 @@ from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark, verbosity
 from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
+from excite.design.design_folder import (
+    check_no_design,
+    data_files,
+    figure_files,
+    seeks_precision,
+    write_design,
+    write_starts,
+)
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.multistart import ready_workers
 from excite.design.optimisation import announce_search, solve, starts_left
-from excite.files.design_folder import check_no_design, data_files, figure_files, write_design, write_starts
-from excite.files.precision_files import seeks_precision
-from excite.files.resumed_search import holds_unfinished_design, resume_search
+from excite.design.resumed_search import holds_unfinished_design, resume_search
 from excite.storage.atomic import writing
 from excite.storage.result_folder import result_folder
 from excite.study.design_for_precision import search_for_precision
@@ -58,7 +64,7 @@ def design_and_write(
             tell("writing and drawing")
             files = write_design(design, out, figures.formats)
             if figures:
-                from excite.plots import write_figures
+                from excite.views.figures import write_figures
 
                 files = [*write_figures(design, out, **figures.how), *files]
     return design, files

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click.core import ParameterSource
 
 from excite.cli.command import Command, FurtherOption
-from excite.cli.option_types import Folder, Number, RobotName, SettingNames
+from excite.cli.option_types import ALL_OR_NONE, Folder, Names, RobotName
 from excite.cli.options import (
     drop_option,
     executor_options,
@@ -18,9 +17,10 @@ from excite.cli.options import (
     own_parts,
     robot_file_options,
 )
-from excite.cli.task_options import settings_options, task_options, typed_options
+from excite.cli.task_options import check_not_typed, settings_options, task_options, typed_options
 from excite.identification.recipe import Recipe
 from excite.registry import CHOSEN
+from excite.tasks.further_settings import GainSettings, RepeatSettings
 from excite.tasks.task import PARTS
 
 _GROUPS = {
@@ -122,33 +122,19 @@ What is written to DIR:
     metavar="LOG",
     help="Log with a load of known mass at the last link, which calibrates the drive gains; repeatable.",
 )
-@click.option("--known-mass", cls=FurtherOption, type=Number(), metavar="M", help="Mass of that load [kg].")
-@click.option(
-    "--gains",
-    cls=FurtherOption,
-    type=click.Choice(["each", "common"]),
-    default="each",
-    help="One gain for each drive, or one for all.",
-)
+@settings_options(GainSettings)
 @mapping_option
 @drop_option
 @settings_options(Recipe)
 @click.option(
     "--choose",
-    type=SettingNames(CHOSEN),
+    type=Names(ALL_OR_NONE, CHOSEN),
     default="all",
     metavar="all|none|NAME,...",
     help="Settings to choose by predicting torques that were left out, where they are not given; see below.",
 )
 @own_parts
-@click.option(
-    "--each",
-    cls=FurtherOption,
-    is_flag=True,
-    help="Of several logs: the estimate of each alone too, beside their scatter.",
-)
-@click.option("--repeat", type=Number(), default=0, metavar="N", help="Repeat the experiment N times in simulation.")
-@click.option("--seed", cls=FurtherOption, type=Number(), default=0, metavar="N", help="Seed of the repetitions.")
+@settings_options(RepeatSettings)
 @executor_options(
     "Where repetitions run, with the same numbers; those of less than 10 s and those on a GPU stay in this process.",
     "Processes for the repetitions.  [default: one per core, as memory allows]",
@@ -166,9 +152,8 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
 
     typed = typed_options(ctx, PARTS["installation"], PARTS["model"])
     typed.pop("friction_curves", None)
-    for name in ("executor", "workers"):
-        if ctx.get_parameter_source(name) is not ParameterSource.DEFAULT and not options["repeat"]:
-            raise click.UsageError(f"--{name} is for repetitions: give their number, --repeat N")
+    if not options["repeat"]:
+        check_not_typed(ctx, ("executor", "workers"), "is for repetitions: give their number, --repeat N")
     of_recipe = {name: value for name, value in typed_options(ctx, Recipe).items() if value is not None}
     Recipe(**of_recipe)
     identify_and_write(robot, logs, out, typed, of_recipe, options)

@@ -13,21 +13,23 @@ from click.shell_completion import CompletionItem
 from excite.cli.streams import loudness_options, remark
 from regressors.quoting import shortened
 
+CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+
 
 class LazyGroup(click.Group):
-    """Group whose commands are the `command` of one module each."""
+    """Group whose commands are imported from `places`, ``module:attribute`` with ``{}`` for the name of a command."""
 
     def __init__(
         self,
         *,
         summaries: Mapping[str, str],
-        modules: str,
+        places: str,
         groups: Mapping[str, Sequence[str]] | None = None,
         renamed: Mapping[str, str] | None = None,  # names of the last release, and today's
         **options: Any,
     ) -> None:
-        super().__init__(**options)
-        self._summaries, self._modules = dict(summaries), modules
+        super().__init__(**{"context_settings": CONTEXT, **options})
+        self._summaries, self._places = dict(summaries), places
         self._groups = groups or {"Commands": tuple(summaries)}
         self._renamed = renamed or {}
         self.params += loudness_options()
@@ -38,9 +40,10 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """Return the command of a name, importing its module."""
-        if name not in self._summaries:
-            return None
-        command: click.Command = import_module(self._modules.format(name)).command
+        if name in self.commands or name not in self._summaries:
+            return self.commands.get(name)
+        module, _, attribute = self._places.format(name).partition(":")
+        command: click.Command = getattr(import_module(module), attribute)
         return command
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:

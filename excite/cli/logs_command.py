@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+import excite
 from excite.cli.command import Command
 from excite.cli.option_types import RobotName
 from excite.cli.options import robot_file_of, robot_file_options
+from excite.cli.sign_of_life import tell
+from excite.cli.summary import Summary, show
+from regressors.quoting import printable
 
 if TYPE_CHECKING:
-    from excite.cli.summary import Summary
     from excite.logs.guess.log_guess import LogGuess
 
 _NAMED = 8  # columns
@@ -60,10 +64,7 @@ def command(
 
     FILE is a recording of any known format, or a folder of one.
     """
-    import excite
-    from excite.cli.sign_of_life import tell
-    from excite.cli.summary import show
-    from excite.logs.guess.mapping_text import check_mapping_free, write_mapping_file
+    from excite.logs.guess.log_guess import check_mapping_free, write_mapping_file
 
     if write_mapping is not None:
         check_mapping_free(write_mapping, replace=force)
@@ -77,8 +78,6 @@ def command(
 
 
 def _content(guess: LogGuess, written: Path | None) -> dict[str, Any]:
-    from dataclasses import asdict
-
     mapping = None if guess.mapping is None else guess.mapping.model_dump(exclude_unset=True)
     return {
         "file": guess.contents.source,
@@ -93,8 +92,6 @@ def _content(guess: LogGuess, written: Path | None) -> dict[str, Any]:
 
 
 def _summary(guess: LogGuess, written: Path | None) -> Summary:
-    from excite.cli.summary import Summary
-
     source, questions = guess.contents.source, len(guess.questions)
     if questions:
         verdict = f"{source}: {questions} question{'s' * (questions > 1)} to answer before it can be used"
@@ -126,8 +123,6 @@ def _next_step(guess: LogGuess, written: Path | None) -> str:
 
 
 def _print(guess: LogGuess, written: Path | None) -> None:
-    from regressors.quoting import printable
-
     lines = [f"{guess.contents.source}: {guess.contents.format}"]
     for one in guess.summaries:
         lines.append(f"  {one.stream}: {_rate(one)}")

@@ -60,8 +60,7 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     summaries=_COMMANDS,
     groups=_GROUPS,
     renamed={"campaign": "sweep"},
-    modules="excite.cli.{}_command",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    places="excite.cli.{}_command:command",
     epilog="""\b
 Start with:
   excite robots                          which robots are built in
@@ -82,6 +81,50 @@ Exit status: 0 done; 1 done, but the result does not meet what was asked;
 @click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version.")
 def cli() -> None:
     """Design motions that make a robot's dynamic parameters identifiable, within every limit of the robot."""
+
+
+cli.add_command(
+    LazyGroup(
+        name="friction",
+        summaries={
+            "plan": "Plan runs at constant speed, from which friction is measured.",
+            "fit": "Fit friction curves to logs of runs at constant speed.",
+        },
+        places="excite.cli.friction_command:{}",
+        help="""Measure a robot's friction on its own: plan the runs, fit the curves.
+
+    The curves are saved as a file that --friction-curves of 'excite design' and 'excite identify' takes, and
+    --friction of 'excite simulate'.""",
+    )
+)
+cli.add_command(
+    LazyGroup(
+        name="payload",
+        summaries={
+            "design": "Find a short motion in a small box that shows what the robot holds.",
+            "gains": "Calibrate the gains of the drives with a load of known mass.",
+            "identify": "Estimate mass, centre and inertia of what the robot holds.",
+        },
+        places="excite.cli.payload_command:{}",
+        help="Measure what a robot holds: mass, centre and inertia, in seconds, by its own joint torques or a wrist "
+        "sensor.",
+        epilog="""\b
+From an unknown gripper to the numbers of the controller:
+  excite payload design ur10e --box 0.2 --period 5 --out motion       the motion; play it without and with the load
+  excite payload gains ur10e --without bare.csv --with weight.csv --mass 2.5 --out gains.yaml        once, optional
+  excite payload identify ur10e --without bare.csv --with load.csv --gains gains.yaml --out payload  mass, ...""",
+    )
+)
+cli.add_command(
+    LazyGroup(
+        name="sweep",
+        summaries={"run": "Design every cell of a sweep file, or those that are left, and tabulate all."},
+        places="excite.cli.sweep_command:{}",
+        help="""Design for every combination of robots, models, families, criteria, limits and seeds that a file states.
+
+    'excite plan' is another thing: it proposes which drives to move in which motion.""",
+    )
+)
 
 
 def _fail(message: str, status: int) -> NoReturn:

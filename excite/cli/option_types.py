@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,19 @@ import click
 from click.shell_completion import CompletionItem
 
 from excite.registry import ADDRESS_FORMS, FIGURE_FORMATS, is_addressed, is_own
-from excite.tasks.mounts import MOUNTS
-from excite.tasks.values import AUTO, MARGINS, NONE, share_of
+from excite.tasks.values import AUTO, MARGINS, MOUNTS, NONE, share_of
 from regressors.errors import InputError
 from regressors.quantities import QUANTITIES, fault, number_of, shown, whole_number_of
 
+Words = Mapping[str, Any]  # what stands for another value than a number or a name
+ALL_OR_NONE: Words = {"all": True, NONE: False}
+
 
 class Value(click.ParamType[Any]):
-    """A value that `read` makes of what was typed; what that refuses by a `ValueError` is an error of the option."""
+    """A value that `read` makes of a text and its option's name; what that refuses is an error of the option."""
+
+    def __init__(self, name: str, read: Callable[[Any, str], Any]) -> None:
+        self.name, self.read = name, read
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert the text of the option."""
@@ -30,25 +35,22 @@ class Value(click.ParamType[Any]):
         except ValueError as error:
             self.fail(str(error), param, ctx)
 
-    def read(self, value: Any, name: str) -> Any:
-        """The value of the option of a name."""
-        raise NotImplementedError
-
 
 class Folder(Value):
     """A folder; an empty name, as from an unset variable, would mean the current folder and is refused."""
 
-    name = "folder"
+    def __init__(self) -> None:
+        super().__init__("folder", _folder)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Folders."""
         return [CompletionItem(incomplete, type="dir")]
 
-    def read(self, value: Any, name: str) -> Path:
-        """The path."""
-        if value == "":
-            raise ValueError("expected the name of a folder, given ''")
-        return Path(value)
+
+def _folder(value: Any, _: str) -> Path:
+    if value == "":
+        raise ValueError("expected the name of a folder, given ''")
+    return Path(value)
 
 
 class RobotName(click.ParamType[str]):
@@ -64,24 +66,11 @@ class RobotName(click.ParamType[str]):
         return [*names, CompletionItem(incomplete, type="file")]
 
 
-class OwnName(Value):
-    """A user-defined part as ``module:Name``."""
-
-    name = "own part"
-
-    def read(self, value: Any, name: str) -> str:
-        """The name."""
-        if not is_own(str(value)):
-            raise ValueError(f"expected MODULE:NAME, given {value!r}")
-        return str(value)
-
-
 class PartName(Value):
     """A built-in part of a kind by name, or, where that is allowed, a user-defined one as ``module:Name``."""
 
-    name = "part"
-
-    def __init__(self, kind: str, names: tuple[str, ...], *, own: bool = True) -> None:
+    def __init__(self, kind: str, names: tuple[str, ...] = (), *, own: bool = True) -> None:
+        super().__init__("part", self._part)
         self.kind, self.names, self.own = kind, names, own
         self.forms = (*names, *ADDRESS_FORMS.get(kind, ()))
 
@@ -93,389 +82,215 @@ class PartName(Value):
         """Built-in names that begin so."""
         return [CompletionItem(name) for name in self.names if name.startswith(incomplete)]
 
-    def read(self, value: Any, name: str) -> str:
-        """The name."""
+    def _part(self, value: Any, _: str) -> str:
         part = str(value)
-        if part not in self.names and not is_addressed(self.kind, part) and not (self.own and is_own(part)):
-            near = get_close_matches(part, self.names, 1)
-            meant = f"; did you mean {near[0]}?" if near else ""
-            own = ", nor module:Name of your own" if self.own else ""
-            raise ValueError(f"{value!r} is not one of {', '.join(self.forms)}{own}{meant}")
-        return part
+        if part in self.names or is_addressed(self.kind, part) or (self.own and is_own(part)):
+            return part
+        if not self.names:
+            raise ValueError(f"expected MODULE:NAME, given {value!r}")
+        near = get_close_matches(part, self.names, 1)
+        meant = f"; did you mean {near[0]}?" if near else ""
+        own = ", nor module:Name of your own" if self.own else ""
+        raise ValueError(f"{value!r} is not one of {', '.join(self.forms)}{own}{meant}")
 
 
 class Number(Value):
-    """One number within the range of its quantity, which is that of the option's name if none is given."""
+    """One number within the range of its quantity, which is that of the option's name if none is given, or a word."""
 
-    name = "number"
+    def __init__(self, quantity: str | None = None, words: Words | None = None, *, percent: bool = False) -> None:
+        super().__init__("number", self._number)
+        self.quantity, self.words, self.percent = quantity, words or {}, percent
 
-    def __init__(self, quantity: str | None = None) -> None:
-        self.quantity = quantity
-
-    def read(self, value: Any, name: str) -> Any:
-        """The number."""
-        quantity = self.quantity or name
-        number: float = _number_of(quantity, value) if isinstance(value, str) else value
-        return _within(quantity, [number])[0]
-
-
-class NumberOr(Number):
-    """One number, or a word that stands for none."""
-
-    def __init__(self, word: str, quantity: str | None = None) -> None:
-        super().__init__(quantity)
-        self.word = word
-
-    def read(self, value: Any, name: str) -> Any:
-        """The number, or the word."""
-        if value == self.word:
-            return value
+    def _number(self, value: Any, name: str) -> Any:
+        if isinstance(value, str) and value in self.words:
+            return self.words[value]
         quantity = self.quantity or name
         try:
             number = _number_of(quantity, value) if isinstance(value, str) else value
         except ValueError:
-            expected = "a whole number" if QUANTITIES[quantity].whole else "a number"
-            raise ValueError(f"expected {self.word} or {expected}, given {shown(value)}") from None
-        return super().read(number, name)
-
-
-class Delay(NumberOr):
-    """A time, or ``auto``, which is None."""
-
-    def read(self, value: Any, name: str) -> Any:
-        """The time."""
-        number = super().read(value, name)
-        return None if number == self.word else number
-
-
-class Percent(Number):
-    """A share that is given in per cent."""
-
-    def read(self, value: Any, name: str) -> float:
-        """The share."""
-        return float(super().read(value, name)) / 100
-
-
-class Share(Value):
-    """A number from 0 to 1."""
-
-    name = "share"
-
-    def read(self, value: Any, name: str) -> float:
-        """The number."""
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        if not 0.0 <= number <= 1.0:
-            raise ValueError(f"expected a number from 0 to 1, such as 0.05, given {str(value)[:40]!r}")
-        return number
+            if not self.words:
+                raise
+            kind = "a whole number" if QUANTITIES[quantity].whole else "a number"
+            raise ValueError(f"expected {', '.join(self.words)} or {kind}, given {shown(value)}") from None
+        (number,) = _within(quantity, [number])
+        return number / 100 if self.percent else number
 
 
 class Numbers(Value):
-    """One number for all joints, or one per joint, separated by commas."""
+    """One number for all joints, or one per joint, separated by commas; or a word."""
 
-    name = "numbers"
+    def __init__(
+        self, quantity: str | None = None, counts: tuple[int, ...] = (), words: Words | None = None, expected: str = ""
+    ) -> None:
+        super().__init__("numbers", self._numbers)
+        self.quantity, self.counts, self.words = quantity, counts, words or {}
+        self.expected = expected  # in place of a message on the numbers alone
 
-    def __init__(self, quantity: str | None = None) -> None:
-        self.quantity = quantity
-
-    def read(self, value: Any, name: str) -> Any:
-        """The numbers."""
+    def _numbers(self, value: Any, name: str) -> Any:
+        if isinstance(value, str) and value in self.words:
+            return self.words[value]
         if isinstance(value, tuple):
             return value
         try:
-            numbers = tuple(number_of(part) for part in str(value).split(","))
+            numbers = _within(self.quantity or name, _numbers_of(str(value)))
+            if self.counts and len(numbers) not in self.counts:
+                counts = " or ".join({3: "three", 6: "six"}[count] for count in self.counts)
+                raise ValueError(f"expected {counts} numbers separated by commas, given {shown(value)}")
         except ValueError:
-            raise ValueError(f"expected numbers separated by commas, such as 2.5,2,2, given {shown(value)}") from None
-        if not all(math.isfinite(number) for number in numbers):
-            raise ValueError(f"expected finite numbers, given {shown(value)}")
-        return _within(self.quantity or name, numbers)
-
-
-class Triple(Numbers):
-    """Three numbers separated by commas."""
-
-    name = "triple"
-
-    def read(self, value: Any, name: str) -> Any:
-        """The numbers."""
-        numbers = super().read(value, name)
-        if len(numbers) != 3:
-            raise ValueError(f"expected three numbers separated by commas, given {shown(value)}")
+            if not self.expected:
+                raise
+            raise ValueError(f"expected {self.expected}; given {shown(value)}") from None
         return numbers
 
 
-class FrameOption(Numbers):
-    """Origin of a frame, or origin and roll, pitch, yaw."""
-
-    name = "frame"
-
-    def read(self, value: Any, name: str) -> Any:
-        """Origin and angles."""
-        numbers = Numbers("sensor_xyz").read(value, name)
-        if len(numbers) not in (3, 6):
-            raise ValueError("expected X,Y,Z or X,Y,Z,ROLL,PITCH,YAW")
-        return numbers + (0.0,) * (6 - len(numbers))
-
-
-class Width(Numbers):
+class Size(Numbers):
     """A velocity or a distance, one of each drive, or ``auto``, which is None."""
 
-    name = "width"
+    def __init__(self, quantity: str | None = None) -> None:
+        super().__init__(quantity, words={AUTO: None})
 
-    def read(self, value: Any, name: str) -> Any:
-        """One number, or several."""
-        if value is None or value == AUTO:
-            return None
+    def _numbers(self, value: Any, name: str) -> Any:
         try:
-            numbers = super().read(value, name)
+            numbers = super()._numbers(str(value), name)
         except ValueError as error:
             raise ValueError(f"expected auto or a number; {error}") from None
-        return numbers if len(numbers) > 1 else numbers[0]
+        return numbers[0] if numbers is not None and len(numbers) == 1 else numbers
 
 
-class Pose(Value):
-    """A number for every joint, separated by commas, or a word: ``robot`` for the pose in the robot's file."""
+class Sides(Value):
+    """Pairs LOWER:UPPER, separated by commas; for a box three, of which either number may be left out."""
 
-    name = "pose"
+    def __init__(self, quantity: str, form: str, *, box: bool = False, widths: bool = False) -> None:
+        super().__init__("box" if box else "ranges", self._widths if widths else self._sides)
+        self.quantity, self.form, self.box = quantity, form, box
 
-    def read(self, value: Any, name: str) -> Any:
-        """The numbers, or the word."""
-        return value if value == "robot" else Numbers("home").read(value, name)
-
-
-class PoseOrFound(Value):
-    """A number for every joint, separated by commas, or ``found``, which is None."""
-
-    name = "pose"
-
-    def read(self, value: Any, name: str) -> Any:
-        """The numbers."""
-        return None if value == "found" else Numbers("pose").read(value, name)
-
-
-class Margin(Value):
-    """A part of a limit, ``auto`` or ``none``."""
-
-    name = "margin"
-
-    def read(self, value: Any, name: str) -> float | str:
-        """The number, or the word."""
-        if value in MARGINS:
-            return str(value)
-        try:
-            number = number_of(str(value))
-        except ValueError:
-            expected = f"expected a number such as 0.2, {' or '.join(MARGINS)}"
-            raise ValueError(f"{expected}; given {shown(value)}") from None
-        return _within(name, [number])[0]
-
-
-class Mount(Value):
-    """How a base is mounted: a name, or three angles."""
-
-    name = "mount"
-
-    def read(self, value: Any, name: str) -> Any:
-        """The name, or the angles."""
-        if value in MOUNTS:
-            return str(value)
-        try:
-            return Triple("mount").read(value, name)
-        except ValueError:
-            expected = f"expected {', '.join(MOUNTS)}, or roll, pitch, yaw [rad]"
-            raise ValueError(f"{expected}; given {shown(value)}") from None
-
-
-class PayloadOption(Value):
-    """Numbers of a payload, or the name of a file."""
-
-    name = "payload"
-
-    def read(self, value: Any, name: str) -> Any:
-        """The numbers, or the name."""
-        return Numbers("payload").read(value, name) if isinstance(value, tuple) or "," in str(value) else str(value)
-
-
-class Ranges(Value):
-    """One range LOWER:UPPER per joint, separated by commas."""
-
-    name = "ranges"
-
-    def read(self, value: Any, name: str) -> Any:
-        """Lower and upper bounds."""
-        if isinstance(value, tuple):
-            return value
-        try:
-            pairs = tuple(tuple(number_of(part) for part in pair.split(":")) for pair in str(value).split(","))
-        except ValueError:
-            pairs = ()
-        if not pairs or any(len(pair) != 2 or not all(map(math.isfinite, pair)) for pair in pairs):
-            raise ValueError(f"expected LOWER:UPPER per joint, such as -1:1,-2:0.5; given {shown(value)}")
-        _within("position", (bound for pair in pairs for bound in pair))
-        return pairs
-
-
-class Box(Value):
-    """Lower and upper bound of x, y, z; either may be left out."""
-
-    name = "box"
-
-    def read(self, value: Any, name: str) -> Any:
-        """Lower and upper bounds, None for none."""
+    def _sides(self, value: Any, _: str) -> Any:
         if isinstance(value, tuple):
             return value
         try:
             sides = tuple(
-                tuple(number_of(part) if part.strip() else None for part in side.split(":"))
+                tuple(None if self.box and not part.strip() else number_of(part) for part in side.split(":"))
                 for side in str(value).split(",")
             )
         except ValueError:
             sides = ()
-        numbers = [part for side in sides for part in side if part is not None]
-        if len(sides) != 3 or any(len(side) != 2 for side in sides) or not all(map(math.isfinite, numbers)):
-            raise ValueError(f"expected L:U for x, y and z, such as -1:1,-1:1,0: ; given {shown(value)}")
-        _within("tool_box", numbers)
+        numbers = [number for side in sides for number in side if number is not None]
+        right = len(sides) == 3 if self.box else bool(sides)
+        if not right or any(len(side) != 2 for side in sides) or not all(map(math.isfinite, numbers)):
+            raise ValueError(f"expected {self.form}; given {shown(value)}")
+        _within(self.quantity, numbers)
         return sides
 
-
-class BoxOrSides(Box):
-    """One side for all of x, y, z, three sides, or lower and upper bound of each."""
-
-    def read(self, value: Any, name: str) -> Any:
-        """Three sides, or bounds."""
+    def _widths(self, value: Any, name: str) -> Any:
+        """One side for all of x, y, z, three sides, or bounds."""
         if isinstance(value, tuple) or ":" in str(value):
-            return super().read(value, name)
-        sides = Numbers("tool_box").read(value, name)
+            return self._sides(value, name)
+        sides = _within(self.quantity, _numbers_of(str(value)))
         if len(sides) not in (1, 3) or not all(side > 0 for side in sides):
             raise ValueError("expected one side greater than zero, three, or L:U,L:U,L:U")
         return sides * (3 // len(sides))
 
 
-class PriorOption(Value):
-    """Prior knowledge of parameters: one relative uncertainty, or a file."""
-
-    name = "prior"
-
-    def read(self, value: Any, name: str) -> Any:
-        """The number, or the content of the file."""
-        if not isinstance(value, str):
-            return value
-        try:
-            number = number_of(value)
-        except ValueError:
-            from excite.files.robot_yaml import read_prior
-
-            return read_prior(Path(value))
-        if not (math.isfinite(number) and number > 0.0):
-            raise ValueError(f"expected a relative uncertainty greater than zero, or a file, given {shown(value)}")
-        return _within("prior", [number])[0]
-
-
-class PrecisionOption(Value):
-    """A precision: a share, in per cent or as a number, or a file."""
-
-    name = "precision"
-
-    def read(self, value: Any, name: str) -> Any:
-        """The share, or the content of the file."""
-        if not isinstance(value, str):
-            return value
-        try:
-            share = share_of(value)
-        except ValueError:
-            from excite.files.precision_target_file import read_precision_target
-
-            return read_precision_target(Path(value))
-        return _within("precision", [share])[0]
-
-
-class ImpactOption(Value):
-    """``JOINT:TIME:TORQUE``, or ``JOINT:TIME:TORQUE:DURATION``."""
-
-    name = "impact"
-
-    def read(self, value: Any, name: str) -> Any:
-        """The impact."""
-        from excite.simulation.impact_pulse import ImpactPulse
-
-        joint, *numbers = str(value).split(":")
-        try:
-            given = [number_of(number) for number in numbers]
-        except ValueError:
-            given = []
-        if not joint or len(given) not in (2, 3):
-            raise ValueError(
-                "expected JOINT:TIME:TORQUE or JOINT:TIME:TORQUE:DURATION, such as q2:3.5:200 for 200 Nm at 3.5 s; "
-                f"given {shown(value)}"
-            )
-        return ImpactPulse(joint, *given)
+_BOX = ("tool_box", "L:U for x, y and z, such as -1:1,-1:1,0: ")
+RANGES = Sides("position", "LOWER:UPPER per joint, such as -1:1,-2:0.5")
+BOX = Sides(*_BOX, box=True)
+BOX_OR_SIDES = Sides(*_BOX, box=True, widths=True)
+MOUNT = Numbers(
+    counts=(3,), words={name: name for name in MOUNTS}, expected=f"{', '.join(MOUNTS)}, or roll, pitch, yaw [rad]"
+)
+MARGIN = Number(words={name: name for name in MARGINS})
 
 
 class Names(Value):
-    """Names or numbers separated by commas."""
+    """Names or numbers separated by commas, all of them known ones if these are stated; or a word."""
 
-    name = "names"
+    def __init__(self, words: Words | None = None, known: tuple[str, ...] = ()) -> None:
+        super().__init__("names", self._names)
+        self.words, self.known = words or {}, known
 
-    def read(self, value: Any, name: str) -> tuple[str, ...]:
-        """The names."""
-        if isinstance(value, tuple):
+    def _names(self, value: Any, _: str) -> Any:
+        if isinstance(value, bool | tuple):
             return value
-        names = tuple(part.strip() for part in str(value).split(","))
+        if (text := str(value).strip()) in self.words:
+            return self.words[text]
+        names = tuple(part.strip() for part in text.split(","))
+        if self.known:
+            names = tuple(dict.fromkeys(name.replace("-", "_") for name in names))
+            for name in names:
+                if name not in self.known:
+                    raise ValueError(
+                        f"expected {', '.join(self.words)}, or some of {', '.join(self.known)} separated by commas; "
+                        f"given {value!r}"
+                    )
         if not all(names):
             raise ValueError(f"expected names or numbers separated by commas, such as 1,3; given {value!r}")
         return names
 
 
-class DriveNames(Names):
-    """All, none, or names or numbers of drives separated by commas."""
-
-    name = "drives"
-
-    def read(self, value: Any, name: str) -> Any:
-        """True, False, or the names."""
-        if isinstance(value, bool | tuple):
-            return value
-        text = str(value).strip()
-        return text == "all" if text in ("all", NONE) else super().read(text, name)
+FORMATS = Names({NONE: ()}, FIGURE_FORMATS)
 
 
-class SettingNames(Value):
-    """Names of settings separated by commas, ``all`` or ``none``."""
-
-    name = "settings"
-
-    def __init__(self, known: tuple[str, ...]) -> None:
-        self.known = known
-
-    def read(self, value: Any, name: str) -> bool | tuple[str, ...]:
-        """True, False, or the names."""
-        if value in ("all", NONE):
-            return bool(value == "all")
-        names = tuple(part.strip().replace("-", "_") for part in str(value).split(","))
-        for each in names:
-            if each not in self.known:
-                raise ValueError(f"expected all, none, or some of {', '.join(self.known)}; given {each!r}")
-        return names
+def _payload(value: Any, name: str) -> Any:
+    """Numbers of a payload, or the name of a file."""
+    return Numbers("payload").read(value, name) if isinstance(value, tuple) or "," in str(value) else str(value)
 
 
-class Formats(Value):
-    """Formats of figures separated by commas, or ``none``."""
+def _prior(value: Any, _: str) -> Any:
+    """One relative uncertainty, or what a file of prior knowledge holds."""
+    if not isinstance(value, str):
+        return value
+    try:
+        number = number_of(value)
+    except ValueError:
+        from excite.tasks.prior_file import read_prior
 
-    name = "formats"
+        return read_prior(Path(value))
+    if not (math.isfinite(number) and number > 0.0):
+        raise ValueError(f"expected a relative uncertainty greater than zero, or a file, given {shown(value)}")
+    return _within("prior", [number])[0]
 
-    def read(self, value: Any, name: str) -> tuple[str, ...]:
-        """The formats."""
-        if isinstance(value, tuple):
-            return value
-        names = [part.strip() for part in str(value).split(",")]
-        if names == [NONE]:
-            return ()
-        if any(each not in FIGURE_FORMATS for each in names):
-            known = ", ".join(FIGURE_FORMATS)
-            raise ValueError(f"expected none, or some of {known} separated by commas; given {value!r}")
-        return tuple(dict.fromkeys(names))
+
+def _precision(value: Any, _: str) -> Any:
+    """A share, in per cent or as a number, or what a file holds."""
+    if not isinstance(value, str):
+        return value
+    try:
+        share = share_of(value)
+    except ValueError:
+        from excite.design.task_motion_file import read_precision_target
+
+        return read_precision_target(Path(value))
+    return _within("precision", [share])[0]
+
+
+def _impact(value: Any, _: str) -> Any:
+    """``JOINT:TIME:TORQUE``, or ``JOINT:TIME:TORQUE:DURATION``."""
+    from excite.simulation.settings import ImpactPulse
+
+    joint, *numbers = str(value).split(":")
+    try:
+        given = [number_of(number) for number in numbers]
+    except ValueError:
+        given = []
+    if not joint or len(given) not in (2, 3):
+        raise ValueError(
+            "expected JOINT:TIME:TORQUE or JOINT:TIME:TORQUE:DURATION, such as q2:3.5:200 for 200 Nm at 3.5 s; "
+            f"given {shown(value)}"
+        )
+    return ImpactPulse(joint, *given)
+
+
+PAYLOAD, PRIOR, PRECISION, IMPACT = (Value(read.__name__[1:], read) for read in (_payload, _prior, _precision, _impact))
+
+
+def _numbers_of(text: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(map(number_of, text.split(",")))
+    except ValueError:
+        raise ValueError(f"expected numbers separated by commas, such as 2.5,2,2, given {shown(text)}") from None
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError(f"expected finite numbers, given {shown(text)}")
+    return numbers
 
 
 def _number_of(quantity: str, text: str) -> float:

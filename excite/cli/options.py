@@ -6,13 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+import excite
 from excite.cli.command import FurtherOption
-from excite.cli.option_types import Formats, Number, OwnName, PartName
+from excite.cli.option_types import FORMATS, Number, PartName
+from excite.cli.sign_of_life import tell
 from excite.registry import CONVENTIONS, DROPPABLE, EXECUTORS, FIGURE_WIDTHS
+
+if TYPE_CHECKING:
+    from constraints.collision.geometry import World
 
 Command = Callable[..., Any]
 
@@ -50,6 +55,25 @@ def robot_file_of(given: Mapping[str, Any]) -> dict[str, Any]:
     return {"base_link": given["base_link"], "tip": given["tip"], **read}
 
 
+def robot_file_typed(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of how the file of a robot is read that are given, as keys of a task."""
+    names = ("base_link", "tip", "snap_angles", "xacro")
+    return {name: given[name] for name in names if given[name] is not None}
+
+
+def task_file_option(text: str) -> Callable[[Command], Command]:
+    """A task file; options that are given win over it."""
+    return click.option("--task", "task_file", type=click.Path(path_type=Path), metavar="FILE", help=text)
+
+
+def world_of(robot: str, given: Mapping[str, Any]) -> World | None:
+    """The world that ``--world`` names, with the shape of a robot."""
+    if given["world"] is None:
+        return None
+    read = robot_file_of(given)
+    return excite.read_world(given["world"], robot, read["base_link"], read["tip"], snap_angles=read["snap_angles"])
+
+
 def executor_options(where: str, processes: str) -> Callable[[Command], Command]:
     """Where the work of a command runs, and in how many processes."""
     kind = PartName("executor", EXECUTORS, own=False)
@@ -65,7 +89,7 @@ own_parts = click.option(
     "--part",
     "parts",
     cls=FurtherOption,
-    type=OwnName(),
+    type=PartName("own part"),
     multiple=True,
     metavar="MODULE:NAME",
     help="Part of your own to import where a file of results names it; repeatable.",
@@ -102,6 +126,13 @@ class FigureChoice:
         """Arguments of the functions that write figures."""
         return {"formats": self.formats, "width": self.width}
 
+    def write(self, result: Any, folder: Path) -> list[Path]:
+        """Draw a result into its folder, where figures are asked for."""
+        if not self.formats:
+            return []
+        tell("drawing")
+        return excite.write_figures(result, folder, **self.how)
+
 
 def figure_options(default: str = "png") -> Callable[[Command], Command]:
     """Decorator that gives a command the options of figures, and one argument ``figures``, a `FigureChoice`.
@@ -126,7 +157,7 @@ def figure_options(default: str = "png") -> Callable[[Command], Command]:
             click.option(
                 "--figures",
                 cls=FurtherOption,
-                type=Formats(),
+                type=FORMATS,
                 default=default,
                 metavar="png|pdf|svg|none",
                 help="Formats of the figures; several separated by commas.",

@@ -7,7 +7,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,7 +19,7 @@ from excite.cli.terminal import can_move
 if TYPE_CHECKING:
     from excite.design.kept_starts import KeptStarts
     from excite.design.start_results import StartResult
-    from excite.sweeps.run_sweep import CellProgress
+    from excite.design.sweeps.run_sweep import CellProgress
 
 _MANY = 100  # starts above which a line comes before the first of them has ended
 _BETWEEN = 2.0  # seconds between two lines of a simulation
@@ -27,35 +28,42 @@ _BETWEEN = 2.0  # seconds between two lines of a simulation
 @contextmanager
 def progress_of_starts(kept: KeptStarts) -> Iterator[Callable[[StartResult], None]]:
     """Report finished starts and the best value so far."""
-    total, done = kept.count, len(kept.done)
     if verbosity().quiet:
         yield lambda _: None
-        return
-    if verbosity().verbose or not can_move(sys.stderr):
+    elif verbosity().verbose or not can_move(sys.stderr):
         yield _lines(kept)
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    else:
+        best, done = kept.best, len(kept.done)
+        text, shown = "starts, best {task.fields[best]}", f"{best:.4g}" if done else "-"
+        with _bar(text, total=kept.count, completed=done, best=shown) as update:
+
+            def report(result: StartResult) -> None:
+                nonlocal best
+                best = min(best, result.value)
+                update(advance=1, best=f"{best:.4g}")
+
+            yield report
+
+
+@contextmanager
+def _bar(text: str, *, remaining: bool = False, **first: Any) -> Iterator[Callable[..., None]]:
+    """A bar on a terminal; what is yielded moves it."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     from excite.cli.literal_console import console_of_progress
 
-    columns = (
-        TextColumn("designing"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("starts, best {task.fields[best]}"),
-        TimeElapsedColumn(),
-    )
     something_is_shown()
+    left = (TextColumn("left"), TimeRemainingColumn()) if remaining else ()
+    columns = (TextColumn("designing"), BarColumn(), MofNCompleteColumn(), TextColumn(text), TimeElapsedColumn(), *left)
     with Progress(*columns, console=console_of_progress()) as bar:
-        best = kept.best
-        task = bar.add_task("starts", total=total, completed=done, best=f"{best:.4g}" if done else "-")
-
-        def report(result: StartResult) -> None:
-            nonlocal best, done
-            best, done = min(best, result.value), done + 1
-            bar.update(task, advance=1, best=f"{best:.4g}")
-
-        yield report
+        yield partial(bar.update, bar.add_task("", **first))
 
 
 def _lines(kept: KeptStarts) -> Callable[[StartResult], None]:
@@ -83,32 +91,14 @@ def progress_of_cells() -> Iterator[tuple[Callable[[int, int], None], Callable[[
     """Report finished cells of a campaign, in lines at most every two seconds where there is no terminal."""
     if verbosity().quiet:
         yield (lambda _, __: None), (lambda _: None)
-        return
-    if verbosity().verbose or not can_move(sys.stderr):
+    elif verbosity().verbose or not can_move(sys.stderr):
         yield (lambda _, left: say(f"excite: {left} cells to run") if left else None), _lines_of_cells()
-        return
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    from excite.cli.literal_console import console_of_progress
-
-    columns = (
-        TextColumn("designing"), BarColumn(), MofNCompleteColumn(), TextColumn("cells, last {task.fields[last]}"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-    )  # fmt: skip
-    something_is_shown()
-    with Progress(*columns, console=console_of_progress()) as bar:
-        task = bar.add_task("cells", total=None, last="-")
-        yield (
-            lambda done, left: bar.update(task, total=done + left, completed=done),
-            lambda ended: bar.update(task, completed=ended.done, last=_of_cell(ended)),
-        )
+    else:
+        with _bar("cells, last {task.fields[last]}", remaining=True, total=None, last="-") as update:
+            yield (
+                lambda done, left: update(total=done + left, completed=done),
+                lambda ended: update(completed=ended.done, last=_of_cell(ended)),
+            )
 
 
 def _of_cell(ended: CellProgress) -> str:

@@ -6,9 +6,12 @@ from pathlib import Path
 
 import click
 
+import excite
 from excite.cli.command import Command
 from excite.cli.option_types import Folder
 from excite.cli.options import own_parts
+from excite.cli.sign_of_life import tell
+from excite.cli.summary import Summary, show
 
 _GROUPS = {"Robot": ("robot_file",)}
 
@@ -56,10 +59,6 @@ def command(
     force: bool,
 ) -> None:
     """Write one HTML page on what is in each DIR: designs, results, friction, studies; or in JSON files."""
-    import excite
-    from excite.cli.sign_of_life import tell
-    from excite.cli.summary import Summary, show
-
     tell("writing the page")
     page = excite.write_report(paths, out, replace=force, robot_file=robot_file, part=parts)
     size = page.stat().st_size

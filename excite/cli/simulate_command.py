@@ -17,11 +17,7 @@ from excite.simulation.settings import SimulationSettings
 from regressors.quantities import number_of
 
 if TYPE_CHECKING:
-    from excite.cli.summary import Summary
     from excite.simulation.simulation import Simulation
-
-_NEGLIGIBLE = 1e-4  # tracking error over the range of motion
-
 
 _GROUPS = {
     "Motion": ("trajectory", "approach_and_return", "beyond_limits", "periods"),
@@ -145,10 +141,12 @@ def command(
     from excite.cli.progress import progress_of_samples
     from excite.cli.sign_of_life import tell
     from excite.cli.summary import show
+    from excite.cli.view_text import print_view, view_summary
     from excite.errors import LostMotionError
-    from excite.files.simulation_files import paths_of
     from excite.simulation.simulate import motion_source
+    from excite.simulation.simulation_files import paths_of
     from excite.storage.result_folder import result_file
+    from excite.views.simulation_view import simulation_view
 
     if ways is not None:
         remark("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form")
@@ -174,17 +172,20 @@ def command(
     except LostMotionError as error:
         say(f"excite: {in_options(str(error))}")
         sys.exit(NOT_HELD)
+    view = simulation_view(simulation)
+    steps = [f"excite identify ROBOT {files[0]} --out DIR"] if simulation.outcome.holds else []
+    all_in = next((file.name for file in files if file.suffix == ".json"), None)
     show(
-        _summary(simulation, files),
+        view_summary(view, files, steps, all_in),
         lambda: {"out": str(out), **_content(simulation, files)},
-        lambda: _print(simulation, files),
+        lambda: print_view(view, files),
     )
     sys.exit(0 if simulation.outcome.holds else NOT_HELD)
 
 
 def _payload(text: str) -> Any:
     """Load from ten numbers, or the name of a file."""
-    from excite.simulation.payload import Payload
+    from excite.tasks.payload import Payload
 
     try:
         numbers = [number_of(part) for part in text.split(",")]
@@ -212,87 +213,3 @@ def _content(simulation: Simulation, files: list[Path]) -> dict[str, Any]:
         "energy_residual": float(simulation.energy_residual),
         "notes": [*simulation.outcome.notes, *simulation.notes],
     }
-
-
-def _summary(simulation: Simulation, files: list[Path]) -> Summary:
-    from excite.cli.summary import Summary, compact_table, some_of
-
-    samples, settings, outcome = simulation.run.samples, simulation.settings, simulation.outcome
-    run = f"{samples.time[-1]:g} s of {simulation.robot.name}"
-    if outcome.holds:
-        verdict = f"Simulated {run}: the motion was followed{_tracking_text(simulation)}"
-    else:
-        verdict = f"Simulated {run}, but the motion does not hold: {some_of(outcome.failures)}"
-    rows = [
-        (use.label, f"{use.peak:.4g}", f"{use.limit:.4g}", f"{100 * use.peak / use.limit:.1f} %", str(use.saturated))
-        for use in sorted(simulation.torques, key=lambda use: -use.peak / use.limit)
-    ]
-    return Summary(
-        verdict=verdict,
-        holds=outcome.holds,
-        facts=[
-            f"{samples.time.size} samples at {settings.rate:g} Hz; {settings.controller} of {settings.bandwidth:g} Hz, "
-            f"seed {settings.seed}",
-            *compact_table("torque limit of", "peak", "limit", "used", "samples at the limit", rows=rows, most=7),
-        ],
-        notes=(*outcome.notes, *simulation.notes),
-        files=files,
-        next_steps=[f"excite identify ROBOT {files[0]} --out DIR"] if outcome.holds else [],
-        all_in=next((file.name for file in files if file.suffix == ".json"), None),
-    )
-
-
-def _tracking_text(simulation: Simulation) -> str:
-    tracking = simulation.outcome.tracking
-    if not tracking:
-        return ""
-    worst = max(tracking, key=lambda each: each.relative)
-    if worst.relative < _NEGLIGIBLE:
-        return f" within {100 * _NEGLIGIBLE:g} % of its range of motion"
-    deviation = f"{worst.joint}: {worst.error:.2g} {worst.unit}"
-    return f" within {100 * worst.relative:.2g} % of its range of motion ({deviation})"
-
-
-def _print(simulation: Simulation, files: list[Path]) -> None:
-    import numpy as np
-    from rich.table import Table
-    from rich.text import Text
-
-    from excite.cli.literal_console import console
-    from excite.cli.messages import in_options
-
-    out = console()
-    samples, error = simulation.run.samples, simulation.tracking_error
-    out.print(
-        Text("\n").append(simulation.robot.name, style="bold"),
-        f": {samples.time[-1]:g} s of motion, {samples.time.size} samples at {simulation.settings.rate:g} Hz, "
-        f"{simulation.settings.controller} at {simulation.settings.bandwidth:g} Hz, seed {simulation.settings.seed}",
-        sep="",
-        soft_wrap=True,
-    )
-    table = Table(title="tracking error", title_justify="left")
-    for heading in ("joint", "largest", "rms", "unit"):
-        table.add_column(heading, justify="right" if heading in ("largest", "rms") else "left")
-    for joint, column in zip(simulation.robot.joints, error.T, strict=True):
-        rms = float(np.sqrt(np.mean(column**2)))
-        table.add_row(joint.name, f"{float(np.abs(column).max()):.3g}", f"{rms:.3g}", joint.unit)
-    out.print(table)
-    if simulation.torques:
-        table = Table(title="commanded torques", title_justify="left")
-        for heading in ("limit of", "peak", "limit", "used", "saturated samples"):
-            table.add_column(heading, justify="left" if heading == "limit of" else "right")
-        for use in simulation.torques:
-            part = f"{100 * use.peak / use.limit:.1f} %"
-            table.add_row(use.label, f"{use.peak:.4g}", f"{use.limit:.4g}", part, str(use.saturated))
-        out.print(table)
-    run = simulation.run
-    out.print(
-        f"energy: the torques did {run.work[-1]:.4g} J of work, friction took {run.loss[-1]:.4g} J; "
-        f"the balance closes to {simulation.energy_residual:.2g} J",
-        soft_wrap=True,
-    )
-    for note in (*simulation.outcome.notes, *simulation.notes):
-        out.print(f"note: {in_options(note)}", soft_wrap=True)
-    for failure in simulation.outcome.failures:
-        out.print(Text(f"does not hold: {in_options(failure)}", style="bold red"), soft_wrap=True)
-    out.print(f"written: {', '.join(map(str, files))}", soft_wrap=True)

@@ -18,7 +18,7 @@ from excite.cli.messages import in_options
 from excite.cli.sign_of_life import be_quiet, clear_line
 
 _LEVELS = {
-    "excite.estimates": logging.INFO, "excite.study": logging.INFO, "regressors.input_files": logging.DEBUG
+    "excite.storage": logging.INFO, "excite.study": logging.INFO, "regressors.input_files": logging.DEBUG
 }  # fmt: skip
 _WITH_LINES = ("excite", "regressors.input_files")
 

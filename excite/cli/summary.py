@@ -8,23 +8,21 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+from rich.table import Table
+from rich.text import Text
 
+from excite.cli.literal_console import LiteralConsole, console
 from excite.cli.messages import in_options
 from excite.cli.sign_of_life import something_is_shown
 from excite.cli.streams import verbosity
 from regressors.quoting import one_line
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from excite.cli.literal_console import LiteralConsole
 
 _LINES, _COLUMNS = 24, 100
 _FIGURE, _ALIKE = "figure", 4
@@ -64,10 +62,6 @@ def _with_verdict(content: Any, verdict: str) -> Any:
 
 
 def _print_text(summary: Summary, details: Callable[[], None] | None) -> None:
-    from rich.text import Text
-
-    from excite.cli.literal_console import console
-
     out = console()
     width = min(out.width, _COLUMNS) if sys.stdout.isatty() else _COLUMNS
     for line in _wrapped(summary.verdict, width, ""):
@@ -156,16 +150,8 @@ def _next(step: str, width: int) -> list[str]:
     return [*(f"{line} \\" for line in lines), last]
 
 
-def some_of(names: Sequence[str], most: int = 3) -> str:
-    """The first of some names, and how many there are beside them."""
-    more = len(names) - most
-    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
-
-
 def compact_table(*headings: str, rows: Sequence[Sequence[str]], left: int = 1, most: int = 8) -> list[str | Table]:
     """A table without rules, and how many rows it leaves out; nothing where there are no rows."""
-    from rich.table import Table
-
     if not rows:
         return []
     table = Table(box=None, pad_edge=False)
@@ -175,3 +161,13 @@ def compact_table(*headings: str, rows: Sequence[Sequence[str]], left: int = 1, 
         table.add_row(*row)
     more = len(rows) - most
     return [table, *([f"... and {more} more"] if more > 0 else [])]
+
+
+def print_table(title: str | None, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table of texts."""
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        table.add_column(heading, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    console().print(table)

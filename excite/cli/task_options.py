@@ -11,25 +11,21 @@ from click.core import ParameterSource
 
 from excite.cli.command import FurtherOption
 from excite.cli.option_types import (
-    Box,
-    Delay,
-    DriveNames,
-    ImpactOption,
-    Margin,
-    Mount,
+    ALL_OR_NONE,
+    BOX,
+    BOX_OR_SIDES,
+    IMPACT,
+    MARGIN,
+    MOUNT,
+    PAYLOAD,
+    PRECISION,
+    PRIOR,
+    RANGES,
     Names,
     Number,
-    NumberOr,
     Numbers,
     PartName,
-    PayloadOption,
-    Percent,
-    Pose,
-    PrecisionOption,
-    PriorOption,
-    Ranges,
-    Triple,
-    Width,
+    Size,
 )
 from excite.registry import BUILT_IN
 from excite.tasks.option import Kind, Option, options_of
@@ -40,31 +36,33 @@ Command = Callable[..., Any]
 _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
     "integer": Number,
     "number": Number,
-    "count": lambda quantity: NumberOr(AUTO, quantity),
+    "count": lambda quantity: Number(quantity, {AUTO: AUTO}),
     "numbers": Numbers,
-    "triple": Triple,
+    "triple": lambda quantity: Numbers(quantity, (3,)),
+    "frame": lambda quantity: Numbers(quantity, (3, 6)),
     "poses": Numbers,
-    "distance": lambda quantity: NumberOr(AUTO, quantity),
-    "time": lambda quantity: Delay(AUTO, quantity),
-    "size": Width,
-    "percent": Percent,
+    "distance": lambda quantity: Number(quantity, {AUTO: AUTO}),
+    "time": lambda quantity: Number(quantity, {AUTO: None}),
+    "size": Size,
+    "percent": lambda quantity: Number(quantity, percent=True),
 }
 _SEVERAL = ("poses", "folders", "impacts")
 _TYPES: dict[Kind, Any] = {
-    "ranges": Ranges(),
-    "box": Box(),
-    "pose": Pose(),
+    "ranges": RANGES,
+    "box": BOX,
+    "sides": BOX_OR_SIDES,
+    "pose": Numbers("home", words={"robot": "robot"}),
     "names": Names(),
     "text": str,
     "file": str,
-    "prior": PriorOption(),
-    "margin": Margin(),
-    "mount": Mount(),
-    "payload": PayloadOption(),
-    "drives": DriveNames(),
+    "prior": PRIOR,
+    "margin": MARGIN,
+    "mount": MOUNT,
+    "payload": PAYLOAD,
+    "drives": Names(ALL_OR_NONE),
     "folders": Names(),
-    "precision": PrecisionOption(),
-    "impacts": ImpactOption(),
+    "precision": PRECISION,
+    "impacts": IMPACT,
 }
 
 
@@ -116,7 +114,7 @@ def flag_of(name: str, option: Option) -> str:
 
 
 def _click_option(name: str, default: Any, option: Option) -> Callable[[Command], Command]:
-    text = option.help if option.unset is None else f"{option.help}  [default: {option.unset}]"
+    text = option.described(name) + (f"  [default: {option.unset}]" if option.unset is not None else "")
     shared: dict[str, Any] = {"cls": click.Option if option.essential else FurtherOption, "help": text}
     default = None if option.unset is not None else default
     if option.kind == "flag" or "/" in (option.flag or ""):
@@ -155,9 +153,18 @@ def _all_of(ctx: click.Context, param: click.Parameter, value: tuple[tuple[str, 
 def _type(name: str, option: Option) -> Any:
     if option.part is not None:
         return PartName(option.part, tuple(BUILT_IN[option.part]))
+    if option.word is not None:
+        return Numbers(option.quantity or name, words={option.word: None})
     if option.kind in _OF_QUANTITIES:
         return _OF_QUANTITIES[option.kind](option.quantity or name)
     return click.Choice(option.choices) if option.choices else _TYPES[option.kind]
+
+
+def check_not_typed(ctx: click.Context, names: Iterable[str], why: str) -> None:
+    """Refuse options of another use of a command, with the reason."""
+    for param in (each for each in ctx.command.params if each.name in set(names)):
+        if ctx.get_parameter_source(str(param.name)) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"{param.opts[-1]} {why}")
 
 
 def typed_options(ctx: click.Context, *settings: type) -> dict[str, Any]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from constraints.bounds.certificate import LimitUse
+from constraints.bounds.enclosure import uses_of
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
-from excite.design.motion_limits import uses_of
+from excite.storage.codec import record_of
 from excite.tasks.task import Task
 from excite.trajectories.detours import detour
 from excite.trajectories.sequence import APPROACH, EXCITE, RETURN, Motion, MotionSequence, Piece, Rest, whole_pose
@@ -20,6 +22,7 @@ from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
+_SAME = 1e-6  # rad or m: poses that are written and read again
 _SLOWEST = 30.0  # times the shortest duration: if that does not help, slower transfers do not either
 
 
@@ -44,6 +47,29 @@ class ApproachAndReturn:
     settle: int
     rate: float
     limits: dict[str, tuple[LimitUse, ...]]
+
+    @classmethod
+    def of(cls, played: Mapping[str, Any]) -> ApproachAndReturn | None:
+        """Those that the entry ``played`` of a ``design.json`` describes; None where it has none."""
+        rate = float(played["rate"])
+        transfers = {name: Transfer.of(played[name]) for name in (APPROACH, RETURN) if name in played}
+        if not transfers:
+            return None
+        spans = {each["name"]: float(each["end"]) - float(each["start"]) for each in played["segments"]}
+        settle = max(round((spans[name] - transfer.duration) * rate) for name, transfer in transfers.items())
+        return cls(transfers.get(APPROACH), transfers.get(RETURN), settle, rate, stated_on_transfers(played))
+
+    def check_joined(self, ends: Array) -> None:
+        """Raise `InputError` where they do not meet the motion."""  # ends (2, n)
+        meets = {APPROACH: (-1, ends[0]), RETURN: (0, ends[1])}
+        for name, transfer in self.transfers.items():
+            place, pose = meets[name]
+            gap = float(np.abs(transfer.poses[place] - pose).max())
+            if not gap <= _SAME:
+                raise InputError(
+                    f"the {name} does not meet the motion, by {gap:.3g} rad (m): the entry 'trajectory' or 'played' "
+                    "was changed after the design was written; restore the file, or design the motion again"
+                )
 
     @property
     def transfers(self) -> dict[str, Transfer]:
@@ -98,6 +124,12 @@ class ApproachAndReturn:
         moving = Piece(segment, transfer, round(transfer.duration * self.rate))
         rest = Piece(segment, Rest(pose, self.settle / self.rate), self.settle)
         return [moving, rest] if self.settle else [moving]
+
+
+def stated_on_transfers(played: Mapping[str, Any]) -> dict[str, tuple[LimitUse, ...]]:
+    """Limits on approach and return that a ``design.json`` states, per segment."""
+    there = [name for name in (APPROACH, RETURN) if name in played]
+    return {name: tuple(record_of(LimitUse, use, {}) for use in played[name]["limits"]) for name in there}
 
 
 def approach_and_return(

@@ -10,10 +10,9 @@ import numpy as np
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_limits import GridLimits
-from excite.design.imposed_limits import nonlinear_limits
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import InitialGuess, Problem, SmoothObjective
-from excite.design.stated_limits import StatedWorld, stated_limits
+from excite.design.stated_limits import StatedWorld, nonlinear_limits, stated_limits
 from excite.information.goal import Goal
 from excite.information.matrix import Information
 from excite.information.target import model_of
@@ -21,8 +20,8 @@ from excite.registry import instance, part
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
 from regressors.robot.archive import robot_from_description
+from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index
-from regressors.symbolic.vectorised import VectorisedFunction
 
 _SIGN_WIDTH = 0.02  # of the velocity limit: width of Coulomb friction's smooth sign; results use the exact sign
 _FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC = 100, 20

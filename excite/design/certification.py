@@ -7,27 +7,24 @@ from dataclasses import replace
 import numpy as np
 
 from constraints.bounds.certificate import LimitUse
+from constraints.bounds.enclosure import uses_of
 from excite.design.approach import approach_and_return
 from excite.design.design import Design
 from excite.design.formulation import Formulation
-from excite.design.motion_limits import uses_of
 from excite.design.start_results import BestStarts, StartResult
 from excite.design.stated_limits import remedy
 from excite.design.task_checks import unidentifiable
 from excite.errors import NoFeasibleMotionError
-from excite.information.earlier_precision import information_in_hand
 from excite.information.metrics import MotionMeasures, noise_per_row, noise_text
 from excite.information.nearly_unidentifiable import (
     hardly_excited_note,
     nearly_unidentifiable,
     nearly_unidentifiable_note,
 )
-from excite.information.precision_forecast import RunInformation
 from excite.information.weighting import known_with
-from excite.tasks.precision_target import PrecisionTarget
 from excite.trajectories import Trajectory
 from regressors.robot.robot import Robot
-from regressors.samples import Array, Samples
+from regressors.samples import Array
 
 _INSTANTS = 257  # at which the middle of each joint's range is looked for
 _SAME = 1e-9  # of the largest number in the equations
@@ -73,37 +70,30 @@ def certify(
         notes = (nearly_unidentifiable_note(hardly, formulation.target, what_noise, dropped=dropped), *notes)
     if note := starts.note(interrupted=interrupted):
         notes = (*notes, note)
-    design = Design(
+    gap = formulation.target.base.gap
+    return Design(
         robot=robot,
         task=formulation.task,
-        target=formulation.target,
         trajectory=trajectory,
-        limits=uses,
-        **vars(MotionMeasures.of(formulation.target, samples, noise)),
+        certified=uses,
+        measured=MotionMeasures.of(formulation.target, samples, noise),
+        minimised_value=result.value,
+        noise=tuple(noise.tolist()),
+        equations=tuple(formulation.target.model.row_labels),
+        gap=gap if np.isfinite(gap) else None,
         prior=known_with(formulation.target, formulation.task, samples),
-        starts=starts.best,
+        results=starts.best,
         further_starts=starts.further,
         best_start=result.index,
         provenance=provenance,
         notes=notes,
         interrupted=interrupted,
         approach_and_return=transfers,
-        nonlinear=(*formulation.nonlinear, *formulation.stated),
+        formulated=(formulation.target, (*formulation.nonlinear, *formulation.stated)),
         unchecked=formulation.unchecked,
         nearly_unidentifiable=hardly,
         shape=formulation.blueprint.world.world,
     )
-    return _with_precision(design, samples, noise)
-
-
-def _with_precision(design: Design, samples: Samples, noise: Array) -> Design:
-    """The design with the runs that it takes to the precision that its task asks for, where it asks for one."""
-    objective = design.task.objective
-    if not isinstance(objective.precision, PrecisionTarget):
-        return design
-    in_hand = information_in_hand(design.target, design.task)
-    of_run = RunInformation.of(objective.precision, design.target, samples, noise, design.sequence.duration, in_hand)
-    return replace(design, run_information=of_run)
 
 
 def _unwound(

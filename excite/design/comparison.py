@@ -8,15 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from constraints.bounds.certificate import LimitUse
-from excite.design.designed_motion import DesignedMotion
-from excite.design.stored_design import StoredDesign
+from excite.design.design import Design
 from excite.information.goal import goal_of
-from excite.information.metrics import measures, noise_per_row
+from excite.information.metrics import MotionMeasures, noise_per_row
 from excite.information.target import IdentificationTarget, moving_robot, target_of
 from excite.information.weighting import minimised_text, weighting_of
 from excite.registry import instance, name_of
-from excite.tasks.drive_choice import without_curve
 from excite.tasks.model_choice import FRICTION
+from excite.tasks.model_options import without_curve
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.arguments import checked
@@ -89,7 +88,7 @@ class Judgement:
     "the comparison",
     "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
 )
-def compare(designs: Sequence[DesignedMotion], model: str | None = None, window: str | None = None) -> list[Judgement]:
+def compare(designs: Sequence[Design], model: str | None = None, window: str | None = None) -> list[Judgement]:
     """Evaluate every design under the terms (friction, rotors, noise) of the first one.
 
     Where the first one has friction parameters, all are judged with them, including those designed for friction known
@@ -97,7 +96,7 @@ def compare(designs: Sequence[DesignedMotion], model: str | None = None, window:
 
     Parameters
     ----------
-    designs : sequence of DesignedMotion
+    designs : sequence of Design
     model, window : str, optional
         Judge the motions under this model instead of the one that each was designed for.
 
@@ -109,7 +108,7 @@ def compare(designs: Sequence[DesignedMotion], model: str | None = None, window:
     return [_judgement(design, designs[0].task, _other_model(design, model, window)) for design in designs]
 
 
-def _other_model(design: DesignedMotion, model: str | None, window: str | None) -> Task:
+def _other_model(design: Design, model: str | None, window: str | None) -> Task:
     """The design's task for another model, with the same moving joints and no known friction."""
     task = design.task.changed(friction_curves=None)
     task = task.changed(window=window) if window is not None else task
@@ -120,7 +119,7 @@ def _other_model(design: DesignedMotion, model: str | None, window: str | None) 
     return task.changed(model=model, joints=joints, equations=None, require=())
 
 
-def _as_seen_by(design: DesignedMotion, robot: Robot) -> Trajectory:
+def _as_seen_by(design: Design, robot: Robot) -> Trajectory:
     """The motion of all joints of a robot; joints that are not part of the design rest."""
     rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
     known = design.moving.joint_names
@@ -143,7 +142,7 @@ def _friction(task: Task) -> str:
     return "identified" if task.model.friction else "left out"
 
 
-def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
+def _judgement(design: Design, terms: Task, task: Task) -> Judgement:
     kept = ("rotor", "stribeck_speed", "carried", "joint_rotors", "reflected_rotors")
     same = {name: getattr(terms.model, name) for name in kept}
     moving, known = moving_robot(design.robot, task), terms.known_friction
@@ -165,10 +164,10 @@ def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
         friction=_friction(design.task),
         minimised=minimised_text(design.task),
         goal=_goal(target, terms, samples),
-        criteria=measures(target, samples, noise),
+        criteria=MotionMeasures.of(target, samples, noise).criteria,
         tightest=max(design.limits, key=lambda use: use.use, default=None),
         feasible=design.feasible,
         unchecked=tuple(each.limit for each in design.unchecked),
         cpu_seconds=float(design.provenance["cpu_seconds"]),
-        believed=design.believed if isinstance(design, StoredDesign) else (),
+        believed=design.believed,
     )

@@ -12,9 +12,8 @@ from math import floor
 
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
-from excite.design.harmonics_trial import HarmonicsTrial
 from excite.design.kept_starts import KeptStarts, remove_starts
-from excite.design.start_results import write_start
+from excite.design.start_results import HarmonicsTrial, write_start
 from excite.errors import NoFeasibleMotionError
 from excite.tasks.stored_files import InitialDesign
 from excite.tasks.task import Task
@@ -110,8 +109,7 @@ def _with_harmonics(task: Task, number: int) -> Task:
 
 def _continued(task: Task, best: _Step, number: int) -> Task:
     design = best.design
-    series = {"joints": list(design.moving.joint_names), **design.trajectory.family.to_dict(design.trajectory.x)}
-    begin = InitialDesign(f"the best motion of {best.harmonics} harmonics", series)
+    begin = InitialDesign(f"the best motion of {best.harmonics} harmonics", design.series)
     return _with_harmonics(task, number).changed(begin=begin, starts=_STARTS, rounds=None, budget=None)
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.design.blueprint import grid_instants, objective_instants
-from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.information.target import IdentificationTarget
+from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.tasks.task import Task
 from excite.trajectories.family import Family
 

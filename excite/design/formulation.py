@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
-from constraints.feasibility.diagnosis import ContradictionError, interior_pose
+from constraints.feasibility.diagnosis import ContradictionError, interior_pose, smallest_relaxation
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
 from excite.design.blueprint import Blueprint, restricted_limits
+from excite.design.design import Design
 from excite.design.design_memory import check_richness, design_prediction
-from excite.design.given_task_motion import with_task_motion
-from excite.design.imposed_limits import has_room, nonlinear_limits, roomy_pose
-from excite.design.information_in_hand import with_information_in_hand
 from excite.design.initial_guesses import initial_motion, with_initial_design
 from excite.design.problem import Problem
 from excite.design.problem_identity import ProblemIdentity, problem_identity
@@ -24,6 +24,7 @@ from excite.design.stated_limits import (
     StatedWorld,
     Unchecked,
     gravest_first,
+    nonlinear_limits,
     stated_limits,
     stated_world,
     unchecked_limits,
@@ -38,16 +39,19 @@ from excite.design.task_checks import (
     suspecting,
     task_notes,
 )
+from excite.information.earlier_precision import check_earlier, noise_in_hand
 from excite.information.goal import goal_of
 from excite.information.metrics import noise_per_row
-from excite.information.target import IdentificationTarget, model_of, target_of
+from excite.information.target import IdentificationTarget, model_of, motion_of, moving_robot, target_of
 from excite.information.weighting import weighting_of
+from excite.registry import built_in
+from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
 from regressors.numerical import numerical_work
 from regressors.readers.joint_ranges import refuse_missing_ranges
 from regressors.robot.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,3 +182,114 @@ def _transfer_limits(
         return imposed
     joints = robot.joint_names
     return (*nonlinear_limits(robot, joints, task), *stated_limits(robot, joints, task, world).constraints)
+
+
+INSTANTS = 200  # at most: enough for means over a motion, and few enough to be kept with a result
+
+
+def with_task_motion(task: Task) -> Task:
+    """The task with the motion itself whose torques it is to predict, so that a result can hold it."""
+    given = task.objective.task_motion
+    if given is None or isinstance(given, TaskMotion):
+        return task
+    if isinstance(given, UnopenedFile):
+        raise given.missing()
+    if isinstance(given, Design):
+        return task.changed(task_motion=task_motion_of(given))
+    from excite.design.task_motion_file import read_task_motion
+
+    return task.changed(task_motion=read_task_motion(given))
+
+
+def task_motion_of(design: Design) -> TaskMotion:
+    """The motion of a design at `INSTANTS` instants in equal steps."""
+    motion = design.trajectory
+    samples = motion.samples((np.arange(INSTANTS) + 0.5) * motion.duration / INSTANTS)
+    return TaskMotion(design.name, design.moving.joint_names, samples.q, samples.dq, samples.ddq)
+
+
+def with_information_in_hand(robot: Robot, task: Task) -> Task:
+    """The task with the information itself of the results and designs that it names, so that a design can hold it.
+
+    Where the task states no noise, it is that of the results, else that of the designs.
+    """
+    if not task.objective.after:
+        return task
+    earlier = tuple(built_in("reader", "earlier")(each) for each in task.objective.after)
+    moving = moving_robot(robot, task)
+    check_earlier(earlier, robot, moving, task)
+    motion = motion_of(task.limits.applied(robot), moving, task)
+    model = task.model.built(moving).restricted(motion, task.model.equations)
+    return task.changed(after=earlier, noise=noise_in_hand(earlier, model, task))
+
+
+_POSES = 4000
+_STARTS = 5
+_ROOM = 0.02  # of a limit's scale, distance of an initial pose from the bounds
+_AMPLE = 0.25  # the same, with which the centre of the linear limits is accepted
+
+
+def roomy_pose(
+    nonlinear: Sequence[NonlinearConstraint], linear: Sequence[LinearConstraint], motion: PartialMotion, centre: Array
+) -> Array:
+    """Pose of the moving coordinates with ample margin in every limit, also nonlinear ones; the centre where it has."""
+    # centre (k,)
+    if not nonlinear:
+        return centre
+    poses = _poses(linear, centre)
+    room = _linear_room(linear, poses)
+    least = np.concatenate([*_nonlinear_room(nonlinear, poses, motion), room[:, None]], axis=1).min(axis=1)
+    if least[0] >= _AMPLE:
+        return centre
+    best = np.argsort(-least)[:_STARTS]
+    if least[best[0]] >= _ROOM:
+        return np.asarray(poses[best[0]])
+    pose, needed = smallest_relaxation(nonlinear, linear, motion, poses[best], _ROOM)
+    if needed:
+        cure = " and ".join(map(str, needed))
+        raise ContradictionError(f"no pose keeps all limits; the smallest relaxation found that leaves one: {cure}")
+    return pose
+
+
+def has_room(limits: Sequence[NonlinearConstraint], motion: PartialMotion, pose: Array) -> bool:
+    """True if a motion can start from a pose: every nonlinear limit keeps some of its scale there."""  # pose (k,)
+    q = motion.matrix @ pose + motion.offset
+    return all(_room(limit, limit.at_rest(q)).min() >= _ROOM for limit in limits)
+
+
+def _nonlinear_room(limits: Sequence[NonlinearConstraint], poses: Array, motion: PartialMotion) -> list[Array]:
+    """Distance from the nearer bound as part of the scale, per limit, shape (poses, k)."""
+    q = poses @ motion.matrix.T + motion.offset
+    zero = np.zeros_like(q)
+    return [_room(limit, limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))) for limit in limits]
+
+
+def _room(limit: NonlinearConstraint, values: Array) -> Array:
+    return np.asarray(np.minimum(limit.upper - values, values - limit.lower) / limit.scale)
+
+
+def _poses(linear: Sequence[LinearConstraint], centre: Array) -> Array:
+    """The centre, and random poses in the ranges of the coordinates that are bounded on their own."""
+    low, high = np.full(centre.size, -np.inf), np.full(centre.size, np.inf)
+    for limit in linear:
+        if limit.derivative == 0:
+            for row, offset, lower, upper in zip(limit.matrix, limit.offset, limit.lower, limit.upper, strict=True):
+                (moved,) = np.nonzero(row)
+                if moved.size == 1:
+                    ends = np.sort((np.array([lower, upper]) - offset) / row[moved[0]])
+                    low[moved[0]], high[moved[0]] = max(low[moved[0]], ends[0]), min(high[moved[0]], ends[1])
+    least = np.maximum(low, np.minimum(-np.pi, high - 2 * np.pi))  # within half a turn of zero, where that is allowed
+    most = np.minimum(high, np.maximum(np.pi, low + 2 * np.pi))
+    poses = np.random.default_rng(0).uniform(least, most, (_POSES, centre.size))
+    return np.vstack([centre, poses])
+
+
+def _linear_room(linear: Sequence[LinearConstraint], poses: Array) -> Array:
+    """Least margin to a position limit, relative to half its range, for each pose."""
+    room = np.ones(len(poses))
+    for limit in linear:
+        if limit.derivative == 0:
+            values = poses @ limit.matrix.T + limit.offset
+            half = 0.5 * (limit.upper - limit.lower)
+            room = np.minimum(room, (np.minimum(limit.upper - values, values - limit.lower) / half).min(axis=1))
+    return room

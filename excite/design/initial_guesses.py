@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.design.designed_motion import DesignedMotion
+from excite.design.design import Design
 from excite.design.problem import Problem
 from excite.information.target import IdentificationTarget
 from excite.registry import OwnPart, is_own
@@ -212,9 +212,8 @@ def with_initial_design(task: Task) -> Task:
         return task
     if isinstance(begin, UnopenedFile):
         raise begin.missing()
-    if isinstance(begin, DesignedMotion):
-        series = {"joints": list(begin.moving.joint_names), **begin.trajectory.family.to_dict(begin.trajectory.x)}
-        return task.changed(begin=InitialDesign(begin.name, series, begin.trajectory))
+    if isinstance(begin, Design):
+        return task.changed(begin=InitialDesign(begin.name, begin.series, begin.trajectory))
     return task.changed(begin=InitialDesign(str(begin), _series(Path(begin))))
 
 

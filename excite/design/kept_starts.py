@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from excite.design.formulation import Formulation
-from excite.design.planned_start import PlannedStart
 from excite.design.problem_identity import ProblemIdentity
-from excite.design.start_results import RUNNING, Origin, read_start, start_files
+from excite.design.start_results import RUNNING, Origin, PlannedStart, read_start, start_files
 from excite.storage.manifest import EditedError
 from regressors.errors import InputError
 
@@ -81,18 +80,15 @@ def _notes(shown: Path, count: int | None, done: int, edited: int, unreadable: i
     elif done and count is not None:
         left = count - done
         notes.append(f"{done} of {count} starts {_are(done)} already done in {shown}; {left} {_are(left)} left")
-    if edited:
-        files, starts = _files(edited)
-        written = "was changed after it was written" if edited == 1 else "were changed after they were written"
-        notes.append(f"{edited} {files} in {shown} {written}; {starts} again")
-    if unreadable:
-        files, starts = _files(unreadable)
-        notes.append(f"{unreadable} {files} in {shown} cannot be read; {starts} again")
+    for number, one, several in (
+        (edited, "was changed after it was written", "were changed after they were written"),
+        (unreadable, "cannot be read", "cannot be read"),
+    ):
+        if number == 1:
+            notes.append(f"1 file in {shown} {one}; its start runs again")
+        elif number:
+            notes.append(f"{number} files in {shown} {several}; their starts run again")
     return notes
-
-
-def _files(count: int) -> tuple[str, str]:
-    return ("file", "its start runs") if count == 1 else ("files", "their starts run")
 
 
 def _are(count: int) -> str:

@@ -17,28 +17,12 @@ import cloudpickle
 from excite.design.formulation import Formulation
 from excite.design.interruption import deferred_interruption
 from excite.design.kept_starts import remove_temporary
-from excite.design.planned_start import PlannedStart
 from excite.design.search_rounds import Rounds
-from excite.design.single_start import optimise_start, optimise_starts
-from excite.design.start_results import RUNNING, StartResult, read_starts, start_file, write_start
+from excite.design.single_start import optimise_starts
+from excite.design.start_results import PlannedStart, StartResult
 from excite.design.workers import NotPreparedError, Work, Workers, environment_of_workers, optimise_job, work_on_starts
 from excite.registry import instance
 from regressors.errors import InputError
-
-__all__ = [
-    "RUNNING",
-    "Progress",
-    "StartResult",
-    "optimise_start",
-    "pickled",
-    "read_starts",
-    "ready_workers",
-    "run_in_pool",
-    "serial",
-    "shares",
-    "start_file",
-    "write_start",
-]
 
 Progress = Callable[[StartResult], None]
 Starts = Sequence[PlannedStart | int]

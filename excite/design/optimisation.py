@@ -29,10 +29,10 @@ from excite.design.search_rounds import Rounds, RunningRounds
 from excite.design.start_results import StartResult, best_starts
 from excite.design.task_checks import suspecting
 from excite.errors import NoFeasibleMotionError
-from excite.estimates.work_prediction import announce
 from excite.registry import part
 from excite.storage.destination import Destination
 from excite.storage.lock import locked
+from excite.storage.work_prediction import announce
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
 from excite.tasks.output import Output
@@ -45,10 +45,10 @@ from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work
 from regressors.robot.robot import Robot
-from regressors.symbolic.vectorised import evaluation, interpreted_note
+from regressors.robot.symbolic.vectorised import evaluation, interpreted_note
 
 if TYPE_CHECKING:
-    from excite.information.criteria import Criterion
+    from excite.tasks.criteria import Criterion
     from excite.trajectories.family import Family
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
@@ -112,9 +112,9 @@ def design_trajectory(
     InputError
         See `excite.design.formulation.formulate`; or the task is for another robot, or the folder holds starts of
         another problem.
-    NoFeasibleMotionError
+    excite.errors.NoFeasibleMotionError
         The search ended without a motion inside the limits.
-    LostWorkersError
+    excite.errors.LostWorkersError
         Worker processes end again and again; the same call continues from the finished starts.
     KeyboardInterrupt
         Interrupted before any motion was found.

@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from excite.design.grid_limits import GridLimits
-from excite.information.criteria import Criterion
 from excite.information.matrix import Evaluation, Information
+from excite.tasks.criteria import Criterion
 from excite.trajectories.family import Family
 from regressors.samples import Array
 

@@ -16,8 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.design.kept_starts import KeptStarts
-from excite.design.planned_start import Kind, PlannedStart, number_of
-from excite.design.start_results import StartResult, read_start, start_file
+from excite.design.start_results import (
+    Kind,
+    PlannedStart,
+    SearchSummary,
+    StartResult,
+    number_of,
+    read_start,
+    start_file,
+)
 from excite.tasks.search import RANDOM_STARTS, Search
 
 
@@ -35,25 +42,6 @@ class RoundSizes:
 
 
 SIZES = RoundSizes()
-
-
-@dataclass(frozen=True)
-class SearchSummary:
-    """What became of a search.
-
-    Parameters
-    ----------
-    rounds : int
-        Rounds after the first.
-    populations : int
-        Populations that ended since they brought next to nothing any more.
-    left : float, optional
-        Estimated relative gain of one more population; None with fewer than two.
-    """
-
-    rounds: int
-    populations: int
-    left: float | None
 
 
 class Rounds:

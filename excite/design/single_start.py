@@ -11,10 +11,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from excite.design.initial_guesses import candidates, combinations, shrunk
-from excite.design.planned_start import PlannedStart
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Attempt, Solver, SolverResult
-from excite.design.start_results import RUNNING, Origin, StartResult, write_start
+from excite.design.start_results import RUNNING, Origin, PlannedStart, StartResult, write_start
 from regressors.errors import NumericalError
 from regressors.samples import Array
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import heapq
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -41,7 +43,7 @@ class StartResult:
     parents : tuple of int
         Numbers of the starts whose motions it combines or refines; none for a random one.
     lineage : str
-        Hash of what it descends from, see `excite.design.planned_start`; empty for a random one.
+        Hash of what it descends from, see `excite.design.start_results`; empty for a random one.
     """
 
     index: int
@@ -58,6 +60,43 @@ class StartResult:
     def coefficients(self) -> Array:
         """`x` as an array."""
         return np.array(self.x)
+
+    def summary(self) -> dict[str, Any]:
+        """What ``design.json`` says of it."""
+        return {
+            "index": self.index,
+            "value": _or_none(self.value),
+            "status": self.status,
+            "iterations": len(self.history),
+            "evaluations": self.evaluations,
+            "cpu_seconds": self.cpu,
+        }
+
+
+Kind = Literal["random", "combination", "refinement"]
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedStart:
+    """One start of a search; with the seed it determines its result."""
+
+    index: int  # its number
+    # whether it begins with random motions, with combinations of its parents, or goes on from its only parent
+    kind: Kind = "random"
+    parents: tuple[StartResult, ...] = ()  # the best motions of earlier rounds
+
+    @property
+    def lineage(self) -> str:
+        """Hash of what the start depends on beside the problem and its number; empty for a random one."""
+        if self.kind == "random":
+            return ""
+        content = json.dumps([self.kind, [parent.x for parent in self.parents]])
+        return hashlib.sha256(content.encode()).hexdigest()
+
+
+def number_of(start: PlannedStart | int) -> int:
+    """Number of a start; a number alone is that of a random one."""
+    return start if isinstance(start, int) else start.index
 
 
 @dataclass(frozen=True)
@@ -114,6 +153,34 @@ def read_start(path: Path) -> tuple[StartResult, Origin | None]:
 
 def _is_stated(field: Field[Any], content: dict[str, Any]) -> bool:
     return field.default is MISSING or field.name in content  # younger fields have defaults
+
+
+@dataclass(frozen=True)
+class SearchSummary:
+    """What became of a search.
+
+    Parameters
+    ----------
+    rounds : int
+        Rounds after the first.
+    populations : int
+        Populations that ended since they brought next to nothing any more.
+    left : float, optional
+        Estimated relative gain of one more population; None with fewer than two.
+    """
+
+    rounds: int
+    populations: int
+    left: float | None
+
+
+@dataclass(frozen=True)
+class HarmonicsTrial:
+    """One number of harmonics that a search tried, its best criterion, and the processor time [s]."""
+
+    harmonics: int
+    value: float
+    cpu_seconds: float
 
 
 def iterate_starts(folder: Path) -> Iterator[StartResult]:

@@ -11,14 +11,14 @@ import numpy as np
 from constraints.collision.collision_limits import Clearance, SelfCollisions
 from constraints.collision.floor import assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
 from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, World
+from constraints.collision.world_file import urdf_capsules, urdf_lowest
 from constraints.linear import QUANTITIES, LinearConstraint, spanned
 from constraints.nonlinear import NonlinearConstraint
-from excite.registry import built_in, name_of, part
+from excite.registry import name_of, part
 from excite.tasks.limit_choice import TORQUE_MARGIN
-from excite.tasks.mounts import MOUNTS
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
-from excite.tasks.values import NONE
+from excite.tasks.values import MOUNTS, NONE
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.readers.library import built_in_names, load_robot
@@ -133,8 +133,7 @@ def _parts(robot: Robot, task: Task) -> tuple[tuple[Part, ...] | Unchecked, tupl
     if not isinstance(task.robot, str) or task.xacro or not task.robot.lower().endswith((".urdf", ".xml")):
         return Unchecked("self-collision", f"the description has no shapes, and {_given(task.robot)}"), ()
     try:
-        read = built_in("reader", "shape")
-        parts, left_out = read(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles)
+        parts, left_out = urdf_capsules(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles)
     except InputError as error:
         return Unchecked("self-collision", str(error)), ()
     if not left_out:
@@ -221,8 +220,9 @@ def _lowest(task: Task, normal: Array) -> float:
     """Height of the lowest point of the base, at most that of its origin; of which nothing is known, its origin's."""
     if not isinstance(task.robot, str) or task.robot in built_in_names():
         return 0.0
-    read = built_in("reader", "lowest point")
-    known = read(task.robot, normal, task.base_link, task.tip, snap_angles=task.snap_angles) if not task.xacro else None
+    if task.xacro:
+        return 0.0
+    known = urdf_lowest(task.robot, normal, task.base_link, task.tip, snap_angles=task.snap_angles)
     return 0.0 if known is None else min(known, 0.0)
 
 
@@ -315,3 +315,11 @@ def kept_text(unchecked: Sequence[Unchecked], quantities: Iterable[str] = ()) ->
         return f"every limit is kept{checked}"
     kept = kept_headline((each.limit for each in unchecked), "every limit that was checked is kept")
     return f"{kept}; not checked: {', '.join(map(str, unchecked))}{checked}"
+
+
+def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple[NonlinearConstraint, ...]:
+    """Torque limits, the tool's box and its speed, and distances from obstacles, where a task asks for them."""
+    robot = task.limits.applied(robot)
+    motion = of_joints(robot, [robot.joint_names.index(name) for name in joints])
+    limits = task.limits.imposed(task.known_friction)
+    return tuple(constraint for limit in limits for constraint in limit.imposed(robot, motion))

@@ -15,24 +15,21 @@ from excite.design.blueprint import Blueprint
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
 from excite.errors import NoFeasibleMotionError
-from excite.information.criteria import Criterion
-from excite.information.friction_notes import left_out_notes, turning_drives
+from excite.information.goal import SEED, STATES, named_parameter
 from excite.information.identifiability import Identifiability, identifying_motion
-from excite.information.interest import named_parameter
 from excite.information.nearly_unidentifiable import left_out_by_rounding, rounded_angles
-from excite.information.target import IdentificationTarget
-from excite.information.task_torques import SEED, STATES
-from excite.information.torque_deviation import TorqueCriterion
+from excite.information.target import IdentificationTarget, left_out_notes, turning_drives
 from excite.registry import CRITERIA, instance, name_of, part
+from excite.tasks.criteria import Criterion, TorqueCriterion
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction.curves import Warm
-from regressors.friction.load_share import moving_drive_numbers
-from regressors.friction.temperature import warm_part
 from regressors.models.base import Base
 from regressors.models.columns import COULOMB
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion
+from regressors.robot.friction.curves import Warm
+from regressors.robot.friction.load_share import moving_drive_numbers
+from regressors.robot.friction.temperature import warm_part
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

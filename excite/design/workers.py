@@ -27,11 +27,10 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.blueprint import Blueprint
 from excite.design.interruption import SIGNALS, deferred_interruption, held_signals
-from excite.design.planned_start import PlannedStart, number_of
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_starts
 from excite.design.solvers.solver import Solver
-from excite.design.start_results import Origin, StartResult
+from excite.design.start_results import Origin, PlannedStart, StartResult, number_of
 from excite.errors import LostWorkersError
 from excite.operating_system import can_fork
 from excite.registry import instance

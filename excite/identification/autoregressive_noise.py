@@ -23,11 +23,9 @@ import scipy.optimize
 
 from excite.identification.equations import right_sides
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context
 from excite.identification.observations import Observations
-from excite.identification.preparation import PreparedLog
-from excite.identification.recipe import Recipe
 from excite.identification.streamed_rows import Rows
-from excite.information.target import IdentificationTarget
 from regressors.samples import Array
 
 _ITERATIONS = 30
@@ -191,17 +189,17 @@ class NoiseOrigin:
     channels: Array | None = None
 
 
-def noise_origin(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe) -> NoiseOrigin:
-    """Where the noise in the equations of a target comes from."""
-    window = target.model.window
+def noise_origin(context: Context) -> NoiseOrigin:
+    """Where the noise in the equations of logs comes from."""
+    window = context.target.model.window
     if window is None:
         return NoiseOrigin()
     sides = []
-    for part in parts:
+    for part in context.prepared:
         count = part.measured.shape[1]
         one = np.zeros((count, *part.measured.shape))
         one[range(count), :, range(count)] = 1.0
-        sides.append(right_sides(target, part, recipe, one))
+        sides.append(right_sides(context.target, part, context.recipe, one))
     return NoiseOrigin(window.kind == "long", np.concatenate(sides))
 
 

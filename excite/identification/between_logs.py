@@ -20,11 +20,11 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
+from excite.identification.allowances import with_uncertainty
 from excite.identification.equations import equations
-from excite.identification.estimate import CONFIDENCE, Estimate
+from excite.identification.estimate import CONFIDENCE, Estimate, noted
 from excite.identification.estimator import Context, Estimator
 from excite.identification.observations import Observations
-from excite.identification.stated_uncertainty import with_uncertainty
 from excite.identification.streamed_rows import StreamedRows
 from regressors.errors import ExciteError
 from regressors.samples import Array
@@ -120,24 +120,18 @@ def allowing_for_logs(estimate: Estimate, scatter: LogScatter) -> Estimate:
     """Extend the intervals of an estimate from several logs by their scatter."""
     if not np.any(np.isfinite(scatter.ratios)):
         note = "no parameter is identifiable from two of the logs alone: the intervals do not allow for their scatter"
-        return replace(estimate, notes=(*estimate.notes, note))
+        return noted(estimate, note)
     factor = np.sqrt(scatter.factors())
     seen = np.isfinite(np.diag(estimate.covariance))
     wider = np.where(np.outer(seen, seen), estimate.covariance * np.outer(factor, factor), estimate.covariance)
     K = len(scatter.each.logs)
-    freedom = min(K, estimate.degrees_of_freedom)
-    return replace(
-        estimate, covariance=wider, degrees_of_freedom=freedom, notes=(*estimate.notes, _note(scatter, factor))
-    )
-
-
-def _note(scatter: LogScatter, factor: Array) -> str:
-    K = len(scatter.each.logs)
-    return (
+    note = (
         f"the intervals allow for the scatter between the {K} logs, which is {scatter.rms:.2g} times what their noise "
         f"explains (root mean square): deviations up to {factor.max():.2g} times those for noise alone, Student's t "
         f"with {K} degrees of freedom; more logs narrow them"
     )
+    freedom = min(K, estimate.degrees_of_freedom)
+    return noted(replace(estimate, covariance=wider, degrees_of_freedom=freedom), note)
 
 
 def scatter_warning(scatter: LogScatter) -> str | None:
@@ -212,7 +206,7 @@ def _alone(
         estimate = estimator.estimate(part, replace(context, prepared=parts))
     except ExciteError:
         return None
-    return with_uncertainty(estimate, part, context.target, parts, context.recipe, found=found)
+    return with_uncertainty(estimate, part, replace(context, prepared=parts), found=found)
 
 
 def _of_log(observations: Observations, k: int) -> Observations:

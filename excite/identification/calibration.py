@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.stats
 
-from excite.identification.carried_payload import load_regressor
-from excite.identification.curve_uncertainty import estimate_changes
+from excite.identification.allowances import estimate_changes
 from excite.identification.drive_gains import (
     BLOCKS,
     GainCalibration,
@@ -21,20 +19,18 @@ from excite.identification.drive_gains import (
     drives_of_torques,
 )
 from excite.identification.equations import equations_of, right_sides
-from excite.identification.estimate import CONFIDENCE
+from excite.identification.estimate import CONFIDENCE, allowing_for
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
+from excite.logs.log import Log
+from excite.trajectories import Trajectory
 from regressors.errors import InputError, UnknownName
+from regressors.models.load import PayloadModel
 from regressors.samples import Array
-
-if TYPE_CHECKING:
-    from excite.logs.log import Log
-    from excite.trajectories import Trajectory
-
 
 KINDS = ("each", "common")
 _LEAST_KNOWN = 0.5  # half of an interval, of the gain, from which on a load does not act
@@ -65,25 +61,8 @@ def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, ki
             f"{100 * float(np.max(half / gains.factor)):.2g} % only; move these joints more in the `loaded` logs, or "
             "give `gains='common'`"
         )
-    stated = _stated_mass(observations, load)
     files = tuple(LogFile(log.source, log.sha256) for log in loaded)
-    return GainCalibration(kind, names, gains.factor, deviation, half, float(known_mass), stated, files)
-
-
-def with_calibration(result: Identification, calibration: GainCalibration) -> Identification:
-    """A result in corrected torques, whose intervals allow for the uncertainty of the gains."""
-    robot, recipe = result.target.robot, result.recipe
-    common, factors = calibration.kind == "common", calibration.factors
-    changes = [
-        right_sides(result.target, part, recipe, corrections(robot, part.measured, factors, common=common))
-        for part in result.prepared
-    ]
-    steps = estimate_changes(result.estimate, result.observations, np.concatenate(changes))
-    spread = calibration.deviation[: steps.shape[1]]
-    covariance = result.estimate.covariance + (steps * spread**2) @ steps.T
-    notes = (*result.estimate.notes, *calibration.notes, "intervals allow for the uncertainty of the drive gains")
-    estimate = replace(result.estimate, covariance=covariance, notes=notes)
-    return replace(result, estimate=estimate, calibration=calibration)
+    return GainCalibration(kind, names, gains.factor, deviation, half, float(known_mass), gains.stated_mass, files)
 
 
 def at_drives(observations: Observations, D: Array, names: tuple[str, ...]) -> Observations:
@@ -96,23 +75,14 @@ def at_drives(observations: Observations, D: Array, names: tuple[str, ...]) -> O
 
 
 def load_rows(part: PreparedLog, target: IdentificationTarget, recipe: Recipe, D: Array) -> Array:
-    """Torques of the drives per parameter of a load at the last link, in a log's rows, shape (m, 10)."""  # D (n, n)
+    """Torques of the drives per parameter of a load at the last link, in a log's rows, shape (m, 10).
+
+    Of the joints ``tau_j = l_j' F + s_j' N`` with ``[F; N] = K phi`` of the last link's frame [KD96] eq. (8)-(10).
+    """  # D (n, n)
     n = D.shape[0]
-    K = load_regressor(target.robot, part.samples).reshape(-1, n, 10)
+    K = PayloadModel(target.robot).instants(part.samples).reshape(-1, n, 10)
     rows = right_sides(target, part, recipe, np.moveaxis(K, 2, 0))
     return np.asarray(np.einsum("ij,njp->nip", D, rows.reshape(-1, n, 10)).reshape(-1, 10))
-
-
-def _stated_mass(observations: Observations, load: Array) -> float:
-    """Mass of the load with the gains as stated, each equation weighted by its residuals [kg]."""
-    A, equation = np.hstack([observations.matrix, load]), observations.equation
-    weight = np.ones(observations.y.size)
-    for _ in range(4):
-        x = np.linalg.lstsq(A * weight[:, None], observations.y * weight, rcond=None)[0]
-        e = observations.y - A @ x
-        sizes = np.array([np.sqrt(np.mean(e[equation == j] ** 2)) for j in range(len(observations.equations))])
-        weight = 1.0 / np.maximum(sizes, 1e-12)[equation]
-    return float(x[observations.W.shape[1]])
 
 
 def check_given(loaded: object, known_mass: float | None, kind: str) -> bool:
@@ -136,11 +106,19 @@ def calibrated(
     *,
     commanded: Trajectory | None = None,
 ) -> Identification:
-    """Calibrate the gains, and identify once more in corrected torques."""
+    """Calibrate the gains, and identify once more in corrected torques; intervals allow for the gains' uncertainty."""
     if twice := {log.sha256 for log in logs} & {log.sha256 for log in loaded}:
         names = ", ".join(log.source for log in loaded if log.sha256 in twice)
         raise InputError(f"{names}: the same log is given with and without the load")
     calibration = calibrate(bare, loaded, known_mass, kind)
     recipe = replace(bare.recipe, torque_factors=tuple(calibration.factors.items()))
     result = estimate_parameters(bare.robot, bare.task, logs, recipe, commanded=commanded)
-    return with_calibration(result, calibration)
+    common, factors, target = kind == "common", calibration.factors, result.target
+    changes = [
+        right_sides(target, part, recipe, corrections(target.robot, part.measured, factors, common=common))
+        for part in result.prepared
+    ]
+    steps = estimate_changes(result.estimate, result.observations, np.concatenate(changes))
+    errors = steps * calibration.deviation[: steps.shape[1]]
+    notes = (*calibration.notes, "intervals allow for the uncertainty of the drive gains")
+    return replace(result, estimate=allowing_for(result.estimate, errors, *notes), calibration=calibration)

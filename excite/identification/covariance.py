@@ -1,4 +1,4 @@
-"""Covariance of an estimate with correlated residuals, as from filtered or oversampled logs."""
+"""Covariance of an estimate with correlated residuals, as from filtered or oversampled logs, and their density."""
 
 from __future__ import annotations
 
@@ -18,10 +18,8 @@ from excite.identification.autoregressive_noise import (
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import LinearSolution, solve_triangular_system
 from excite.identification.estimators.huber import THRESHOLD
-from excite.identification.leading_autocorrelation import autocorrelation
-from excite.identification.observations import GroupFactors, Observations, rows_of_groups
-from excite.identification.residuals import effective_samples, residual_diagnostics
-from excite.identification.row_stretches import row_stretches
+from excite.identification.observations import GroupFactors, Observations, row_stretches, rows_of_groups
+from excite.identification.residuals import autocorrelation, effective_samples, residual_diagnostics
 from excite.identification.streamed_rows import Rows
 from excite.information.half_widths import residual_degrees_of_freedom
 from regressors.errors import InputError, UnknownName
@@ -41,8 +39,7 @@ def robust_covariance(
 
     ``newey-west``: ``(W' V W)^-1 S (W' V W)^-1`` with ``S = sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'`` over the
     instants t of each log, ``g_t`` the sum of ``w_i v_i e_i`` over the rows i of the instant [Newey, West 1987]. B is
-    chosen per log as for first-order autocorrelated residuals [Andrews 1991] eq. (6.2), (6.4). ``effective``: the
-    covariance of the estimate times rows over effective rows, see `excite.identification.residuals`.
+    chosen per log as for first-order autocorrelated residuals [Andrews 1991] eq. (6.2), (6.4).
     ``autoregressive``: that of stationary noise, see `excite.identification.autoregressive_noise`. ``robust``: the
     latter, each deviation at least that of ``newey-west``, which allows for noise that changes with the motion.
     """
@@ -97,12 +94,6 @@ def _correlation(estimate: Estimate, observations: Observations, paths: NoisePat
             correlations.append(float(r[1]) if r.size > 1 else 0.0)
         lag_one[log] = np.mean(correlations) if correlations else 0.0
     return _Rows(scale, lag_one, effective, paths)
-
-
-def _effective(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
-    share = observations.y.size / rows.effective
-    note = f"covariance for {rows.effective:.0f} effective rows of {observations.y.size}"
-    return estimate.covariance * share, note
 
 
 def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
@@ -175,7 +166,6 @@ _KINDS: dict[str, _Kind] = {
     "robust": _robust,
     "newey-west": _newey_west,
     "autoregressive": _autoregressive,
-    "effective": _effective,
 }
 
 
@@ -249,3 +239,34 @@ def condition_number(observations: Observations) -> float:
     R = factors.stacked(np.ones(len(factors.R)))[:, :-1]
     sigma = np.linalg.svd(R, compute_uv=False)
     return float(sigma[0] / sigma[-1]) if R.shape[0] >= R.shape[1] and sigma[-1] > 1e-13 * sigma[0] else np.inf
+
+
+def noise_density(estimate: Estimate, observations: Observations) -> Array:
+    """Noise of each equation whose white version would give the deviations that the estimate states.
+
+    With the residuals' deviation s_g of the n_g rows of log and equation g over T seconds, white noise would give the
+    information ``J = sum_g W_g' W_g / s_g^2``. The covariance C that the estimate states allows for correlated
+    residuals, scatter between logs and more; on average over all directions of the parameters it is
+    ``c = (det C det J)^(1/p)`` times ``J^-1``. The density of equation j is ``sqrt(c mean_g s_g^2 T_g / n_g)``, over
+    the logs.
+    """
+    count = np.bincount(observations.group, minlength=len(observations.logs) * len(observations.equations))
+    count = count.reshape(len(observations.logs), -1)
+    span = [np.ptp(observations.time[observations.log == k]) for k in range(len(observations.logs))]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squares = np.where(count > 0, estimate.noise**2 * np.array(span)[:, None] / count, np.nan)
+    known = np.isfinite(squares)
+    mean = np.where(known, squares, 0.0).sum(axis=0) / np.where(known.any(axis=0), known.sum(axis=0), np.nan)
+    return np.asarray(np.sqrt(mean * _inflation(estimate, observations)))
+
+
+def _inflation(estimate: Estimate, observations: Observations) -> float:
+    """Mean factor from the variances of white noise to those stated, over the parameters that are identified."""
+    seen = np.flatnonzero(np.isfinite(np.diag(estimate.covariance)))
+    R = GroupFactors.of(observations).stacked(group_scale(estimate))[:, : len(estimate.names)]
+    if seen.size < len(estimate.names) or seen.size == 0:
+        return 1.0
+    size = np.linalg.norm(R, axis=0)
+    stated = np.linalg.slogdet(estimate.covariance * np.outer(size, size))[1]
+    white = 2.0 * np.log(np.abs(np.diag(np.linalg.qr(R / size, mode="r")))).sum()
+    return float(np.exp((stated + white) / seen.size))

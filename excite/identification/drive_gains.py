@@ -9,21 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from excite.identification.observations import Observations
 from excite.identification.recipe import Factors
+from excite.logs.log import Log
 from regressors.errors import InputError, UnknownName
-from regressors.friction.load_share import drives_with_friction, torques_at_drives
 from regressors.models.base import triangular_factor
+from regressors.robot.friction.load_share import drives_with_friction, torques_at_drives
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
-
-if TYPE_CHECKING:
-    from excite.logs.log import Log
-
 
 _ROUNDS = 30
 
@@ -37,6 +34,7 @@ class DriveGains:
     deviation: Array  # (r,) standard deviation of each factor, for residuals that are independent from row to row
     load: Array  # (10,) parameters of the load with these factors, the first of them the known mass [kg, kg m, kg m^2]
     beta: Array  # (p,) parameters of the robot with these factors
+    stated_mass: float  # of the load with the gains as stated [kg]
 
 
 def drive_gains(observations: Observations, load: Array, mass: float, *, common: bool) -> DriveGains:
@@ -51,63 +49,74 @@ def drive_gains(observations: Observations, load: Array, mass: float, *, common:
         raise InputError("no row is of a motion with the load")
     p = observations.W.shape[1]
     equations = tuple(name for name, _ in observations.equations)
-    factors = [_factor(observations, load, j) for j in range(len(equations))]
+    rows = _condensed(_rows_of(observations, load), len(equations))
     counts = np.bincount(observations.equation, minlength=len(equations))
-    h, x = np.ones(len(equations)), np.zeros(p + 10)
-    weight = np.ones(len(equations))
+    h, x, weight = np.ones(len(equations)), np.zeros(p + 10), np.ones(len(equations))
     for _ in range(4):
-        x = _linear(factors, h, weight)
-        weight = _weights(factors, counts, h, x)
-    h, x = h * x[p] / mass, x * mass / x[p]  # the mass as identified with the stated gains
+        A, y = (weight * h)[rows.equation, None] * rows.A, weight[rows.equation] * rows.y
+        x = np.asarray(np.linalg.lstsq(A, y, rcond=None)[0])
+        weight = rows.weights(h, x, counts)
+    stated_mass = float(x[p])
+    h, x = h * stated_mass / mass, x * mass / stated_mass
     for _ in range(_ROUNDS):
-        step, spread = _step(factors, h, x, weight, p, common)
+        step, spread = _step(rows, h, x, weight, p, common)
         h, x = h + step[: h.size], x + step[h.size :]
-        weight = _weights(factors, counts, h, x)
+        weight = rows.weights(h, x, counts)
         if np.all(np.abs(step[: h.size]) < 1e-10 * np.abs(h)):
             break
-    return DriveGains(equations, 1.0 / h, spread / h**2, x[p:], x[:p])
+    return DriveGains(equations, 1.0 / h, spread / h**2, x[p:], x[:p], stated_mass)
 
 
-def _factor(observations: Observations, load: Array, j: int) -> Array:
-    """Triangular factor of equation j's ``[W, K, y]``."""
-    rows = observations.equation == j
-    return triangular_factor(np.column_stack([observations.W[rows], load[rows], observations.y[rows]]))
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Equations ``y = h_j A x``, or as few as have the same sums of squares."""
+
+    A: Array  # (m, p + 10)
+    y: Array  # (m,)
+    equation: Index  # (m,)
+
+    def errors(self, h: Array, x: Array) -> Array:
+        """What they leave, shape (m,)."""
+        return np.asarray(self.y - h[self.equation] * (self.A @ x))
+
+    def weights(self, h: Array, x: Array, counts: Index) -> Array:
+        """Inverse of the root mean square of what each equation leaves, shape (r,)."""
+        return np.asarray(np.sqrt(counts / np.bincount(self.equation, self.errors(h, x) ** 2, minlength=h.size)))
+
+    def jacobian(self, h: Array, x: Array, common: bool) -> Array:
+        """Derivative of ``h_j A x`` by h, or by the common one, and by x."""
+        of_gains = np.zeros((self.y.size, 1 if common else h.size))
+        of_gains[np.arange(self.y.size), 0 if common else self.equation] = self.A @ x
+        return np.hstack([of_gains, h[self.equation, None] * self.A])
 
 
-def _weights(factors: list[Array], counts: Index, h: Array, x: Array) -> Array:
-    errors = [np.linalg.norm(R[:, -1] - hj * R[:, :-1] @ x) for R, hj in zip(factors, h, strict=True)]
-    return np.asarray(np.sqrt(counts) / np.array(errors))
+def _rows_of(observations: Observations, load: Array) -> _Rows:
+    return _Rows(np.hstack([observations.matrix, load]), observations.y, observations.equation)
 
 
-def _linear(factors: list[Array], h: Array, weight: Array) -> Array:
-    A = np.concatenate([w * hj * R[:, :-1] for R, hj, w in zip(factors, h, weight, strict=True)])
-    y = np.concatenate([w * R[:, -1] for R, w in zip(factors, weight, strict=True)])
-    return np.asarray(np.linalg.lstsq(A, y, rcond=None)[0])
+def _condensed(rows: _Rows, count: int) -> _Rows:
+    """Triangular factors of each equation's rows."""
+    both = np.column_stack([rows.A, rows.y])
+    factors = [triangular_factor(both[rows.equation == j]) for j in range(count)]
+    stacked = np.concatenate(factors)
+    return _Rows(stacked[:, :-1], stacked[:, -1], np.repeat(np.arange(count), [len(R) for R in factors]))
 
 
-def _step(factors: list[Array], h: Array, x: Array, weight: Array, p: int, common: bool) -> tuple[Array, Array]:
+def _step(rows: _Rows, h: Array, x: Array, weight: Array, p: int, common: bool) -> tuple[Array, Array]:
     """Gauss-Newton step of (h, x) with the mass held, and the standard deviation of each h."""
-    r, width = h.size, x.size
-    blocks, errors = [], []
-    for j, R in enumerate(factors):
-        block = np.zeros((R.shape[0], r + width))
-        block[:, 0 if common else j] = R[:, :-1] @ x
-        block[:, r:] = h[j] * R[:, :-1]
-        blocks.append(weight[j] * block)
-        errors.append(weight[j] * (R[:, -1] - h[j] * R[:, :-1] @ x))
-    free = [*range(1 if common else r), *(r + k for k in range(width) if k != p)]
-    A = np.concatenate(blocks)[:, free]
+    of_rows, count = weight[rows.equation], 1 if common else h.size
+    free = np.delete(np.arange(count + x.size), count + p)
+    A = (of_rows[:, None] * rows.jacobian(h, x, common))[:, free]
     scale = np.linalg.norm(A, axis=0)
     _, sigma, V = np.linalg.svd(A / np.where(scale > 0, scale, 1.0), full_matrices=False)
     if sigma[-1] < 1e-9 * sigma[0]:
         raise InputError("the drive gains are not identifiable from the motion: the load must act on every joint")
     inverse = (V.T / sigma) / scale[:, None]
-    step, spread = np.zeros(r + width), np.zeros(r + width)
-    step[free] = np.linalg.lstsq(A / scale, np.concatenate(errors), rcond=None)[0] / scale
+    step, spread = np.zeros(count + x.size), np.zeros(count + x.size)
+    step[free] = np.linalg.lstsq(A / scale, of_rows * rows.errors(h, x), rcond=None)[0] / scale
     spread[free] = np.linalg.norm(inverse, axis=1)
-    if common:
-        step[:r], spread[:r] = step[0], spread[0]
-    return step, spread[:r]
+    each = np.zeros(h.size, dtype=np.intp) if common else np.arange(h.size)
+    return np.concatenate([step[each], step[count:]]), spread[each]
 
 
 @dataclass(frozen=True)
@@ -171,41 +180,30 @@ class GainCalibration:
 BLOCKS = 40  # of all logs together; long against the correlation of residuals, short against the motion
 
 
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """Sums over the rows of one block, in the free parameters: ``J' V J`` and ``J' V e``."""
-
-    normal: Array
-    score: Array
-
-
 def block_deviation(observations: Observations, load: Array, gains: DriveGains, *, common: bool) -> Array:
     """Standard deviation of each gain, from estimates that leave out one block of time each.
 
     ``sum_b (B - 1)/B d_b d_b'`` with the step ``d_b = (A - A_b)^-1 s_b`` of the Gauss-Newton method without block b
     [Efron, Tibshirani 1993, ch. 11].
     """  # load (m, 10)
-    h, x = 1.0 / gains.factor, np.concatenate([gains.beta, gains.load])
-    weight = _equation_weights(observations, load, h, x)
-    count = 1 if common else h.size
+    h, x, count = 1.0 / gains.factor, np.concatenate([gains.beta, gains.load]), 1 if common else gains.factor.size
+    whole = _rows_of(observations, load)
+    weight = whole.weights(h, x, np.bincount(whole.equation, minlength=h.size)) ** 2
     free = np.delete(np.arange(count + x.size), count + gains.beta.size)  # all but the known mass
-    blocks = [_block(observations, load, rows, h, x, weight, common, free) for rows in _blocks(observations)]
-    whole = np.sum([block.normal for block in blocks], axis=0)
-    scale = np.sqrt(np.diag(whole))
+    normals, scores = [], []
+    for index in _blocks(observations):
+        rows = _Rows(whole.A[index], whole.y[index], whole.equation[index])
+        J, of_rows = rows.jacobian(h, x, common)[:, free], weight[rows.equation]
+        normals.append(J.T @ (of_rows[:, None] * J))
+        scores.append(J.T @ (of_rows * rows.errors(h, x)))
+    total = np.sum(normals, axis=0)
+    scale = np.sqrt(np.diag(total))
     steps = [
-        np.linalg.solve((whole - block.normal) / np.outer(scale, scale), block.score / scale) / scale
-        for block in blocks
+        np.linalg.solve((total - normal) / np.outer(scale, scale), score / scale) / scale
+        for normal, score in zip(normals, scores, strict=True)
     ]
-    variance = (1 - 1 / len(blocks)) * np.sum(np.array(steps) ** 2, axis=0)
-    spread = np.sqrt(variance[:count])
-    return np.asarray(np.broadcast_to(spread, h.shape) / h**2)
-
-
-def _equation_weights(observations: Observations, load: Array, h: Array, x: Array) -> Array:
-    """One over the squared size of each equation's residuals."""
-    equation = observations.equation
-    e = observations.y - h[equation] * (np.hstack([observations.matrix, load]) @ x)
-    return np.array([1.0 / np.mean(e[equation == j] ** 2) for j in range(h.size)])
+    variance = (1 - 1 / len(steps)) * np.sum(np.array(steps) ** 2, axis=0)
+    return np.asarray(np.broadcast_to(np.sqrt(variance[:count]), h.shape) / h**2)
 
 
 def _blocks(observations: Observations) -> list[Index]:
@@ -216,19 +214,6 @@ def _blocks(observations: Observations) -> list[Index]:
         rows = np.flatnonzero(observations.log == log)
         blocks += np.array_split(rows, max(2, round(BLOCKS * float(part))))
     return blocks
-
-
-def _block(
-    observations: Observations, load: Array, rows: Index, h: Array, x: Array, weight: Array, common: bool, free: Index
-) -> _Block:
-    equation = observations.equation[rows]
-    A = np.hstack([observations.W[rows], load[rows]])
-    torque = A @ x
-    first = np.zeros((rows.size, 1 if common else h.size))
-    first[np.arange(rows.size), 0 if common else equation] = torque
-    J = np.hstack([first, h[equation, None] * A])[:, free]
-    e = observations.y[rows] - h[equation] * torque
-    return _Block(J.T @ (weight[equation, None] * J), J.T @ (weight[equation] * e))
 
 
 def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Array]:

@@ -1,14 +1,18 @@
-"""Equations ``y = W beta`` of a prepared log."""
+"""Equations ``y = W beta`` of a prepared log, with the direction of each drive's friction.
+
+At standstill ``sign(dz)`` is undefined, while the friction of a gear keeps the direction of the last motion. In Dahl's
+model the direction s follows the path, ``ds/dz = (1 - s sign(dz)) / d`` [Dahl 1968].
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.identification.friction_directions import drive_directions, drive_rows
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe, Sizes
@@ -16,6 +20,8 @@ from excite.identification.streamed_rows import HELD, DecimatedRows, Decimation,
 from excite.information.target import IdentificationTarget
 from excite.logs.saturation import within
 from regressors.errors import InputError
+from regressors.robot.friction.curves import drives_with_friction
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
 
@@ -119,15 +125,8 @@ class MeasuredRows(RowSource):
         if direction is not None and self.friction is not None:
             self.torque = direction[:, list(self.friction.drives)] * self.friction.magnitudes
 
-    def part(self, first: int, last: int) -> Array:
+    def part(self, which: slice | Index) -> Array:
         """See `RowSource.part`."""
-        return self._of(slice(first, last))
-
-    def at(self, instants: Index) -> Array:
-        """See `RowSource.at`."""
-        return self._of(instants)
-
-    def _of(self, which: slice | Index) -> Array:
         W = self.model.selected(self.samples.rows(which), self.index).reshape(-1, *self.shape[1:])
         if self.friction is not None and self.friction.columns:
             put_friction(W, self.friction.columns, self.torque[which], self.friction.rows)
@@ -207,3 +206,82 @@ def predicted_rows(
     """``W beta`` at every instant of a motion, shape (N, r); W is never held as a whole."""  # coefficients (b,)
     W = StreamedRows((measured_rows(target, samples, breakaway, sign_width),), (None,))
     return (W @ coefficients).reshape(-1, len(target.model.row_labels))
+
+
+_ZERO = 1e-12  # stands for zero, whose direction is the sign
+
+
+def listed(sizes: Sizes | None) -> str:
+    """One size, or those of the moving drives, in words."""
+    return ", ".join(f"{size:.3g}" for size in np.atleast_1d(sizes or 0.0).tolist())
+
+
+def directions(z: Array, dz: Array, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
+    """Direction of the friction of each drive along a motion, from -1 to 1."""  # z, dz (N, k)
+    for what, given in (("sign_width", sign_width), ("breakaway", breakaway)):
+        if isinstance(given, tuple) and len(given) != z.shape[1]:
+            raise InputError(f"`{what}` needs one value, or {z.shape[1]}, one per moving drive; given {len(given)}")
+    distance, width = (np.asarray(given or 0.0) for given in (breakaway, sign_width))
+    if np.any(distance):
+        return measured_direction(z, np.maximum(distance, _ZERO))
+    return np.asarray(np.tanh(dz / np.maximum(width, _ZERO))) if np.any(width) else None
+
+
+def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
+    """Direction of the friction of each moving drive along a motion of the joints, see `directions`."""
+    rows = drive_rows(robot)
+    return directions(samples.q @ rows.T, samples.dq @ rows.T, sign_width, breakaway)
+
+
+def drive_rows(robot: Robot) -> Array:
+    """Rows of C of the drives that have friction, shape (k, n)."""
+    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
+
+
+def measured_direction(z: Array, distance: float | Array) -> Array:
+    """Direction of friction along a measured path, which begins in the midst of a motion, from -1 to 1.
+
+    What came before is not known. A drive is taken to have come the way that it goes on, by its first displacement
+    beyond the distance; the direction is zero where there is none.
+    """  # z (N, k); distance (k,)
+    moved = z - z[:1]
+    first = np.argmax(np.abs(moved) > distance, axis=0)
+    return dahl_direction(z, distance, np.sign(moved[first, np.arange(z.shape[1])]))
+
+
+def dahl_direction(z: Array, distance: float | Array, start: Array | None = None) -> Array:
+    """Direction of friction along a sampled path, from -1 to 1.
+
+    z is linear between two samples: ``s_k = u + (s_{k-1} - u) exp(-|dz| / d)`` with ``u = sign(dz)``.
+    """  # z (N, k); start (k,)
+    way = np.diff(z, axis=0)
+    keep = np.exp(-np.abs(way) / distance)
+    gain = np.sign(way) * (1.0 - keep)
+    first = np.zeros((1, z.shape[1])) if start is None else np.reshape(start, (1, -1)).astype(float)
+    if len(gain):
+        gain[:1] += keep[:1] * first
+    return np.concatenate([first, _recursion(keep, gain)])
+
+
+def _recursion(keep: Array, gain: Array) -> Array:
+    """``s_k = keep_k s_{k-1} + gain_k`` from zero, shape (N, k), vectorised over blocks of equal length.
+
+    Each block starts from zero; the final value of the block before is added afterwards.
+    """
+    count, drives = keep.shape
+    length = max(1, math.isqrt(count))
+    shape = (-(-count // length), length, drives)
+    missing = ((0, shape[0] * length - count), (0, 0))
+    a, s = (np.pad(x, missing).reshape(shape) for x in (keep, gain))
+    for k in range(1, length):
+        s[:, k] += a[:, k] * s[:, k - 1]
+        a[:, k] *= a[:, k - 1]
+    for block in range(1, shape[0]):
+        s[block] += a[block] * s[block - 1, -1]
+    return np.asarray(s.reshape(-1, drives)[:count])
+
+
+def nearest(known: Array, time: Array) -> Index:
+    """Index of the known instant that each time is."""  # known (N,); time (M,)
+    after = np.clip(np.searchsorted(known, time), 1, known.size - 1)
+    return np.asarray(after - (time - known[after - 1] < known[after] - time))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 import scipy.stats
+from numpy.typing import NDArray
 
 from excite.identification.observations import Observations
 from excite.storage.codec import named
@@ -47,7 +48,7 @@ class Estimate:
         Values for predictions by the same equations without bounds and pull, where the method has them.
     mismatch : ndarray, shape (p, p), optional
         Second moments of the error by friction of other forms than the model's, where the log shows it; not part of the
-        covariance, see `excite.identification.friction_mismatch`.
+        covariance, see `excite.identification.biases`.
     """
 
     listed: ClassVar[bool] = True
@@ -101,3 +102,35 @@ class Estimate:
     def residual(self, observations: Observations) -> Array:
         """``y - W beta``, shape (m,)."""
         return np.asarray(observations.y - self.predicted(observations))
+
+
+def noted(estimate: Estimate, *notes: str) -> Estimate:
+    """An estimate with further notes."""
+    return replace(estimate, notes=(*estimate.notes, *notes))
+
+
+def allowing_for(estimate: Estimate, errors: Array, *notes: str, covariance: Array | None = None) -> Estimate:
+    """Extend the covariance of an estimate by errors beside its noise, ``Cov + G C G'``, and note why.
+
+    G are the changes of the estimate, shape (p,) or (p, k), by errors of covariance C, or else of one and independent.
+    """
+    G = errors.reshape(len(estimate.names), -1)
+    seen = np.isfinite(np.diag(estimate.covariance))
+    added = (G if covariance is None else G @ covariance) @ G.T
+    return noted(replace(estimate, covariance=estimate.covariance + np.where(np.outer(seen, seen), added, 0.0)), *notes)
+
+
+def largest_share(estimate: Estimate, changes: Array) -> tuple[int, float]:
+    """The parameter that changes most in its deviations, and by how many."""  # changes (p,)
+    deviation = estimate.deviation
+    known = np.isfinite(deviation) & (deviation > 0)
+    share = np.divide(np.abs(changes), deviation, out=np.zeros_like(deviation), where=known)
+    worst = int(np.argmax(share))
+    return worst, float(share[worst])
+
+
+def of_seen(covariance: Array, seen: NDArray[np.bool_]) -> Array:
+    """Covariance of the parameters that are identifiable: infinite variances of the others, shape (p, p)."""
+    kept = np.where(np.outer(seen, seen), covariance, 0.0)
+    kept[np.diag_indices_from(kept)] = np.where(seen, np.diag(covariance), np.inf)
+    return kept

@@ -5,28 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from excite.identification.adjustment import with_presliding, with_whole_window
+from excite.identification.allowances import PRESLIDING
+from excite.identification.biases import without_standstill
 from excite.identification.known_friction import beside_curves, check_for_curves, check_joint_torques
 from excite.identification.preparation import PreparedLog, prepare
+from excite.identification.presliding import with_presliding, with_whole_window
 from excite.identification.recipe import Recipe
-from excite.identification.standstill_bias import without_standstill
-from excite.identification.stated_uncertainty import PRESLIDING
 from excite.information.target import IdentificationTarget, friction_of_moving, target_of
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.logs.sidecar import with_sidecar
 from excite.storage.result_folder import read_settled_files
+from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from excite.logs.log import Log
-    from excite.tasks.task import Task
-    from regressors.friction.curves import FrictionCurves
-    from regressors.robot.robot import Robot
 
 
 class Measured(Protocol):
@@ -98,7 +94,7 @@ class MeasuredLogs:
     recipe: Recipe  # with the presliding of friction
     parts: tuple[PreparedLog, ...]  # as measured, known friction not subtracted
     friction: FrictionCurves | None  # known friction of the moving drives
-    # which settings of the recipe were found from the same logs, see `excite.identification.stated_uncertainty`
+    # which settings of the recipe were found from the same logs, see `excite.identification.allowances`
     found: frozenset[str]
 
 

@@ -11,26 +11,25 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from excite.identification.allowances import FrictionScale
 from excite.identification.between_logs import LogScatter, interval_scope, scatter_warning
-from excite.identification.choices.choice import Choice
+from excite.identification.choices.left_out import Choice
 from excite.identification.drive_gains import GainCalibration
 from excite.identification.estimate import Estimate
-from excite.identification.friction_scale import FrictionScale
 from excite.identification.observations import Observations
-from excite.identification.plausibility.doubt import Doubt
 from excite.identification.plausibility.doubts import doubts_of, warnings_of
+from excite.identification.plausibility.large_residual import Doubt
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
 from excite.identification.preparation import PreparedLog
-from excite.identification.provenance import ReferenceValues
 from excite.identification.recipe import Recipe
-from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDesign, RepetitionSummary
+from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDesign, ReferenceValues, RepetitionSummary
 from excite.information.target import IdentificationTarget
-from excite.registry import built_in
 from excite.storage.codec import INLINE, OBJECT, named
 from excite.storage.records import chosen, short
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -312,7 +311,9 @@ class Identification:
         InputError
             The folder holds a result, or cannot be written to.
         """
-        files: list[Path] = built_in("writer", "result")(self, folder, replace=replace)
+        from excite.identification.result_json import save_result
+
+        files = save_result(self, folder, replace=replace)
         return files
 
 
@@ -365,3 +366,40 @@ def _as_recorded(part: PreparedLog) -> bool:
     """Whether the instants of a motion are some of those recorded, without a gap."""
     first = int(np.searchsorted(part.log.time, part.samples.time[0]))
     return np.array_equal(part.log.time[first : first + part.samples.time.size], part.samples.time)
+
+
+def torque_target(result: Identification) -> IdentificationTarget:
+    """Identification target of a result of joint torques, with the model at single instants."""
+    if result.task.model.channel == "wrench":
+        raise InputError(
+            f"{result.name} is a result of a load, which has no robot to write: give its parameters (see result.json) "
+            "as `payload` of a design or a simulation, or identify the robot from joint torques and export that result"
+        )
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    if target.model.torque_equations() is None:
+        raise InputError(
+            f"{result.name} is of a model whose equations are not joint torques, so it has no robot to write"
+        )
+    if target.base.names != result.names:
+        raise InputError(
+            f"{result.name} has the parameters {', '.join(result.names)}, but its model has "
+            f"{', '.join(target.base.names)}; identify again"
+        )
+    names = {column.name for column in target.model.standard_columns}
+    for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True):
+        if not names >= set(parameter_names(number)):
+            raise InputError(f"{result.name}: its model has no inertial parameters of link {body.name!r} to write")
+    return target
+
+
+def stated_covariance(result: Identification) -> Array | None:
+    """Covariance of the base parameters, shape (b, b), infinite where one is not identified; None where not stated."""
+    C = result.estimate.covariance
+    seen = np.isfinite(np.diag(C))
+    return C if np.isfinite(C[np.ix_(seen, seen)]).all() else None
+
+
+def unconstrained_estimate(result: Identification) -> Array:
+    """Base parameters by the data alone, without bounds and pull where the result has them, shape (b,)."""
+    free = result.estimate.unconstrained
+    return result.coefficients if free is None else free

@@ -6,44 +6,39 @@ import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from excite.design.designed_motion import DesignedMotion
+from excite.design.design import Design
 from excite.errors import ConicSolverError
-from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.identification.allowances import FOUND, allowing_for_selection
 from excite.identification.calibration import calibrated, check_given
-from excite.identification.choices.choose import Chosen, choose_settings
-from excite.identification.choices.free_settings import TERM_SETTINGS, free_settings
-from excite.identification.choices.friction_terms import added_columns
+from excite.identification.choices.choose import Chosen, choose_settings, free_settings
+from excite.identification.choices.friction_terms import TERM_SETTINGS, added_columns
 from excite.identification.estimation import estimate_parameters
+from excite.identification.estimator import Estimator
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
-from excite.identification.provenance import check_played, played_design, provenance_of
 from excite.identification.recipe import Recipe
-from excite.identification.stated_uncertainty import FOUND, allowing_for_selection
+from excite.identification.result import check_played, played_design, provenance_of
 from excite.identification.streamed_rows import HELD
 from excite.information.target import friction_of_moving, moving_robot
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
-from excite.registry import built_in
+from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.tasks.friction_file import read_friction
 from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
 from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work
 from regressors.quantities import check
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
-from regressors.symbolic.vectorised import interpreted_note
-
-if TYPE_CHECKING:
-    from excite.identification.estimator import Estimator
-    from excite.logs.log import Log
-
+from regressors.robot.symbolic.vectorised import interpreted_note
 
 _NO_BODIES = "bodies are not held physically possible: the conic solver found none for all rows together"
 _RECIPE = frozenset(field.name for field in fields(Recipe))
@@ -60,7 +55,7 @@ def identify(
     logs: LogLike | Sequence[LogLike],
     /,
     *,
-    design: DesignedMotion | None = None,
+    design: Design | None = None,
     friction_curves: FrictionCurves | str | Path | None = None,
     recipe: Recipe | None = None,
     estimator: Estimator | str | None = None,
@@ -83,7 +78,7 @@ def identify(
         Model to identify. A robot, or the name or file of one, stands for the model of the design, or else for the
         differential model. Positional only, since ``model=...`` is an option of a `Task`.
     logs : Log, Simulation, path, or a sequence of them
-    design : DesignedMotion, optional
+    design : Design, optional
         The design that was played: its model and joints are used where they are not given.
     friction_curves : FrictionCurves or path, optional
         Known friction, which is subtracted; that of the design if not given, unless friction is to be identified.
@@ -108,7 +103,7 @@ def identify(
         Seed of later random steps, such as repetitions; kept with the result.
     choose : bool or collection of str
         Which settings are chosen by predicting torques that were left out, where they are not given: all, none, or
-        those named, see `excite.identification.choices.free_settings.CHOSEN`. The terms of a design, and those of a
+        those named, see `excite.registry.CHOSEN`. The terms of a design, and those of a
         model object, are kept.
     progress : callable
         Called with a description of each step.
@@ -205,7 +200,7 @@ def _allowing_for_terms(result: Identification, chosen: Chosen) -> Identificatio
     return replace(result, estimate=estimate)
 
 
-def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> dict[str, Any]:
+def _ends(model: object, design: Design | None, options: dict[str, Any]) -> dict[str, Any]:
     """How a file is read, taken out of the options: the ends of the chain; as for the design where nothing is said."""
     own: dict[str, Any] = {"base_link": None, "tip": None, "snap_angles": True, "xacro": False}
     given = {name: options.pop(name, None) for name in own}
@@ -214,7 +209,7 @@ def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any])
     return {name: own[name] if value is None else value for name, value in given.items()}
 
 
-def _installation(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> Installation:
+def _installation(model: object, design: Design | None, options: dict[str, Any]) -> Installation:
     """Remove from the options how the robot is installed; as in the design if a robot is given by name or file."""
     named = {field.name for field in fields(Installation)} & options.keys()
     given = {name: options.pop(name) for name in named}
@@ -222,7 +217,7 @@ def _installation(model: object, design: DesignedMotion | None, options: dict[st
     return replace(design.task.installation if design is not None and as_designed else Installation(), **given)
 
 
-def check_design(robot: Robot, design: DesignedMotion) -> None:
+def check_design(robot: Robot, design: Design) -> None:
     """Raise `InputError` where a design is of another robot."""
     if design.robot.sha256() != robot.sha256():
         raise InputError(
@@ -238,7 +233,7 @@ def _other_joints(robot: Robot, designed: Robot) -> str:
     return f"; its joints are {theirs}, here they are {ours}: choose the chain with `base_link` and `tip`"
 
 
-def _as_designed(model: object, task: Task, design: DesignedMotion) -> Task:
+def _as_designed(model: object, task: Task, design: Design) -> Task:
     """The task with the design's model if only a robot was given, else with the design's joints."""
     chosen = design.task.model
     if isinstance(model, Task):
@@ -251,7 +246,7 @@ def _as_designed(model: object, task: Task, design: DesignedMotion) -> Task:
     return task.changed(model=replace(plain, friction=chosen.friction, offset=chosen.offset))
 
 
-def _with_period(recipe: Recipe, design: DesignedMotion) -> Recipe:
+def _with_period(recipe: Recipe, design: Design) -> Recipe:
     """The recipe with the period of the design's motion, where it needs one and has none."""
     periodic = design.trajectory.family.name == "fourier"
     useful = recipe.average or (periodic and recipe.signals == "fourier")
@@ -259,7 +254,7 @@ def _with_period(recipe: Recipe, design: DesignedMotion) -> Recipe:
 
 
 def _known_friction(
-    given: FrictionCurves | str | Path | None, design: DesignedMotion | None, task: Task, robot: Robot
+    given: FrictionCurves | str | Path | None, design: Design | None, task: Task, robot: Robot
 ) -> tuple[FrictionCurves | None, Path | None]:
     """Friction curves that were given, or else those of the design, and their file."""
     if given is not None:
@@ -280,7 +275,7 @@ def _friction_as_designed(model: object, task: Task, options: Mapping[str, Any])
 
 
 def _read(path: str | Path, robot: Robot) -> FrictionCurves:
-    curves: FrictionCurves = built_in("reader", "friction")(Path(path))
+    curves = read_friction(Path(path))
     try:
         curves.check(robot)
     except InputError as error:

@@ -7,18 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.identification.friction_directions import drive_directions, drive_rows
+from excite.identification.equations import drive_directions, drive_rows
 from excite.identification.preparation import HELD, PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, moving_robot
-from excite.tasks.drive_choice import without_curve
 from excite.tasks.model_choice import FRICTION
+from excite.tasks.model_options import without_curve
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves, carried_along, drive_temperatures, drives_with_friction
-from regressors.friction.load_share import moving_drive_numbers
-from regressors.friction.temperature import temperature_notes
 from regressors.models.columns import COULOMB, VISCOUS
+from regressors.robot.friction.curves import FrictionCurves, carried_along, drive_temperatures, drives_with_friction
+from regressors.robot.friction.load_share import moving_drive_numbers
+from regressors.robot.friction.temperature import temperature_notes
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -74,7 +74,7 @@ def _frictionless(names: Sequence[str], robot: Robot) -> tuple[str, ...]:
 def carried_torques(part: PreparedLog, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:
     """Joint torques of a log without friction, as a function of the friction curves."""
     samples = part.samples
-    direction = friction_direction(robot, samples, recipe)
+    direction = drive_directions(robot, samples, recipe.sign_width, recipe.breakaway)
     drive_temperature = of_drives(robot, part.temperature)
 
     def carried(friction: FrictionCurves) -> Array:
@@ -93,14 +93,9 @@ def known_torque(
 ) -> Array:
     """Joint torques of known friction along a motion, ``C' f(C dq)``."""  # predicted (N, r); temperature (N, n)
     load = _load(target, predicted) if friction.loaded else None
-    direction = friction_direction(target.robot, samples, recipe)
+    direction = drive_directions(target.robot, samples, recipe.sign_width, recipe.breakaway)
     drive_temperature = of_drives(target.robot, temperature)
     return friction.joint_torque(target.robot, samples.q, samples.dq, direction, drive_temperature, load)
-
-
-def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array | None:
-    """Direction of the friction of each drive along a motion."""
-    return drive_directions(robot, samples, recipe.sign_width, recipe.breakaway)
 
 
 def _load(target: IdentificationTarget, predicted: Array) -> Array:

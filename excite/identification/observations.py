@@ -9,11 +9,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from excite.identification.streamed_rows import BLOCK, Rows, StreamedRows, joined_rows
+from excite.identification.streamed_rows import BLOCK, Rows, StreamedRows, joined_rows, widened
 from regressors.errors import InputError
 from regressors.models.base import triangular_factor
 from regressors.samples import Array, Index
@@ -73,10 +74,6 @@ class Observations:
         """Group number of each row, one per log and equation, shape (m,); all rows of a group have the same noise."""
         return np.asarray(self.log * len(self.equations) + self.equation)
 
-    def known_noise(self) -> Array | None:
-        """Known standard deviation of every row, shape (m,); None where it is not known."""
-        return None if self.noise is None else self.noise.ravel()[self.group]
-
     @property
     def matrix(self) -> Array:
         """W as an array, also where its rows are streamed.
@@ -87,6 +84,11 @@ class Observations:
             It is too large to be held, see `StreamedRows.whole`.
         """
         return self.W.whole() if isinstance(self.W, StreamedRows) else self.W
+
+    def beside(self, columns: Array, names: Sequence[str], unit: str = "1") -> Observations:
+        """The same observations with further parameters, whose columns have the shape (m, k)."""
+        units = (*self.units, *(unit for _ in names))
+        return replace(self, W=widened(self.W, columns), names=(*self.names, *names), units=units)
 
     def held(self) -> Observations:
         """The same observations with W as an array; see `matrix`."""
@@ -104,18 +106,8 @@ class Observations:
 
     def rows(self, which: Index) -> Observations:
         """Observations of the selected rows."""
-        return Observations(
-            self.W[which],
-            self.y[which],
-            self.names,
-            self.units,
-            self.equation[which],
-            self.equations,
-            self.log[which],
-            self.logs,
-            self.time[which],
-            self.noise,
-        )
+        of_rows: dict[str, Any] = {n: getattr(self, n)[which] for n in ("W", "y", "equation", "log", "time")}
+        return replace(self, **of_rows)
 
 
 def join_observations(parts: Sequence[Observations]) -> Observations:
@@ -132,17 +124,16 @@ def join_observations(parts: Sequence[Observations]) -> Observations:
     if known and len(known) != len(parts):
         raise InputError("observations: noise must be known for all logs or for none")
     offsets = np.cumsum([0, *(len(part.logs) for part in parts)])
-    return Observations(
-        joined_rows([part.W for part in parts]),
-        np.concatenate([part.y for part in parts]),
-        first.names,
-        first.units,
-        np.concatenate([part.equation for part in parts]),
-        first.equations,
-        np.concatenate([part.log + k for part, k in zip(parts, offsets, strict=False)]),
-        tuple(name for part in parts for name in part.logs),
-        np.concatenate([part.time for part in parts]),
-        np.concatenate(known) if known else None,
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in ("y", "equation", "time")
+    }
+    return replace(
+        first,
+        W=joined_rows([part.W for part in parts]),
+        log=np.concatenate([part.log + k for part, k in zip(parts, offsets, strict=False)]),
+        logs=tuple(name for part in parts for name in part.logs),
+        noise=np.concatenate(known) if known else None,
+        **joined,
     )
 
 
@@ -263,3 +254,24 @@ def _not_finite(observations: Observations, rows: slice) -> str:
     column = int(np.argmin(np.isfinite(W[place])))
     name = observations.names[column]
     return f"observations: W must be finite, given {W[place, column]} for {name} in {where}"
+
+
+MOST = 2**17  # rows
+_STRETCHES = 8
+
+
+def row_stretches(observations: Observations) -> list[slice]:
+    """All rows, or, of more than `MOST`, that many in contiguous stretches evenly spread over each log."""
+    m, r = observations.y.size, len(observations.equations)
+    if m <= MOST:
+        return [slice(0, m)]
+    stretches, first = [], 0
+    for rows in np.bincount(observations.log):
+        number = max(1, round(_STRETCHES * rows / m))
+        length = max(1, int(MOST * rows / (m * number * r)))
+        for k in range(number):
+            middle = int((k + 0.5) * rows / (number * r))
+            start = first + r * max(0, middle - length // 2)
+            stretches.append(slice(start, min(start + r * length, first + rows)))
+        first += rows
+    return [stretch for stretch in stretches if stretch.start < stretch.stop]

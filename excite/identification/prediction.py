@@ -14,7 +14,7 @@ from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.logs.saturation import within
 from excite.tasks.task import Task
-from regressors.friction.curves import FrictionCurves
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

@@ -1,4 +1,4 @@
-"""From a log to the filtered motion and the measurements of its equations."""
+"""From a log to the filtered motion and the measurements of its equations, without rows that make none."""
 
 from __future__ import annotations
 
@@ -11,26 +11,18 @@ import numpy as np
 
 from excite.identification.drive_gains import corrected
 from excite.identification.recipe import ALL, AUTO, Recipe
-from excite.identification.saturated_rows import (
-    saturated_stretches,
-    spans_in_mean,
-    spans_left_out,
-    stretches_left_out,
-    without_impacts,
-)
 from excite.information.target import IdentificationTarget
 from excite.logs.cleaning import cleaned
-from excite.logs.event import SATURATION, Event, event_notes
+from excite.logs.event import IMPACT, LEFT_OUT, SATURATION, Event, event_notes
 from excite.logs.excitation import exciting_rows
-from excite.logs.impacts import check_resets
+from excite.logs.gaps import LEAST, missing_rows
+from excite.logs.impacts import check_resets, impact_events
 from excite.logs.log import Log
 from excite.logs.log_checks import check_log, joints_of
-from excite.logs.saturation import Spans, within
-from excite.signals.delay import delayed
-from excite.signals.method import FilteredMotion, Method
-from excite.signals.methods import signal_method
-from excite.signals.periods import average_periods, repeats
-from excite.signals.resampling import Resampled, resample
+from excite.logs.saturation import Saturation, Spans, joined_spans, measured_saturation, spans_of, within
+from excite.logs.signals.method import FilteredMotion, Method, signal_method
+from excite.logs.signals.periods import average_periods, repeats
+from excite.logs.signals.resampling import Resampled, delayed, resample
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -60,7 +52,7 @@ class PreparedLog:
         What happened in it, and why these are left out.
     standing : tuple of Spans
         Stretches that make no rows of each equation, where friction may hold a drive, see
-        `excite.identification.standstill_bias`.
+        `excite.identification.biases`.
     """
 
     log: Log
@@ -85,7 +77,10 @@ class PreparedLog:
 
 def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
     """Prepare the motion and the measurements of one log."""
-    return with_motion(usable_rows(log, robot, target, recipe), target, recipe)
+    asked = (robot, target.robot.joint_names, target.model.channel, recipe.rows, recipe.torque_factors)
+    if log not in _KNOWN or _KNOWN[log][0] != asked:
+        _KNOWN[log] = asked, _usable_rows(log, robot, target, recipe)
+    return _with_motion(_KNOWN[log][1], target, recipe)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,22 +98,16 @@ class UsableRows:
     remarks: tuple[str, ...]
 
 
-def usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> UsableRows:
-    """Clean a log, and find its exciting rows and what happened in them."""
-    asked = (robot, target.robot.joint_names, target.model.channel, recipe.rows, recipe.torque_factors)
-    if log not in _KNOWN or _KNOWN[log][0] != asked:
-        _KNOWN[log] = asked, _usable_rows(log, robot, target, recipe)
-    return _KNOWN[log][1]
-
-
 # of the last settings that a log was used with: what is chosen for it, and the estimate, use the same rows
 _KNOWN: WeakKeyDictionary[Log, tuple[tuple[object, ...], UsableRows]] = WeakKeyDictionary()
 
 
 def _usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> UsableRows:
+    """Clean a log, and find its exciting rows and what happened in them."""
     joints_of(log, robot)
-    clean = cleaned(replace(_rows_asked_for(log, recipe)), robot)  # what is kept for a log must not hold it
-    log, notes = clean.log, []
+    # a copy: what is kept for a log must not hold it
+    log, found = cleaned(replace(_rows_asked_for(log, recipe)), robot)
+    notes = []
     moving = log.of(_present(log, target.robot.joint_names))
     if recipe.rows == AUTO:
         stretch, reason = exciting_rows(moving)
@@ -132,10 +121,10 @@ def _usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: R
     with _errors_naming(log):
         smooth, hits = without_impacts(moving, target.robot, recipe)
         uniform = resample(smooth)
-    return UsableRows(log, moving, smooth, uniform, clean.events, hits, saturated, tuple(notes), tuple(remarks))
+    return UsableRows(log, moving, smooth, uniform, found, hits, saturated, tuple(notes), tuple(remarks))
 
 
-def with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
+def _with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
     """The motion and the measurements of the rows that are used."""
     log = rows.recorded
     with _errors_naming(log):
@@ -280,3 +269,108 @@ def _held_joints(log: Log, robot: Robot, target: IdentificationTarget) -> list[s
             )
     absent = [n for n in robot.joint_names if n not in target.robot.joint_names and n not in log.joints]
     return [f"joints {', '.join(absent)} are not in the log and are assumed to rest"] if absent else []
+
+
+_MOST_SATURATED = 0.5  # of the rows: a motion whose larger part is missing is no longer the one that was designed
+
+
+def saturated_stretches(
+    log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
+) -> tuple[tuple[Event, ...], list[str]]:
+    """Stretches of a log that are left out, and the notes on them.
+
+    They are those in which the log is known to have had torques at their limits, or, where nothing is known, in which
+    a torque is held at the limit of its joint. Rows that are asked for by number, or all of them, are kept. A model of
+    another channel than torques is not concerned.
+    """
+    if target.model.channel != "effort":
+        return (), []
+    saturated = log.saturated or measured_saturation(log.of(_known(log, robot)), robot)
+    spans = spans_of(saturated)
+    lost = within(log.time, spans)
+    count = int(np.count_nonzero(lost))
+    if not count:
+        return (), []
+    step = float(np.median(np.diff(log.time)))
+    torques = _torques(saturated, log)
+    rows = f"{count} rows ({count * step:.3g} s) in which {torques}"
+    if recipe.rows != AUTO:
+        return (), [f"used, since they were asked for: {rows}"]
+    if count > _MOST_SATURATED * log.count:
+        raise InputError(
+            f"{log.source}: in {count} of its {log.count} exciting rows {torques}, so too little is left of it; "
+            "record a motion of lower torques (design it with `torque_margin`), or, if the recorded torques are those "
+            "that acted, use every row (`rows='all'`)"
+        )
+    return _events(log, spans, torques), [f"{LEFT_OUT} {rows}"]
+
+
+def _events(log: Log, spans: Spans, torques: str) -> tuple[Event, ...]:
+    events = []
+    for begin, end in spans:
+        inside = log.row_numbers[within(log.time, ((begin, end),))]
+        if inside.size:
+            events.append(Event(SATURATION, begin, end, (int(inside[0]), int(inside[-1])), torques))
+    return tuple(events)
+
+
+def _known(log: Log, robot: Robot) -> list[str]:
+    return [name for name in log.joints if name in robot.joint_names]
+
+
+def _torques(saturated: tuple[Saturation, ...], log: Log) -> str:
+    present = [one.label for one in saturated if np.any(within(log.time, one.spans))]
+    if len(present) == 1:
+        return f"the torque of {present[0]} was at its limit"
+    return f"the torques of {', '.join(present)} were at their limits"
+
+
+def spans_in_mean(spans: Spans, mean: Log) -> Spans:
+    """The stretches of all periods within the mean of them."""
+    start, step = float(mean.time[0]), mean.duration / (mean.count - 1)
+    period, phases = mean.count * step, mean.time - mean.time[0]
+    lost = np.zeros(mean.count, dtype=bool)
+    for first, last in spans:
+        begin = (first - start) % period
+        end = begin + (last - first)
+        for shift in (0.0, period):  # what passes the period's end goes on at its beginning
+            lost |= (phases + shift >= begin - step / 2) & (phases + shift <= end + step / 2)
+    return tuple((float(t) - step / 2, float(t) + step / 2) for t in mean.time[lost])
+
+
+_SMEAR = 0.25  # of what a filter cuts at each end: half a period of its cutoff
+_LEAST_SMEAR = 0.03  # [s]
+
+
+def without_impacts(used: Log, robot: Robot, recipe: Recipe) -> tuple[Log, tuple[Event, ...]]:
+    """The log without the rows about impacts, which would spread over the filtered motion, and these impacts.
+
+    Where all rows are asked for, the rows stay.
+    """
+    units = [robot.joints[robot.joint_index(name)].unit for name in used.joints]
+    hits = impact_events(resample(used).log, used, units)
+    if recipe.rows == ALL:
+        return used, tuple(replace(event, left_out=False) for event in hits)
+    about = within(used.time, tuple((event.begin, event.end) for event in hits))
+    return (used.without(IMPACT, about) if hits else used), hits
+
+
+def stretches_left_out(smooth: Log, cut: float, hits: Sequence[Event]) -> tuple[Event, ...]:
+    """Where rows are missing, and impacts, with the stretches over which filters spread them.
+
+    Where there are no rows for longer than 20 ms, what the filter of the positions makes of it is left out too: half a
+    period of its cutoff on either side.
+    """
+    smear = max(_LEAST_SMEAR, _SMEAR * cut)
+    lost = [event for event in missing_rows(smooth) if event.kind != IMPACT]
+    spread = [_widened(event, smear) if event.left_out and event.seconds > LEAST else event for event in (*lost, *hits)]
+    return tuple(spread)
+
+
+def _widened(event: Event, smear: float) -> Event:
+    return replace(event, begin=event.begin - smear, end=event.end + smear)
+
+
+def spans_left_out(events: Sequence[Event]) -> Spans:
+    """Spans of time of the events that make no equations, joined where they overlap [s]."""
+    return joined_spans((event.begin, event.end) for event in events if event.left_out)

@@ -7,21 +7,30 @@ smoothly then explains the torques better, as long as it does not blur real fric
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.optimize
 
-from excite.identification.equations import DirectedFriction, friction_drives, put_friction
-from excite.identification.friction_directions import directions, drive_rows
-from excite.identification.hysteresis import measured_direction
+from excite.identification.equations import (
+    DirectedFriction,
+    drive_rows,
+    friction_drives,
+    listed,
+    measured_direction,
+    put_friction,
+    streamed_equations,
+)
 from excite.identification.known_friction import of_drives
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
-from excite.identification.recipe import Sizes
+from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
-from regressors.friction.curves import FrictionCurves
+from excite.tasks.task import Task
 from regressors.models.base import triangular_factor
+from regressors.models.columns import COULOMB
+from regressors.models.windows import Window
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
 
 WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
@@ -50,22 +59,12 @@ def best_presliding(
     friction: FrictionCurves | None = None,
 ) -> Presliding:
     """Find the presliding of largest likelihood, each equation having its own noise."""
-    exact, *found = presliding_candidates(target, parts, by_distance=by_distance, friction=friction)
-    if not found:
-        return Presliding()
-    least = min(candidate.misfit for candidate in found)
-    if exact.misfit - least <= WORTH:
-        return Presliding()
+    (exact, misfit), *found = presliding_candidates(target, parts, by_distance=by_distance, friction=friction)
+    least = min((one for _, one in found), default=misfit)
+    if misfit - least <= WORTH:
+        return exact
     # the last, over a distance, if it explains as much: it also holds at standstill, which logs may not show
-    return next(c.presliding for c in reversed(found) if c.misfit - least <= WORTH)
-
-
-@dataclass(frozen=True)
-class PreslidingCandidate:
-    """A presliding, and how well it explains the data."""
-
-    presliding: Presliding
-    misfit: float  # mean over the equations of the logarithm of the residuals' size
+    return next(presliding for presliding, one in reversed(found) if one - least <= WORTH)
 
 
 def presliding_candidates(
@@ -74,98 +73,48 @@ def presliding_candidates(
     *,
     by_distance: bool = True,
     friction: FrictionCurves | None = None,
-) -> list[PreslidingCandidate]:
-    """The exact sign; and over a velocity, and over a distance, the presliding of largest likelihood."""
+) -> list[tuple[Presliding, float]]:
+    """The exact sign; and over a velocity, and over a distance, the presliding of largest likelihood.
+
+    Each with its misfit, the mean over the equations of the logarithm of the residuals' size.
+    """
     if target.model.coulomb_friction() is None:
-        return [PreslidingCandidate(Presliding(), 0.0)]
-    score, used = _score_of_drives(target, parts, friction)
-    paths, speeds = _drive_motions(target, parts)
+        return [(Presliding(), 0.0)]
+    drives = [friction_drives(target, part.samples) for part, _ in parts]
+    C = drive_rows(target.robot)
+    if friction is None:
+        score, used = _score_of_columns(parts, drives), sorted(set(drives[0].drives))
+    else:
+        score, used = _score_of_curves(target, parts, drives, friction), list(range(len(C)))
+    paths, speeds = ([getattr(part.samples, name) @ C.T for part, _ in parts] for name in ("q", "dq"))
     speed = _typical([np.sqrt(np.mean(dz[:, used] ** 2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z[:, used], axis=0) for z in paths])
-    exact = PreslidingCandidate(Presliding(), score([np.sign(dz) for dz in speeds]))
-    if not (speed > 0 and travel > 0):
-        return [exact]
-    families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
-    if by_distance:
-        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [measured_direction(z, d) for z in paths]))
-    return [exact, *(_refined(family, score) for family in families)]
+    found = [(Presliding(), score([np.sign(dz) for dz in speeds]))]
+    if speed > 0 and travel > 0:
+        width, misfit = _refined(speed * WIDTHS, lambda w: score([np.tanh(dz / w) for dz in speeds]))
+        found.append((Presliding(sign_width=width), misfit))
+        if by_distance:
+            distance, misfit = _refined(travel * DISTANCES, lambda d: score([measured_direction(z, d) for z in paths]))
+            found.append((Presliding(breakaway=distance), misfit))
+    return found
 
 
-def presliding_of_each(
-    target: IdentificationTarget,
-    parts: Sequence[Part],
-    common: Presliding,
-    *,
-    friction: FrictionCurves | None = None,
-) -> tuple[float, ...]:
-    """Find the size of the presliding of each drive, from one for all, one drive after the other."""
-    by_distance = common.breakaway > 0
-    score, used = _score_of_drives(target, parts, friction)
-    paths, speeds = _drive_motions(target, parts)
-
-    def misfit(given: Array) -> float:
-        each = (None, tuple(given.tolist())) if by_distance else (tuple(given.tolist()), None)
-        return score([_directions(z, dz, each) for z, dz in zip(paths, speeds, strict=True)])
-
-    drives = np.arange(paths[0].shape[1])
-    given = np.full(drives.size, common.breakaway if by_distance else common.sign_width)
-    speed, travel = (_typical([np.std(x[:, used], axis=0) for x in motion]) for motion in (speeds, paths))
-    grid = travel * DISTANCES if by_distance else speed * WIDTHS
-    least = misfit(given)
-    for k in used:
-        trials = [np.where(drives == k, size, given) for size in (0.0, *grid)]
-        scores = [misfit(trial) for trial in trials]
-        if least - min(scores) > WORTH:
-            least, given = min(scores), trials[int(np.argmin(scores))]
-    return tuple(given.tolist())
-
-
-def _directions(z: Array, dz: Array, each: tuple[Sizes | None, Sizes | None]) -> Array:
-    found = directions(z, dz, *each)
-    return np.sign(dz) if found is None else found
-
-
-@dataclass(frozen=True)
-class _Family:
-    """One kind of presliding: the grid of its parameter, and the directions of friction for each value."""
-
-    kind: str
-    sizes: Array
-    directions: Callable[[float], list[Array]]
-
-
-def _refined(family: _Family, score: Score) -> PreslidingCandidate:
-    """Least misfit of a family and its parameter: on the grid, then refined between the neighbours."""
+def _refined(sizes: Array, score: Callable[[float], float]) -> tuple[float, float]:
+    """Size of the least misfit, and that misfit: on a grid, then refined between the neighbours."""
 
     def misfit(exponent: float) -> float:
-        return score(family.directions(float(10.0**exponent)))
+        return score(float(10.0**exponent))
 
-    exponents = np.log10(family.sizes)
+    exponents = np.log10(sizes)
     best = int(np.argmin([misfit(exponent) for exponent in exponents]))
     bounds = exponents[max(best - 1, 0)], exponents[min(best + 1, exponents.size - 1)]
     minimum = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": CLOSE})
-    return PreslidingCandidate(Presliding(**{family.kind: float(10.0**minimum.x)}), float(minimum.fun))
+    return float(10.0**minimum.x), float(minimum.fun)
 
 
 def _typical(sizes: Sequence[Array]) -> float:
     together = np.concatenate([size.ravel() for size in sizes])
     return float(np.median(together)) if together.size else 0.0
-
-
-def _drive_motions(target: IdentificationTarget, parts: Sequence[Part]) -> tuple[list[Array], list[Array]]:
-    """Coordinates of the moving drives, up to constants, and their velocities, in each log."""
-    C = drive_rows(target.robot)
-    return [part.samples.q @ C.T for part, _ in parts], [part.samples.dq @ C.T for part, _ in parts]
-
-
-def _score_of_drives(
-    target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves | None
-) -> tuple[Score, list[int]]:
-    """Misfit of friction directions of all moving drives, and the places of those drives that it depends on."""
-    drives = [friction_drives(target, part.samples) for part, _ in parts]
-    if friction is None:
-        return _score_of_columns(parts, drives), sorted(set(drives[0].drives))
-    return _score_of_curves(target, parts, drives, friction), list(range(len(drive_rows(target.robot))))
 
 
 def _score_of_columns(parts: Sequence[Part], drives: Sequence[DirectedFriction]) -> Score:
@@ -248,3 +197,57 @@ def _factor(W: Array, y: Array) -> Array:
     whole = np.zeros((len(R), W.shape[1] + 1))
     whole[:, used] = R
     return whole
+
+
+def with_whole_window(task: Task, target: IdentificationTarget, part: PreparedLog) -> Task:
+    """Round the length of a task's short windows to a whole number of samples."""
+    window, time = target.model.window, part.samples.time
+    if window is None or window.kind != "short":
+        return task
+    fitted = window.fitted(float(time[-1] - time[0]) / (time.size - 1))
+    return task.changed(model=task.model.with_window(fitted))
+
+
+def with_presliding(
+    recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog], friction: FrictionCurves | None
+) -> Recipe:
+    """Complete a recipe with the presliding of friction that fits the data best, where it is not given."""
+    if recipe.sign_width is not None or recipe.breakaway or target.model.window is not None:
+        return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
+    equations = undirected_equations(recipe, target, parts)
+    presliding = best_presliding(target, equations, by_distance=recipe.breakaway is None, friction=friction)
+    return replace(recipe, sign_width=presliding.sign_width, breakaway=presliding.breakaway)
+
+
+def undirected_equations(
+    recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog]
+) -> list[tuple[PreparedLog, Observations]]:
+    """Equations of every instant of some logs, with the exact sign of friction, for a search of its presliding."""
+    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
+    # friction remembers every row, those too that make no equations later
+    return [(part, streamed_equations(target, replace(part, left_out=()), plain)) for part in parts]
+
+
+def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:
+    """Describe the presliding of friction, or the length of the windows."""
+    base, window = target.base, target.model.window
+    if window is not None:
+        return (_window_note(window),)
+    columns = any(base.columns[k].kind == COULOMB for k in base.index)
+    if not known and not columns:
+        return ()
+    what = ("friction, known or not," if columns else "known friction") if known else "Coulomb friction"
+    if np.any(recipe.breakaway or 0.0):
+        return (
+            f"{what} is presliding: it changes direction over {listed(recipe.breakaway)} "
+            "rad (or m), and holds at standstill",
+        )
+    if np.any(recipe.sign_width or 0.0):
+        return (f"{what} changes sign over {listed(recipe.sign_width)} rad/s (or m/s) of drive velocity",)
+    return (f"{what} has the sign of the velocity",)
+
+
+def _window_note(window: Window) -> str:
+    if window.kind == "long":
+        return "the noise of long windows is a cumulated sum, and the intervals allow for that"
+    return f"windows of {1e3 * window.length:.4g} ms"

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from excite.identification.repetition_count import repetition_prediction
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, OwnPart, built_in, check_part, instance, name_of
+from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
@@ -15,6 +15,7 @@ from regressors.quantities import check, check_options, shown, whole_number_of
 
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator
+
 
 Sizes = float | tuple[float, ...]  # one for all drives, or one for each
 Factors = tuple[tuple[str, float], ...]  # by drive
@@ -57,14 +58,14 @@ class Recipe:
         the exact sign. Found from the data, unless it or `breakaway` is given.
     breakaway : float or tuple of float, optional
         Instead, the presliding distance over which it changes its direction, which it keeps at standstill [rad or m]; 0
-        for none. See `excite.identification.hysteresis`.
+        for none. See `excite.identification.equations`.
     standstill : float, optional
         Speed of a drive below which rows with its torque are left out, since friction may hold it there [rad/s or m/s];
-        0 for none. See `excite.identification.standstill_bias`.
+        0 for none. See `excite.identification.biases`.
     torque_factors : mapping of str to float, optional
         Factors on the measured torques of drives whose gains are not the stated ones.
     friction_scale : bool
-        Scale each known friction curve by one fitted factor, see `excite.identification.friction_scale`.
+        Scale each known friction curve by one fitted factor, see `excite.identification.allowances`.
     estimator : str or Estimator
         Registered name, or an estimator.
     covariance : {"auto", "white", "robust"}
@@ -123,14 +124,14 @@ class Recipe:
     breakaway: Sizes | None = option(
         None,
         "size",
-        "Instead: presliding distance over which it changes sign [rad]; 0: none.",
+        "Instead: presliding distance over which it changes sign; 0: none.",
         metavar="D",
         unset=AUTO,
     )
     standstill: float | None = option(
         0.0,
         "size",
-        "Leave out rows while a drive is slower, where friction may hold it [rad/s]; 0: none.",
+        "Leave out rows while a drive is slower, where friction may hold it; 0: none.",
         metavar="V",
         unset=AUTO,
     )
@@ -151,8 +152,7 @@ class Recipe:
     temperature: tuple[float, ...] | None = option(
         None,
         "numbers",
-        "Temperature of logs without NAME.temperature, for friction curves that depend on it [deg C]: one, or one per "
-        "joint.",
+        "Temperature of logs without NAME.temperature, for friction curves that depend on it; one, or one per joint.",
         metavar="T,...",
     )
     pull: float = option(0.0, "number", "Weight of the described bodies in the estimator physical.", metavar="W")
@@ -163,7 +163,7 @@ class Recipe:
         metavar="X",
     )
     delay: float = option(
-        0.0, "time", "Delay of the recorded torques after the positions [s]; 0: none.", metavar="S", unset=AUTO
+        0.0, "time", "Delay of the recorded torques after the positions; 0: none.", metavar="S", unset=AUTO
     )
     signals_chosen: bool = False
 
@@ -176,12 +176,9 @@ class Recipe:
         for what in _SINGLE:
             if hasattr(value := getattr(self, what), "__iter__") and not isinstance(value, str):
                 raise InputError(f"`{what}` must be one number, given {shown(value)}")
-        if self.pull and self.estimator != "physical":
-            name = name_of(self.estimator)
-            raise InputError(f"`pull` is for the estimator physical, not for {name}")
-        if self.described_within is not None and self.estimator != "physical":
-            name = name_of(self.estimator)
-            raise InputError(f"`described_within` is for the estimator physical, not for {name}")
+        for what, asked in (("pull", self.pull), ("described_within", self.described_within is not None)):
+            if asked and self.estimator != "physical":
+                raise InputError(f"`{what}` is for the estimator physical, not for {name_of(self.estimator)}")
         for what in ("sign_width", "breakaway"):
             object.__setattr__(self, what, _sizes(what, getattr(self, what)))
         if self.torque_factors is not None:
@@ -293,4 +290,15 @@ def not_repeated() -> InputError:
     return InputError(
         "repetitions cannot repeat friction that is subtracted, so they would show too little scatter; identify "
         "friction with the rest (`friction=True`), or leave out `repeat`"
+    )
+
+
+_FEWEST = 10  # parameters, as long as it is not known how many there are
+
+
+def repetition_prediction(count: int, parameters: int = _FEWEST, option: str = "repeat") -> WorkPrediction:
+    """Memory of the estimates of repetitions, each with its covariance."""
+    numbers = parameters * (parameters + 3)
+    return WorkPrediction(
+        "the repetition", (MemoryPart("repetitions", count, numbers, FLOAT * count * numbers, option, count),)
     )

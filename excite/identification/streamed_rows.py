@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.signals.low_pass import edge, kept_rows, low_passed
+from excite.logs.signals.butterworth import edge, kept_rows, low_passed
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
@@ -24,14 +24,8 @@ class RowSource(ABC):
     shape: tuple[int, int, int]  # (N, r, b)
 
     @abstractmethod
-    def part(self, first: int, last: int) -> Array:
-        """Rows of the instants from `first` to before `last`, shape (last - first, r, b)."""
-
-    def at(self, instants: Index) -> Array:
-        """Rows of some instants, in ascending order, shape (k, r, b)."""
-        gaps = np.flatnonzero(np.diff(instants) > BLOCK) + 1  # too long to be computed along
-        runs = np.split(instants, gaps)
-        return np.concatenate([self.part(int(run[0]), int(run[-1]) + 1)[run - run[0]] for run in runs])
+    def part(self, which: slice | Index) -> Array:
+        """Rows of a stretch of instants, or of some in ascending order, shape (k, r, b)."""
 
 
 class HeldRows(RowSource):
@@ -40,9 +34,9 @@ class HeldRows(RowSource):
     def __init__(self, rows: Array) -> None:
         self.rows, self.shape = rows, (rows.shape[0], rows.shape[1], rows.shape[2])
 
-    def part(self, first: int, last: int) -> Array:
+    def part(self, which: slice | Index) -> Array:
         """See `RowSource.part`."""
-        return self.rows[first:last]
+        return self.rows[which]
 
 
 class StreamedRows:
@@ -64,10 +58,6 @@ class StreamedRows:
     def nbytes(self) -> int:
         """Memory of all rows as an array [bytes]."""
         return 8 * self.shape[0] * self.shape[1]
-
-    def joined(self, other: StreamedRows) -> StreamedRows:
-        """These rows, then those of another motion."""
-        return StreamedRows((*self.sources, *other.sources), (*self.instants, *other.instants))
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -123,7 +113,7 @@ class StreamedRows:
             if a < b:
                 r = source.shape[1]
                 begin, stop = int(a // r), int(-(-b // r))
-                rows = source.part(begin, stop) if kept is None else source.at(kept[begin:stop])
+                rows = source.part(slice(begin, stop) if kept is None else kept[begin:stop])
                 pieces.append(rows.reshape(-1, self.shape[1])[a % r : a % r + b - a])
         return np.concatenate(pieces) if len(pieces) != 1 else pieces[0]
 
@@ -136,7 +126,7 @@ class StreamedRows:
             if wanted.size:
                 instant, equation = np.divmod(rows[wanted] - start, source.shape[1])
                 each, place = np.unique(instant, return_inverse=True)
-                gathered[wanted] = source.at(each if kept is None else kept[each])[place, equation]
+                gathered[wanted] = source.part(each if kept is None else kept[each])[place, equation]
         return gathered
 
 
@@ -149,42 +139,37 @@ def joined_rows(parts: Sequence[Rows]) -> Rows:
     if len(arrays) == len(parts):
         return np.concatenate(arrays)
     streamed = [StreamedRows((HeldRows(x[:, None]),), (None,)) if isinstance(x, np.ndarray) else x for x in parts]
-    together = streamed[0]
-    for part in streamed[1:]:
-        together = together.joined(part)
-    return together
+    sources = [source for part in streamed for source in part.sources]
+    return StreamedRows(sources, [kept for part in streamed for kept in part.instants])
 
 
-def widened(rows: Rows, column: Array) -> Rows:
-    """Rows with one more column at the end, streamed where they are."""  # rows (m, p); column (m,)
-    return WidenedRows(rows, column) if isinstance(rows, StreamedRows) else np.column_stack([rows, column])
+def widened(rows: Rows, columns: Array) -> Rows:
+    """Rows with more columns at the end, streamed where they are."""  # rows (m, p); columns (m, k)
+    return WidenedRows(rows, columns) if isinstance(rows, StreamedRows) else np.column_stack([rows, columns])
 
 
 class WidenedRows(StreamedRows):
-    """Streamed rows with one more column at the end."""  # rows (m, p); column (m,)
+    """Streamed rows with more columns at the end."""  # rows (m, p); columns (m, k)
 
-    def __init__(self, rows: StreamedRows, column: Array) -> None:
-        super().__init__((_Beside(rows, column),), (None,))
-        self.rows, self.column = rows, column
+    def __init__(self, rows: StreamedRows, columns: Array) -> None:
+        super().__init__((_Beside(rows, columns),), (None,))
+        self.rows, self.columns = rows, columns
 
     def __matmul__(self, values: Array) -> Array:
-        """See `StreamedRows`; the product of the rows without the column is often known."""
-        return np.asarray(self.rows @ values[:-1] + values[-1] * self.column)
+        """See `StreamedRows`; the product of the rows without the columns is often known."""
+        p = self.rows.shape[1]
+        return np.asarray(self.rows @ values[:p] + self.columns @ values[p:])
 
 
 class _Beside(RowSource):
-    """Single rows, and the column beside them."""
+    """Single rows, and the columns beside them."""
 
-    def __init__(self, rows: StreamedRows, column: Array) -> None:
-        self.rows, self.column, self.shape = rows, column, (len(rows), 1, rows.shape[1] + 1)
+    def __init__(self, rows: StreamedRows, columns: Array) -> None:
+        self.rows, self.columns, self.shape = rows, columns, (len(rows), 1, rows.shape[1] + columns.shape[1])
 
-    def part(self, first: int, last: int) -> Array:
+    def part(self, which: slice | Index) -> Array:
         """See `RowSource.part`."""
-        return np.column_stack([self.rows[first:last], self.column[first:last]])[:, None]
-
-    def at(self, instants: Index) -> Array:
-        """See `RowSource.at`."""
-        return np.column_stack([self.rows[instants], self.column[instants]])[:, None]
+        return np.column_stack([self.rows[which], self.columns[which]])[:, None]
 
 
 _MARGIN = 8  # times the edge of the filter, 16 periods of its cutoff: its memory is then below 1e-16
@@ -222,10 +207,16 @@ class DecimatedRows(RowSource):
         self._many = self.shape[0] if small else max(BLOCK, -(-2 * self._margin // decimation.kept.step))
         self._known: tuple[int, Array] | None = None
 
-    def part(self, first: int, last: int) -> Array:
+    def part(self, which: slice | Index) -> Array:
         """See `RowSource.part`."""
         if self.decimation.cutoff is None:
-            return self.source.at(self.instants[first:last])
+            return self.source.part(self.instants[which])
+        if isinstance(which, slice):
+            return self._stretch(which.start, which.stop)
+        runs = np.split(which, np.flatnonzero(np.diff(which) > BLOCK) + 1)  # gaps too long to be computed along
+        return np.concatenate([self._stretch(int(run[0]), int(run[-1]) + 1)[run - run[0]] for run in runs])
+
+    def _stretch(self, first: int, last: int) -> Array:
         pieces = []
         for number in range(first // self._many, -(-last // self._many)):
             start = number * self._many
@@ -244,7 +235,7 @@ class DecimatedRows(RowSource):
         assert self.decimation.cutoff is not None
         N, r, b = self.source.shape
         start, stop = max(0, int(instants[0]) - self._margin), min(N, int(instants[-1]) + self._margin + 1)
-        W, rows = self.source.part(start, stop), np.zeros((instants.size, r, b))
+        W, rows = self.source.part(slice(start, stop)), np.zeros((instants.size, r, b))
         for j in range(r):
             used = np.flatnonzero(np.any(W[:, j], axis=0))
             smooth = low_passed(W[:, j, used], self.decimation.rate, self.decimation.cutoff)

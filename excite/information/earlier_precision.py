@@ -24,7 +24,7 @@ import scipy.linalg
 from excite.information.metrics import noise_per_row
 from excite.information.target import IdentificationTarget
 from excite.registry import name_of
-from excite.tasks.earlier_information import DESIGN, RESULT, EarlierInformation
+from excite.tasks.stored_files import DESIGN, RESULT, EarlierInformation
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel

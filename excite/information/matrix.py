@@ -11,8 +11,8 @@ import numpy as np
 from excite.trajectories.family import Family, Trajectory
 from regressors.models.model import Combination
 from regressors.models.partial import PartialMotion
+from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index
-from regressors.symbolic.vectorised import VectorisedFunction
 
 _CALL = 100_000  # multiplications in the time of a call
 _CACHE = 2**17  # numbers that stay in a cache

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 
 from excite.information.target import IdentificationTarget
+from excite.storage.codec import OBJECT, named
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
-from regressors.models.motor_side import MotorSide, motor_sides
+from regressors.models.nominal import MotorSide, motor_sides
 from regressors.samples import Array, Samples
 
 LENGTH = 0.1
@@ -51,19 +52,18 @@ class PredictedAccuracy:
         The rotor inertia that a parameter at the drive coordinate stands for.
     """
 
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"motor_side.standard_deviation": lambda p: p.of_motor}
+
     name: str
     expression: str
     unit: str
     standard_deviation: float
     motor_side: MotorSide | None = None
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON; of a rotor inertia at the drive coordinate also what is known of the motor's own."""
-        plain = {name: value for name, value in vars(self).items() if name != "motor_side"}
-        side = self.motor_side
-        if side is None:
-            return plain
-        return {**plain, "motor_side": {**vars(side), "standard_deviation": self.standard_deviation / side.factor}}
+    @property
+    def of_motor(self) -> float | None:
+        """Standard deviation of the motor's own inertia, where the parameter stands for one."""
+        return None if self.motor_side is None else self.standard_deviation / self.motor_side.factor
 
 
 def noise_per_row(noise: tuple[float, ...] | None, model: RegressorModel) -> Array:
@@ -99,27 +99,41 @@ def _singular_values(W: Array) -> Array:
     return np.asarray(np.linalg.svd(np.linalg.qr(W, mode="r"), compute_uv=False))
 
 
-def measures(target: IdentificationTarget, samples: Samples, noise: Array) -> dict[str, float]:
-    """All metrics of one motion, defined in `CONVENTIONS`."""  # noise (r,)
-    base = target.base
-    W = target.model.assemble(samples)[:, base.index]
-    count = W.shape[0] // noise.size
-    R = np.asarray(np.linalg.qr(W, mode="r"))
-    plain, sizes = _singular_values(W), np.linalg.norm(R, axis=0)
+@dataclass(frozen=True, eq=False)
+class MotionMeasures:
+    """What one motion says of the parameters of a target."""
+
+    listed: ClassVar[bool] = True
+
+    criteria: dict[str, float] = field(metadata=OBJECT)  # see `CONVENTIONS`
+    predicted: tuple[PredictedAccuracy, ...] = field(metadata=named("predicted.parameters"))
+    # (b,) singular values of W in the left-to-right base, largest first
+    spectrum: Array = field(metadata=named("base.singular_values"))
+    rows: int = field(default=0, metadata=named("base.rows"))  # number of rows of W
+
+    @classmethod
+    def of(cls, target: IdentificationTarget, samples: Samples, noise: Array) -> MotionMeasures:
+        """Those of samples, for the noise of each equation, shape (r,)."""
+        W = target.model.assemble(samples)[:, target.base.index]
+        weighted = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
+        spectrum = _singular_values(W)
+        criteria = _criteria(target, W, spectrum, _singular_values(weighted), W.shape[0] // noise.size)
+        return cls(criteria, _predicted(target, weighted), spectrum, int(W.shape[0]))
+
+
+def _criteria(target: IdentificationTarget, W: Array, plain: Array, weighted: Array, count: int) -> dict[str, float]:
+    """All metrics, defined in `CONVENTIONS`, of W and of its singular values, plain and noise-weighted."""
+    base, R = target.base, np.asarray(np.linalg.qr(W, mode="r"))
+    sizes = np.linalg.norm(R, axis=0)
     length = np.array([LENGTH ** _LENGTH_POWER.get(unit, 0) for unit in base.units])
-    weighted = _singular_values(W / np.tile(noise, count)[:, None])
-    conditions: dict[str, Callable[[], Array]] = {
-        "condition_number": lambda: plain,
-        "condition_number_pivoted": lambda: _singular_values(R @ target.transforms["pivoted"]),
-        "condition_number_orthonormal": lambda: _singular_values(R @ target.transforms["orthonormal"]),
-        "condition_number_column_normalised": lambda: _singular_values(R / np.where(sizes > 0, sizes, 1.0)),
-        "condition_number_length_scaled": lambda: _singular_values(R * length),
-        "condition_number_noise_weighted": lambda: weighted,
-    }
-    values_of = {name: _cond(values()) for name, values in conditions.items()}
     log_det, trace_inverse = _log_det(plain), _trace_inverse(plain)
     return {
-        **values_of,
+        "condition_number": _cond(plain),
+        "condition_number_pivoted": _cond(_singular_values(R @ target.transforms["pivoted"])),
+        "condition_number_orthonormal": _cond(_singular_values(R @ target.transforms["orthonormal"])),
+        "condition_number_column_normalised": _cond(_singular_values(R / np.where(sizes > 0, sizes, 1.0))),
+        "condition_number_length_scaled": _cond(_singular_values(R * length)),
+        "condition_number_noise_weighted": _cond(weighted),
         "condition_number_frobenius": float(np.linalg.norm(plain)) * float(np.sqrt(trace_inverse)),
         "smallest_singular_value": float(plain[-1]),
         "log_det": log_det,
@@ -131,37 +145,11 @@ def measures(target: IdentificationTarget, samples: Samples, noise: Array) -> di
     }
 
 
-def predictions(target: IdentificationTarget, samples: Samples, noise: Array) -> tuple[PredictedAccuracy, ...]:
+def _predicted(target: IdentificationTarget, weighted: Array) -> tuple[PredictedAccuracy, ...]:
     """Standard deviation of each base parameter, ``sqrt(diag((W' S^-1 W)^-1))`` with S the noise covariance."""
-    base = target.base
-    W = target.model.assemble(samples)[:, base.index]
-    W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
-    inverse = np.linalg.pinv(np.linalg.qr(W, mode="r"))
-    deviation = np.linalg.norm(inverse, axis=1)
-    sides = motor_sides(target.model, base)
+    base, inverse = target.base, np.linalg.pinv(np.linalg.qr(weighted, mode="r"))
+    deviation, sides = np.linalg.norm(inverse, axis=1), motor_sides(target.model, base)
     return tuple(
         PredictedAccuracy(name, expression, unit, float(s), sides.get(name))
         for name, expression, unit, s in zip(base.names, base.expressions, base.units, deviation, strict=True)
     )
-
-
-def singular_spectrum(target: IdentificationTarget, samples: Samples) -> Array:
-    """Singular values of W in the left-to-right base, largest first."""
-    return _singular_values(target.model.assemble(samples)[:, target.base.index])
-
-
-@dataclass(frozen=True, eq=False)
-class MotionMeasures:
-    """What one motion says of the parameters of a target."""
-
-    criteria: dict[str, float]  # see `CONVENTIONS`
-    predicted: tuple[PredictedAccuracy, ...]
-    spectrum: Array  # (b,) singular values of W, largest first
-    rows: int  # number of rows of W
-
-    @classmethod
-    def of(cls, target: IdentificationTarget, samples: Samples, noise: Array) -> MotionMeasures:
-        """Those of samples, see `measures`."""
-        rows = int(target.model.assemble(samples).shape[0])
-        known = measures(target, samples, noise), predictions(target, samples, noise)
-        return cls(*known, singular_spectrum(target, samples), rows)

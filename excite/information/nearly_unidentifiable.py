@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.information.identifiability import FACTOR, inverse_half
 from excite.information.metrics import noise_per_row
-from excite.information.parameter_sizes import base_sizes
+from excite.information.prior import base_sizes
 from excite.information.target import IdentificationTarget
-from excite.information.visible_base import FACTOR, inverse_half
 from regressors.models.base import Base
 from regressors.models.columns import ROTOR, Column
 from regressors.models.differential import DifferentialModel

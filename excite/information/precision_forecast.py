@@ -14,12 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from excite.information.allowed_half_widths import allowed_half_widths
 from excite.information.earlier_precision import InformationInHand
-from excite.information.half_widths import half_width_factor, residual_degrees_of_freedom
+from excite.information.half_widths import (
+    TorquePrecision,
+    allowed_half_widths,
+    half_width_factor,
+    residual_degrees_of_freedom,
+    torque_precision,
+)
+from excite.information.identifiability import inverse_half
 from excite.information.target import IdentificationTarget
-from excite.information.torque_precision import TorquePrecision, torque_precision
-from excite.information.visible_base import inverse_half
 from excite.tasks.precision_target import PrecisionTarget
 from regressors.samples import Array, Samples
 
@@ -176,28 +180,16 @@ class RunInformation:
         """Largest half-width over the allowed one after a number of runs."""
         return float(np.max(self.half_widths(runs) / self.allowed))
 
-    def fewest_runs(self, factor: float = 1.0) -> int:
-        """The fewest runs with a `use` of at most a factor; at least one."""
-        if self.in_hand is not None:
-            return self._fewest_in_addition(factor)
-        use = float(np.max(self.deviation / self.allowed)) / factor
-        if not use * self._factor(_MOST_RUNS) < math.sqrt(_MOST_RUNS):
-            return _MOST_RUNS
-        runs = max(1, math.ceil((use * self._factor(_MOST_RUNS)) ** 2))
-        while use * self._factor(runs) > math.sqrt(runs):
-            runs += 1
-        return runs
-
-    def _fewest_in_addition(self, factor: float) -> int:
-        """The fewest runs beside what is in hand, by bisection."""
+    def fewest_runs(self) -> int:
+        """The fewest runs that meet the target; at least one."""
         low, high = 0, 1
-        while self.use(high) > factor:
+        while self.use(high) > 1.0:
             if high >= _MOST_RUNS:
                 return _MOST_RUNS
             low, high = high, 2 * high
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (middle, high) if self.use(middle) > factor else (low, middle)
+            low, high = (middle, high) if self.use(middle) > 1.0 else (low, middle)
         return high
 
     def forecast(self, max_time: float) -> PrecisionForecast:

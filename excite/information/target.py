@@ -7,16 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from excite.information.visible_base import visible_bases
+from excite.information.identifiability import visible_bases
 from excite.registry import CONVENTIONS, name_of
+from excite.tasks.model_choice import FURTHER_FRICTION, ModelChoice
+from excite.tasks.model_options import DriveChoice, numbers_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
 from regressors.models.base import Base, base_parameters, bases, enough_states, few_states, random_states
 from regressors.models.independence import ROUNDING
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.numerical import numerical_work
+from regressors.robot.friction.curves import FrictionCurves, drives_with_friction
+from regressors.robot.friction.load_share import moving_drive_numbers
 from regressors.robot.joint_rotors import with_joint_rotors
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
@@ -146,3 +149,26 @@ def target_of(
             "orthonormal": base.full_rank_factor,
         }
     return IdentificationTarget(moving, motion, model, base, {name: transforms[name] for name in CONVENTIONS})
+
+
+_NOTHING = 1e-12  # of a drive's velocity along the motion
+
+
+def turning_drives(target: IdentificationTarget) -> tuple[str, ...]:
+    """Names of the drives that turn in a target's motions."""
+    drives = drives_with_friction(target.robot)
+    return tuple(name for name, row in drives if np.any(np.abs(row @ target.motion.matrix) > _NOTHING))
+
+
+def left_out_notes(asked: ModelChoice, target: IdentificationTarget, curves: FrictionCurves) -> tuple[str, ...]:
+    """Note on further friction parameters that were asked for, but only of turning drives whose friction is known."""
+    numbers = moving_drive_numbers(target.robot)
+    turning = {numbers[name] for name in turning_drives(target)}
+
+    def some(chosen: DriveChoice, known: FrictionCurves | None) -> bool:
+        left = numbers_of(chosen, target.robot, known)
+        return left if isinstance(left, bool) else bool(turning.intersection(left))
+
+    choices = {name.replace("_", " "): getattr(asked, name) for name in FURTHER_FRICTION}
+    names = [name for name, chosen in choices.items() if some(chosen, None) and not some(chosen, curves)]
+    return (f"{', '.join(names)} columns are left out: friction is known",) if names else ()

@@ -16,12 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.information.allowed_half_widths import allowed_half_widths
 from excite.information.earlier_precision import deviations_of, earlier_root
+from excite.information.half_widths import allowed_half_widths, torque_precision
 from excite.information.metrics import noise_per_row
 from excite.information.prior import Prior, prior_of
 from excite.information.target import IdentificationTarget
-from excite.information.torque_precision import torque_precision
 from excite.registry import name_of
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.task import Task

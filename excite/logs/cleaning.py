@@ -1,31 +1,273 @@
-"""A log without the rows that were not measured when their stamps say, and with the times at which the others were."""
+"""A log without the rows that were not measured when their stamps say, and with the times at which the others were.
+
+- Held rows: the recorder wrote the values of the row before again, under a new time stamp, while the robot moved.
+- Time stamps that jitter although the rows are evenly spaced, such as those of a host that received samples late.
+- Wrong readings of positions, see `excite.logs.impacts`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
+from typing import TypeAlias
 
-from excite.logs.clock import with_true_time
-from excite.logs.event import Event
-from excite.logs.held_rows import without_held_rows
+import numpy as np
+import scipy.ndimage
+from numpy.typing import NDArray
+
+from excite.logs.event import CLOCK, GARBAGE, HELD, RATE, Event
+from excite.logs.excitation import mean_speed, moves, quantum, runs
 from excite.logs.impacts import without_spikes
 from excite.logs.log import Log
 from regressors.robot.robot import Robot
+from regressors.samples import Array, Index
 
+# a log whose `removed` says what was left out, and what was found of the whole log: a rate, an uneven clock
+Clean: TypeAlias = tuple[Log, tuple[Event, ...]]
 _FEWEST = 3
 
 
-@dataclass(frozen=True, eq=False)
-class CleanLog:
-    """A log that is fit to be differentiated."""
-
-    log: Log  # what was left out is in its `removed`
-    events: tuple[Event, ...] = ()  # what was found of the whole log: a rate, an uneven clock
-
-
-def cleaned(log: Log, robot: Robot) -> CleanLog:
+def cleaned(log: Log, robot: Robot) -> Clean:
     """Leave out held rows and wrong readings of positions, and rebuild the time where its stamps jitter."""
     if log.count <= _FEWEST:
-        return CleanLog(log)
-    fresh = without_held_rows(log)
-    clocked = with_true_time(fresh.log)
-    return CleanLog(without_spikes(clocked.log, robot), (*fresh.events, *clocked.events))
+        return log, ()
+    fresh, rates = without_held_rows(log)
+    clocked, clocks = with_true_time(fresh)
+    return without_spikes(clocked, robot), (*rates, *clocks)
+
+
+_STEPS = 4.0  # of the encoder that a joint should have moved between two equal rows
+_SLOW = 0.05  # share of the steps that are taken for the smallest a joint makes
+_CHANGING = 0.02  # a torque that is equal in two successive rows more often is too coarse to tell
+_LEAST = 20  # held rows, or as many fresh ones, that show a rate
+_STILL, _BEFORE, _JUMP = 3, 20, 2.0  # rows of a standstill, rows before it, times their steps
+_EVEN = 1.5  # rows by which fresh ones may be off a straight line
+_MOSTLY = 0.8
+
+
+def without_held_rows(log: Log) -> Clean:
+    """Leave out the rows that repeat the row before while the robot moves.
+
+    A row is held if all positions, or all torques, are equal to the last bit to those of the row before, although a
+    joint has moved by four steps of its encoder since then, or the torques are otherwise never equal. Where fresh rows
+    come at even intervals of two rows or more, or at even intervals in all, the values were updated more slowly than
+    they were recorded: that is their rate, and no event.
+    """
+    held = held_rows(log)
+    if not held.any():
+        return log, ()
+    rate = _slower_rate(log, held)
+    if rate is None:
+        return log.without(HELD, held), ()
+    text = f"values were updated at {rate:.4g} Hz, rows recorded at {log.rate:.4g} Hz: {held.sum()} equal rows not used"
+    return log.without(RATE, held), (_of_whole(log, RATE, log.time, text),)
+
+
+def _of_whole(log: Log, kind: str, time: Array, text: str) -> Event:
+    rows = int(log.row_numbers[0]), int(log.row_numbers[-1])
+    return Event(kind, float(time[0]), float(time[-1]), rows, text, left_out=False)
+
+
+def held_rows(log: Log) -> NDArray[np.bool_]:
+    """Which rows are held, shape (N,)."""
+    moving = np.any(moves(log), axis=1)
+    return np.asarray(moving & ~_standstill(log) & (_held_positions(log) | _held_torques(log, moving)))
+
+
+def _equal(x: Array) -> NDArray[np.bool_]:
+    return np.concatenate([[False], np.all(x[1:] == x[:-1], axis=1)])
+
+
+def _standstill(log: Log) -> NDArray[np.bool_]:
+    """Rows in which all joints stand still: equal positions for three rows or more, left without a jump."""
+    still = np.zeros(log.count, dtype=bool)
+    step = np.abs(np.diff(log.q, axis=0))
+    for a, b in runs(_equal(log.q)):
+        if b - a >= _STILL:
+            usual = np.median(step[max(0, a - _BEFORE) : a], axis=0)
+            still[a:b] = not (b < log.count and np.any(step[b - 1] > _JUMP * usual))
+    return still
+
+
+def _held_positions(log: Log) -> NDArray[np.bool_]:
+    held = _equal(log.q)
+    if not held.any():
+        return held
+    step = float(np.median(np.diff(log.time)))
+    return np.asarray(held & np.any(np.abs(mean_speed(log)) * step > _STEPS * _grain(log.q), axis=1))
+
+
+def _grain(q: Array) -> Array:
+    """Smallest step that each position makes, shape (n,); of coupled encoders it is more than that of its values."""
+    steps = [np.abs(np.diff(column)) for column in q.T]
+    slow = [np.quantile(step[step > 0], _SLOW) if np.any(step > 0) else 0.0 for step in steps]
+    return np.maximum(quantum(q), slow)
+
+
+def _held_torques(log: Log, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    torque = log.effort if log.effort is not None else log.wrench
+    if torque is None or torque.shape[1] < 2:  # one alone may be at its limit
+        return np.zeros(log.count, dtype=bool)
+    equal = _equal(torque)
+    fresh = moving & ~equal
+    if not equal.any() or not fresh[1:].any():
+        return np.zeros(log.count, dtype=bool)
+    unchanged = (np.diff(torque, axis=0) == 0)[fresh[1:]].mean(axis=0)
+    return np.asarray(equal & bool(np.any(unchanged <= _CHANGING)))
+
+
+def _slower_rate(log: Log, held: NDArray[np.bool_]) -> float | None:
+    """Rate of the fresh rows, where they come at even intervals [Hz]."""
+    moving = np.flatnonzero(np.any(moves(log), axis=1))
+    part = slice(int(moving[0]), int(moving[-1]) + 1)
+    fresh = np.flatnonzero(~held[part])
+    if np.count_nonzero(held) < _LEAST or fresh.size < _LEAST:
+        return None
+    order, step = np.arange(fresh.size), np.diff(fresh)
+    line, usual = np.polyval(np.polyfit(order, fresh, 1), order), int(np.median(step))
+    if np.abs(fresh - line).max() <= _EVEN or (usual >= 2 and np.mean(step == usual) >= _MOSTLY):
+        return float(log.rate * fresh.size / (part.stop - part.start))
+    return None
+
+
+_EVEN_STAMPS = 0.02  # of a step: stamps so even are right, or near enough
+_HALF = 5  # rows on either side of a fit
+_DEGREE = 3
+_MOST_FITS = 4000
+_FEWEST_FITS = 50
+_BETTER_OVER_ROWS = 1.25
+_LONG = 100  # rows over which the rate is judged
+
+
+def with_true_time(log: Log) -> Clean:
+    """Rebuild the time of a log whose rows are evenly spaced in truth, while its stamps are not.
+
+    They are where cubics through eleven successive positions leave more than 1.25 times the residual over the stamps
+    than over the numbers of the rows, in the median over the motion. The time is then a robust line through the stamps
+    over the numbers, which jumps by whole steps where the stamps show for good that rows are missing.
+    """
+    if log.count < 4 * _LONG:
+        return log, ()
+    ticking = replace(log, numbers=_ticks(log))
+    step = np.diff(log.time) / np.diff(ticking.row_numbers)
+    if float(np.ptp(np.quantile(step, [0.05, 0.95]))) <= _EVEN_STAMPS * float(np.median(step)):
+        return log, ()
+    better = smoother_over_rows(ticking)
+    if better < _BETTER_OVER_ROWS:
+        return log, ()
+    time = even_time(ticking)
+    jitter = float(np.std(log.time - time))
+    rate = float(1.0 / np.median(np.diff(time) / np.diff(ticking.row_numbers)))
+    text = (
+        f"time stamps {1e3 * np.diff(log.time).min():.3g} to {1e3 * np.diff(log.time).max():.3g} ms apart jitter by "
+        f"{1e3 * jitter:.2g} ms (standard deviation), but the rows were sampled evenly: positions are {better:.2g} "
+        f"times smoother over row numbers; time rebuilt at {rate:.6g} Hz"
+    )
+    return replace(log, time=time), (_of_whole(log, CLOCK, time, text),)
+
+
+def _ticks(log: Log) -> Index:
+    """Numbers of the rows without lines that hold none, for which no sample need have been taken."""
+    garbage = [part.numbers for part in log.removed if part.kind == GARBAGE]
+    lines = np.sort(np.concatenate(garbage)) if garbage else np.zeros(0, dtype=np.intp)
+    return np.asarray(log.row_numbers - np.searchsorted(lines, log.row_numbers))
+
+
+def smoother_over_rows(log: Log) -> float:
+    """How many times smoother the positions are over the numbers of the rows than over their time stamps."""
+    moving = np.any(moves(log), axis=1)
+    centres = np.flatnonzero(moving[_HALF:-_HALF]) + _HALF
+    centres = centres[:: max(1, centres.size // _MOST_FITS)]
+    if centres.size < _FEWEST_FITS:
+        return 1.0
+    window = centres[:, None] + np.arange(-_HALF, _HALF + 1)
+    q = log.q[window]  # (k, 11, n)
+    over_time, over_rows = (_residual(x[window], q) for x in (log.time, log.row_numbers.astype(float)))
+    return float(np.median(over_time) / max(float(np.median(over_rows)), np.finfo(float).tiny))
+
+
+def _residual(x: Array, q: Array) -> Array:
+    """Size of what cubics in x leave of q, shape (k,)."""
+    centred = x - x.mean(axis=1, keepdims=True)
+    powers = (centred / np.abs(centred).max(axis=1, keepdims=True))[..., None] ** np.arange(_DEGREE + 1)
+    basis = np.linalg.qr(powers)[0]
+    left = q - basis @ (basis.transpose(0, 2, 1) @ q)
+    return np.asarray(np.sqrt(np.sum(left**2, axis=(1, 2))))
+
+
+def even_time(log: Log) -> Array:
+    """Times on a robust line through time stamps over row numbers, with the steps that passed without a row [s]."""
+    stamps, numbers = log.time, log.row_numbers
+    step = float(np.median((stamps[_LONG:] - stamps[:-_LONG]) / (numbers[_LONG:] - numbers[:-_LONG])))
+    return _line((numbers + missed_steps(log, step)).astype(float), stamps)
+
+
+def _line(x: Array, y: Array) -> Array:
+    """Robust line through points, by least squares with Huber's weights."""
+    weight = np.ones(x.size)
+    for _ in range(20):
+        line = np.polynomial.Polynomial.fit(x, y, 1, w=np.sqrt(weight))
+        left = y - line(x)
+        scale = 1.4826 * float(np.median(np.abs(left - np.median(left)))) + np.finfo(float).tiny
+        weight = np.minimum(1.0, 1.5 * scale / np.maximum(np.abs(left), np.finfo(float).tiny))
+    return np.asarray(line(x))
+
+
+_LEVEL = 50  # rows on either side of a shift of the stamps
+_SHIFT = 0.5  # of a step, that the stamps are later from a row on
+_BESIDE = 5  # rows before and behind the stamps' shift that are tried
+_ABOUT = 6  # rows on either side of a fit
+_BETTER_WITH = 1.5  # times smoother with the steps than without
+_ROUGHER = 2.0  # times the usual residual, without them
+
+
+def missed_steps(log: Log, step: float) -> Index:
+    """Steps that passed without a row before each row, beyond those that the numbers of the rows leave out, shape (N,).
+
+    Candidates are rows after which the stamps are later for good; a number of steps is believed where the positions
+    about a row are smoother with them than without, by cubics.
+    """
+    numbers = log.row_numbers
+    late = (log.time - log.time[0]) / step - (numbers - numbers[0])
+    some = np.linspace(_LEVEL, log.count - _LEVEL - 1, min(500, log.count)).astype(np.intp)
+    usual = float(np.median([_roughness(log, row, 0) for row in some]))
+    missed = np.zeros(log.count, dtype=np.intp)
+    shift = _shifts(late)
+    for first, stop in runs(shift[_LEVEL : log.count - _LEVEL] > _SHIFT):
+        row, stop = first + _LEVEL, stop + _LEVEL
+        most = max(1, round(float(shift[row:stop].max())))
+        where, steps = _best(log, range(row - _BESIDE, stop + _BESIDE), most, usual)
+        missed[where + 1 :] += steps
+    return missed
+
+
+def _shifts(late: Array) -> Array:
+    """By how many steps the stamps after each row are later than those up to it, shape (N,)."""
+    level = scipy.ndimage.median_filter(late, _LEVEL, mode="nearest")
+    half = _LEVEL // 2
+    shift = np.zeros(late.size)
+    shift[half : -half - 1] = level[2 * half + 1 :] - level[: -2 * half - 1]
+    return shift
+
+
+def _best(log: Log, rows: range, most: int, usual: float) -> tuple[int, int]:
+    """Row after which steps are missing, and how many; none where the positions do not show it."""
+    found, gain = (0, 0), _BETTER_WITH
+    for row in rows:
+        without = _roughness(log, row, 0)
+        if without < _ROUGHER * usual:
+            continue
+        for steps in range(1, most + 2):
+            better = without / max(_roughness(log, row, steps), np.finfo(float).tiny)
+            if better > gain:
+                found, gain = (row, steps), better
+    return found
+
+
+def _roughness(log: Log, row: int, steps: int) -> float:
+    """What cubics over row numbers leave of the positions about a row, after which some steps are missing."""
+    part = slice(max(0, row + 1 - _ABOUT), row + 1 + _ABOUT)
+    x = log.row_numbers[part].astype(float) - float(log.row_numbers[row])
+    x[x > 0] += steps
+    basis = np.linalg.qr((x / np.abs(x).max())[:, None] ** np.arange(_DEGREE + 1))[0]
+    q = log.q[part]
+    return float(np.linalg.norm(q - basis @ (basis.T @ q)))

@@ -66,7 +66,7 @@ def _stretches(log: Log) -> list[Stretch]:
     return [Stretch(a, b, not _turns_back(speed[a:b])) for a, b in joined]
 
 
-def _turns_back(speed: NDArray[np.float64]) -> bool:
+def _turns_back(speed: Array) -> bool:
     return bool(np.any((speed > 0).any(axis=0) & (speed < 0).any(axis=0)))
 
 
@@ -77,20 +77,12 @@ def _seconds(log: Log, start: int, stop: int) -> float:
 def _summary(log: Log, stretches: list[Stretch], start: int, stop: int) -> str:
     first, last, end = (log.row_numbers[k] for k in (start, stop - 1, -1))
     text = f"rows {first} to {last} of {end} excite ({_seconds(log, start, stop):.3g} s)"
-    left = [
-        _side(log, "before", 0, start, [s for s in stretches if s.stop <= start]),
-        _side(log, "after", stop, log.count, [s for s in stretches if s.start >= stop]),
-    ]
-    return "; ".join([text, *filter(None, left)])
-
-
-def _side(log: Log, where: str, start: int, stop: int, moved: list[Stretch]) -> str:
-    """Summary of the rows left out, such as ``left out before them: 620 rows (6.2 s) with motion of 0.48 s``."""
-    if start == stop:
-        return ""
-    lengths = [f"{_seconds(log, s.start, s.stop):.2g} s" for s in moved]
-    kind = "no motion" if not lengths else f"motion of {', '.join(lengths)}"
-    return f"left out {where} them: {stop - start} rows ({_seconds(log, start, stop):.3g} s) with {kind}"
+    for where, a, b in (("before", 0, start), ("after", stop, log.count)):
+        if a < b:
+            lengths = [f"{_seconds(log, s.start, s.stop):.2g} s" for s in stretches if a <= s.start and s.stop <= b]
+            kind = "no motion" if not lengths else f"motion of {', '.join(lengths)}"
+            text += f"; left out {where} them: {b - a} rows ({_seconds(log, a, b):.3g} s) with {kind}"
+    return text
 
 
 SPAN = 0.1

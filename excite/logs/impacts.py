@@ -171,7 +171,13 @@ def check_resets(log: Log, robot: Robot) -> None:
     for jumps, unit in _all_jumps(log, robot):
         for jump, back in _pairs(jumps):
             if back is None:
-                raise _reset(log, log.joints[jump.joint], jump, unit)
+                number, first, last = (int(log.row_numbers[k]) for k in (jump.row, 0, -1))
+                raise InputError(
+                    f"{log.source}: the position of joint {log.joints[jump.joint]} jumps by {jump.size:.3g} {unit} in "
+                    f"row {number}, more than it can move: its encoder was reset, or two recordings are joined; use "
+                    f"the rows before it (`rows='{first}:{number - 1}'`) or from it on (`rows='{number}:{last}'`), "
+                    "whichever positions are right"
+                )
 
 
 def _all_jumps(log: Log, robot: Robot) -> Iterator[tuple[list[Jump], str]]:
@@ -188,7 +194,8 @@ def _pairs(jumps: list[Jump]) -> Iterator[tuple[Jump, Jump | None]]:
     """Jumps with the ones that undo them, where they are undone soon."""
     while jumps:
         first, *jumps = jumps
-        back = next((k for k, jump in enumerate(jumps) if _undoes(first, jump)), None)
+        near = [k for k, jump in enumerate(jumps) if jump.row - first.row <= _BACK]
+        back = next((k for k in near if abs(first.size + jumps[k].size) <= _ALIKE * abs(first.size)), None)
         yield first, None if back is None else jumps[back]
         jumps = jumps if back is None else jumps[back + 1 :]
 
@@ -199,11 +206,13 @@ def _jumps(log: Log, joint: int, fastest: float) -> list[Jump]:
     change = np.diff(q)
     if 2.0 * float(np.abs(change).max()) <= _TIMES_SPEED * fastest * usual < np.inf:
         return []  # no change can be that far from the median of others
-    motion = _median_about(change)
+    motion = scipy.ndimage.median_filter(change, 2 * _AROUND + 1, mode="nearest")
     beyond = change - motion
     if not np.isfinite(fastest):
         fastest = _TIMES_OWN * float(np.abs(motion).max()) / usual
-    noise = max(_NOISE * _noise(change), 3.0 * float(quantum(q[:, None])[0]))
+    second = np.diff(change)
+    deviation = float(np.median(np.abs(second - np.median(second)))) / 0.6745  # of noise, whatever single changes are
+    noise = max(_NOISE * deviation, 3.0 * float(quantum(q[:, None])[0]))
     most = np.maximum(_TIMES_SPEED * fastest * np.maximum(np.diff(time), usual), noise)
     rows = np.flatnonzero((np.abs(beyond) > most) & ~_accompanied(beyond))
     return [] if rows.size > _RARE * q.size + 2 else [Jump(joint, int(k) + 1, float(beyond[k])) for k in rows]
@@ -213,27 +222,3 @@ def _accompanied(beyond: Array) -> NDArray[np.bool_]:
     """Whether a change has others like it beside it, as of a joint that was hit and does move so fast."""
     beside = [np.roll(beyond, k) for k in (-2, -1, 1, 2)]
     return np.asarray(np.any([other * np.sign(beyond) > np.abs(beyond) * _BESIDE for other in beside], axis=0))
-
-
-def _noise(change: Array) -> float:
-    """Deviation of the changes of a position, whatever single ones are [rad or m]."""
-    second = np.diff(change)
-    return float(np.median(np.abs(second - np.median(second)))) / 0.6745
-
-
-def _median_about(change: Array) -> Array:
-    return np.asarray(scipy.ndimage.median_filter(change, 2 * _AROUND + 1, mode="nearest"))
-
-
-def _undoes(jump: Jump, other: Jump) -> bool:
-    near = other.row - jump.row <= _BACK
-    return near and abs(jump.size + other.size) <= _ALIKE * abs(jump.size)
-
-
-def _reset(log: Log, name: str, jump: Jump, unit: str) -> InputError:
-    number, first, last = (int(log.row_numbers[k]) for k in (jump.row, 0, -1))
-    return InputError(
-        f"{log.source}: the position of joint {name} jumps by {jump.size:.3g} {unit} in row {number}, more than it "
-        "can move: its encoder was reset, or two recordings are joined; use the rows before it "
-        f"(`rows='{first}:{number - 1}'`) or from it on (`rows='{number}:{last}'`), whichever positions are right"
-    )

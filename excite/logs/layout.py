@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.logs.csv_motion import header_names
+from excite.design.sampled_motion import header_names
 from excite.logs.log import WRENCH
 from regressors.errors import InputError, UnknownName
 from regressors.quoting import cut, shortened

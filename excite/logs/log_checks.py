@@ -1,27 +1,32 @@
-"""Plausibility checks of the channels of a log against the robot they belong to."""
+"""Plausibility checks of the channels of a log against the robot they belong to.
+
+Each check yields pairs: whether the log is refused, and a sentence, which else becomes a note.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from excite.logs import channel_checks, motion_checks
-from excite.logs.case import Case, Finding
+import numpy as np
+
+from excite.logs.excitation import mean_speed, moves, span_ends
+from excite.logs.gaps import LONGEST, gaps
 from excite.logs.log import Log
+from excite.logs.saturation import plateaus
 from regressors.errors import InputError
 from regressors.readers.library import built_in, built_in_names
 from regressors.robot.robot import Robot
 
-_CHECKS: tuple[Callable[[Case], Iterator[Finding]], ...] = (
-    motion_checks.rates,
-    motion_checks.missing_instants,
-    motion_checks.positions,
-    motion_checks.speeds,
-    motion_checks.velocities,
-    motion_checks.resting_joints,
-    channel_checks.constant_channels,
-    channel_checks.torques,
-    channel_checks.saturated_torques,
-)
+Findings = Iterator[tuple[bool, str]]
+_DEGREES = 180 / np.pi
+_SLOWEST_RATE = 5.0  # [Hz]
+_SHORTEST_PATH = 0.01  # [rad or m], of a joint that is judged
+_AGREE = 0.1
+_ALIKE = 0.8  # correlation
+_FAR = 0.1  # of the range of a joint
+_MOST_TURNS = 20 * np.pi
+_TIMES_LIMIT = 3.0  # of a speed or a torque
+_HINT = "give a mapping with unit: deg, which converts it"
 
 
 def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -29,13 +34,12 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
     known, others = joints_of(log, robot)
     if log.count < 3:
         raise InputError(f"{log.source}: {log.count} rows are too few to be checked")
-    case = Case(log.of(known), robot, None if should_move is None else tuple(should_move))
+    case = _Case(log.of(known), robot, should_move)
     findings = [finding for check in _CHECKS for finding in check(case)]
-    wrong = [finding.text for finding in findings if finding.wrong]
-    if wrong:
+    if wrong := [text for refused, text in findings if refused]:
         raise InputError(f"{log.source}: {'; '.join(wrong)}")
     notes = [f"{', '.join(others)}: no joints of {robot.name}, not checked"] if others else []
-    return (*notes, *(finding.text for finding in findings))
+    return (*notes, *(text for _, text in findings))
 
 
 def joints_of(log: Log, robot: Robot) -> tuple[list[str], list[str]]:
@@ -49,3 +53,152 @@ def joints_of(log: Log, robot: Robot) -> tuple[list[str], list[str]]:
         f"{log.source}: robot {robot.name} has none of its joints {', '.join(log.joints)}; the robot's joints: "
         f"{', '.join(robot.joint_names)}{hint}"
     )
+
+
+class _Case:
+    """A log with the robot's limits, in the log's order of joints."""
+
+    def __init__(self, log: Log, robot: Robot, should_move: Sequence[str] | None) -> None:
+        index, moving = [robot.joint_names.index(name) for name in log.joints], moves(log)
+        self.log, self.robot, self.should_move = log, robot, should_move
+        self.limits = robot.limits.take(index)
+        self.units = [robot.joints[k].unit for k in index]
+        self.revolute = np.array([unit == "rad" for unit in self.units])
+        self.moving = np.any(moving, axis=1)  # (N,) whether some joint moves
+        # (n,) whether a joint moves far enough to be judged
+        self.moved = np.any(moving, axis=0) & (np.ptp(log.q, axis=0) > _SHORTEST_PATH)
+        self.speed = mean_speed(log)  # (N, n) over short spans
+
+
+def _rates(case: _Case) -> Findings:
+    if case.log.rate < _SLOWEST_RATE:
+        yield (
+            True,
+            f"{case.log.rate:.3g} samples per second; check that time is in seconds, or "
+            "give its unit in a mapping (unit: ms)",
+        )
+
+
+def _missing_instants(case: _Case) -> Findings:
+    """Gaps that are too long to be bridged."""
+    if intervals := [gap for gap in gaps(case.log) if gap.length > LONGEST]:
+        more = f" and {len(intervals) - 3} more" if len(intervals) > 3 else ""
+        where = f"gaps of {', '.join(map(str, intervals[:3]))}{more}"
+        yield True, f"{where}; split the log at its gaps, or use the rows between them (`rows`)"
+
+
+def _positions(case: _Case) -> Findings:
+    """Positions against the limits, with a correction where they exceed them."""
+    low, high = case.log.q.min(axis=0), case.log.q.max(axis=0)
+    lower, upper = case.limits.lower, case.limits.upper
+    over = np.maximum(lower - low, high - upper)
+    far = over > _FAR * np.where(np.isfinite(upper - lower), upper - lower, np.inf)
+    within = (low / _DEGREES > lower) & (high / _DEGREES < upper)
+    if np.any(far & case.revolute) and np.all(within[case.revolute]):
+        worst = int(np.argmax(np.where(case.revolute & far, np.maximum(-low, high), 0.0)))
+        yield (
+            True,
+            f"{case.log.joints[worst]}.position from {low[worst]:.4g} to {high[worst]:.4g} rad looks like degrees "
+            f"(limits {lower[worst]:.4g} to {upper[worst]:.4g} rad); {_HINT}",
+        )
+        return
+    for k in np.flatnonzero(np.isinf(upper - lower) & case.revolute & (np.maximum(-low, high) > _MOST_TURNS)):
+        turns = f"{case.log.joints[k]}.position reaches {max(-low[k], high[k]):.4g} rad, many turns"
+        yield False, f"{turns}; if these are degrees: {_HINT}"
+    for k in np.flatnonzero(over > 0):
+        limits = f"limits {lower[k]:.4g} to {upper[k]:.4g} {case.units[k]} of {case.robot.name}"
+        what = f"{case.log.joints[k]}.position from {low[k]:.4g} to {high[k]:.4g} {case.units[k]}"
+        relation = f"is far beyond the {limits}; check robot, unit and zero"
+        yield bool(far[k]), f"{what} {relation if far[k] else f'slightly exceeds the {limits}'}"
+
+
+def _speeds(case: _Case) -> Findings:
+    """The slope of the positions against the velocity limits."""
+    fastest = np.abs(case.speed).max(axis=0)
+    for k in np.flatnonzero(fastest > _TIMES_LIMIT * case.limits.velocity):
+        unit = f"{case.units[k]}/s"
+        yield (
+            True,
+            f"{case.log.joints[k]} moves at up to {fastest[k]:.4g} {unit} by its positions, but its limit is "
+            f"{case.limits.velocity[k]:.4g} {unit}; check the units of position (degrees?) and of time",
+        )
+
+
+def _velocities(case: _Case) -> Findings:
+    """Velocities against the slope of the positions: ``q(b) - q(a) = int_a^b dq dt`` over short spans."""
+    time, dq = case.log.time, case.log.dq
+    if dq is None:
+        return
+    first, last = span_ends(case.log)
+    path = np.vstack([np.zeros(dq.shape[1]), np.cumsum((dq[1:] + dq[:-1]) / 2 * np.diff(time)[:, None], 0)])
+    mean = (path[last] - path[first]) / (time[last] - time[first])[:, None]
+    for k in np.flatnonzero(case.moved):
+        slope, velocity = case.speed[:, k], mean[:, k]
+        ratio = float(slope @ velocity / (slope @ slope))
+        alike = abs(ratio) * np.linalg.norm(slope) / max(float(np.linalg.norm(velocity)), np.finfo(float).tiny)
+        if alike < _ALIKE:
+            text = "does not follow the position: its column may belong to another joint, or be empty"
+            yield True, f"{case.log.joints[k]}.velocity {text}"
+        elif abs(ratio - 1) > _AGREE:
+            yield True, f"{case.log.joints[k]}.velocity {_relation(ratio)}"
+
+
+def _relation(ratio: float) -> str:
+    cases = {
+        _DEGREES: f"is {ratio:.3g} times the slope of the position: it looks like degrees per second; "
+        "give a mapping with unit: deg/s, which converts it",
+        1 / _DEGREES: f"is {ratio:.3g} times the slope of the position: the position looks like degrees; {_HINT}",
+        -1.0: "has the opposite sign of the slope of the position; give a mapping with sign: -1 for one of them",
+    }
+    for value, text in cases.items():
+        if abs(ratio - value) <= _AGREE * abs(value):
+            return text
+    return f"is {ratio:.3g} times the slope of the position; correct columns, ratio or unit in a mapping"
+
+
+def _resting_joints(case: _Case) -> Findings:
+    resting = [name for name, moved in zip(case.log.joints, case.moved, strict=True) if not moved]
+    if len(resting) == len(case.log.joints) and (case.should_move is None or case.should_move):
+        yield True, "no joint moves"
+    elif wrong := [name for name in resting if name in (case.should_move or ())]:
+        yield True, f"{', '.join(wrong)} should move, but the position does not change"
+    elif resting:
+        yield False, f"{', '.join(resting)}: not moved"
+
+
+def _constant_channels(case: _Case) -> Findings:
+    """Channels that are constant while their joint moves."""
+    for name, channel in (("velocity", case.log.dq), ("effort", case.log.effort)):
+        if channel is not None:
+            for k in np.flatnonzero((np.ptp(channel, axis=0) == 0) & case.moved):
+                yield True, f"{case.log.joints[k]}.{name} is constant at {channel[0, k]:.4g} while the joint moves"
+
+
+def _torques(case: _Case) -> Findings:
+    """Torques against the limits of the robot, and those that stay at their extreme value after a sudden change."""
+    if case.log.effort is None:
+        return
+    largest, limit = np.abs(case.log.effort).max(axis=0), case.limits.torque
+    for k in np.flatnonzero(largest > limit):
+        unit = "Nm" if case.revolute[k] else "N"
+        far = bool(largest[k] > _TIMES_LIMIT * limit[k])
+        text = f"{case.log.joints[k]}.effort reaches {largest[k]:.4g} {unit}, but its limit is {limit[k]:.4g}"
+        yield far, f"{text}; check its unit, gain and ratio" if far else text
+    for k in np.flatnonzero(np.ptp(case.log.effort, axis=0) > 0):
+        tau = case.log.effort[:, k]
+        for extreme in (tau.min(), tau.max()):
+            if count := sum(b - a for a, b in plateaus(tau, extreme, case.moving)):
+                held = f"is held at {extreme:.4g} in {count} rows, so it may be saturated"
+                yield False, f"{case.log.joints[k]}.effort {held}"
+
+
+_CHECKS: tuple[Callable[[_Case], Findings], ...] = (
+    _rates,
+    _missing_instants,
+    _positions,
+    _speeds,
+    _velocities,
+    _resting_joints,
+    _constant_channels,
+    _torques,
+)

@@ -5,20 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
-from excite.logs.csv_motion import header_text
-from excite.logs.further_files import with_further_files
+from excite.design.sampled_motion import header_text
 from excite.logs.guess.log_guess import certain_mapping
 from excite.logs.layout import CHANNELS, ForeignHeader, Layout, cells, header_line, house_layout, listed
 from excite.logs.log import WRENCH, Log
-from excite.logs.mapping import LogMapping
-from excite.logs.motor_channels import at_the_joints
-from excite.logs.recorded_log import recorded_log
+from excite.logs.mapping import GearedSection, LogMapping
+from excite.logs.recorded_log import (
+    recorded_log,
+    sampled_channels,
+    samples_of_table,
+    whole_seconds,
+    with_further_files,
+    zero_note,
+)
 from excite.logs.recordings.formats import binary_format
 from excite.logs.recordings.recording import RecordingFormat
-from excite.logs.sampled_channels import sampled_channels, samples_of_table, whole_seconds, zero_note
 from excite.logs.table import Table, sparse_table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
@@ -26,7 +32,8 @@ from excite.storage.atomic import check_table, replacing
 from excite.storage.result_folder import settle_files
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
-from regressors.robot.robot import Robot
+from regressors.robot.gears import ConstantRatio
+from regressors.robot.robot import Drive, Robot
 from regressors.samples import Array
 
 _LOOKED_AT = 200  # rows
@@ -165,7 +172,7 @@ def _is_sparse(text: Text, layout: Layout) -> bool:
 
 def _log(text: Text, layout: Layout, table: Table) -> Log:
     place = {column: k for k, column in enumerate(layout.used)}
-    parts: dict[str, Array] = {}
+    parts: dict[str, Any] = {}
     for name, channel in layout.channels.items():
         parts[name] = values = table.values[:, [place[column] for column in channel.columns]]
         values -= channel.zero
@@ -178,15 +185,78 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
         sha256=text.sha256,
         joints=layout.joints,
         time=table.values[:, place[layout.time]] * layout.second,
-        q=parts["q"],
-        dq=parts.get("dq"),
-        effort=parts.get("effort"),
-        wrench=parts.get("wrench"),
-        temperature=parts.get("temperature"),
         left_out=(*text.mended, *before, *unused, *table.left_out),
         numbers=table.lines - layout.first,
         removed=table.removed,
+        **parts,
     )
+
+
+def at_the_joints(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
+    """The log with the channels that a mapping describes on the motors' side converted to the joints.
+
+    With the motor angle phi of each drive, its gear ``phi = F(z)`` and the coupling ``z = C q + z0``::
+
+        q = C^-1 (F^-1(phi) - z0),   dq = C^-1 (dphi / F'(z)),   tau_q = C' (F'(z) tau_motor)
+
+    Motor angles are zero where the drive coordinates are; another zero is the `offset` of the mapping.
+    """
+    sections = mapping.sections
+    motor = {name: s for name, s in sections.items() if isinstance(s, GearedSection) and s.side == "motor"}
+    if not motor:
+        return log
+    if robot is None:
+        raise InputError("the log mapping has side: motor, but no robot is given whose gears these are")
+    index = [robot.joint_index(name) for name in log.joints]
+    C, zero = _coupling(robot, index)
+    transmission, drives = robot.transmission, [Drive(name) for name in log.joints]  # of ratio one where there is none
+    if transmission is not None:
+        drives = [transmission.drives[k] for k in index]
+    without = [drive.name for drive in drives if drive.ratio == ConstantRatio(1.0)]
+    if without and any(section.own_gears for section in motor.values()):
+        raise InputError(
+            f"{robot.name} states no gear ratio of {', '.join(without)}; give ratio with side: motor in the log mapping"
+        )
+    q, dq, effort = log.q, log.dq, log.effort
+    if "q" in motor:
+        z = q
+        if motor["q"].own_gears:
+            z = np.column_stack([drive.ratio.coordinate(phi) for drive, phi in zip(drives, q.T, strict=True)])
+        q = _at_joints(C, z - zero)
+    ratios = _ratios(q @ C.T + zero, drives)
+    if "dq" in motor and dq is not None:
+        dq = _at_joints(C, dq / ratios if motor["dq"].own_gears else dq)
+    if "effort" in motor and effort is not None:
+        effort = (effort * ratios if motor["effort"].own_gears else effort) @ C
+    return replace(log, q=q, dq=dq, effort=effort)
+
+
+def _at_joints(C: Array, z: Array) -> Array:
+    return np.asarray(np.linalg.solve(C, z.T).T, dtype=float)
+
+
+def _coupling(robot: Robot, index: list[int]) -> tuple[Array, Array]:
+    """``C`` and ``z0`` of the drives of some joints."""
+    if robot.transmission is None:
+        return np.eye(len(index)), np.zeros(len(index))
+    C, names = robot.transmission.coupling, robot.joint_names
+    if C.shape[0] != robot.n:
+        raise InputError(f"{robot.name} has {C.shape[0]} drives for {robot.n} joints; give the log at the joints")
+    others = [k for k in range(robot.n) if k not in index]
+    for k in index:
+        if coupled := [names[j] for j in others if C[k, j] != 0]:
+            raise InputError(
+                f"drive {robot.transmission.drives[k].name} of {robot.name} also moves with {', '.join(coupled)}; name "
+                "it among the joints of the log mapping"
+            )
+    return C[np.ix_(index, index)], robot.transmission.offset[index]
+
+
+def _ratios(z: Array, drives: list[Drive]) -> Array:
+    """``F'(z)`` of each drive, shape (N, n)."""
+    symbol = ca.SX.sym("z")
+    ratios = [ca.Function("ratio", [symbol], [drive.ratio.ratio(symbol)]) for drive in drives]
+    return np.column_stack([np.asarray(f(column[None, :])).ravel() for f, column in zip(ratios, z.T, strict=True)])
 
 
 def write_log(log: Log, path: str | Path) -> None:

@@ -16,7 +16,7 @@ factor, such as the torque constant [Nm/A] of a measured current. Each of `unit`
 - ``unit: ticks`` (or ``ticks/s``) needs `ticks`, the counts of the encoder per turn. Temperatures in ``K`` and ``degF``
   are converted to deg C.
 - ``side: motor`` says that the columns are the drives', which go through the gears and the coupling of the robot's
-  description, see `excite.logs.motor_channels`; a `ratio` replaces the gears.
+  description, see `excite.logs.log_reading`; a `ratio` replaces the gears.
 - `file` names another file of the same layout that holds the quantity, relative to the folder of the log; ``{log}`` in
   it stands for the name of the log without its ending. Its own `time` may be given. Its values are interpolated onto
   the rows of the positions.
@@ -36,35 +36,199 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
-
-from excite.logs.layout import Layout, cells, head_cells, is_number, listed, twice
-from excite.logs.log import WRENCH
-from excite.logs.mapping_sections import (
-    ChannelSection,
-    CurrentSection,
-    EffortSection,
-    PositionSection,
-    Section,
-    TemperatureSection,
-    TimeSection,
-    VelocitySection,
-    WrenchSection,
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
 )
+
+from excite.logs.layout import Channel, Layout, cells, head_cells, is_number, listed, twice
+from excite.logs.log import WRENCH
 from excite.logs.table import MOST
 from excite.storage.result_folder import settle_files
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
-from regressors.input_files import read_text
-from regressors.readers.documents import parse_document, validate
+from regressors.readers.documents import read_document, validate
 from regressors.readers.sized_numbers import within
 from regressors.robot.robot import Robot
+from regressors.samples import Array
 
 MAPPING = ".mapping.yaml"
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SEPARATORS = {",": ",", ";": ";", "\t": "\t", "tab": "\t", "whitespace": None}
+_LEAST = 1e-15  # of factors
+TICKS = "ticks"  # of an encoder: the field ticks says how many per turn
+_ANGLES = {
+    "rad": 1.0, "deg": np.pi / 180, "turns": 2 * np.pi, "rev": 2 * np.pi, TICKS: 2 * np.pi, "m": 1.0, "mm": 1e-3,
+}  # fmt: skip
+_SPEEDS = {**{f"{name}/s": scale for name, scale in _ANGLES.items()}, "rpm": 2 * np.pi / 60}
+
+
+def _several(value: object) -> object:
+    return value if isinstance(value, list) else [value]
+
+
+def _not_zero(value: list[float]) -> list[float]:
+    if 0.0 in value:
+        raise ValueError("must not be zero")
+    if any(abs(x) < _LEAST for x in value):
+        raise ValueError(f"must be {_LEAST:g} or more, or {-_LEAST:g} or less")
+    return value
+
+
+def _within(quantity: str) -> tuple[object, ...]:
+    """Validators of one number or a list, each within the range of its quantity."""
+    return AfterValidator(within(quantity)), BeforeValidator(_several)
+
+
+Column = Annotated[int | str, AfterValidator(within("column"))]
+Offsets = Annotated[list[float], *_within("reading")]
+Gains = Annotated[list[float], AfterValidator(_not_zero), *_within("gain")]
+Ratios = Annotated[list[float], AfterValidator(_not_zero), *_within("ratio")]
+Ticks = Annotated[list[float], AfterValidator(_not_zero), *_within("ticks")]
+Names = Annotated[list[str], BeforeValidator(_several)]
+Signs = Annotated[list[Literal[1, -1]], BeforeValidator(_several)]
+
+
+class Section(BaseModel):
+    """Base of all sections: unknown fields are refused."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class TimeSection(Section):
+    """Column of the time, and its unit."""
+
+    column: Column
+    unit: Literal["s", "ms", "us", "ns"] = "s"
+
+
+class ChannelSection(Section):
+    """Columns of one channel, and the conversion of their cells to SI."""
+
+    units: ClassVar[Mapping[str, float]] = {}
+    zeros: ClassVar[Mapping[str, float]] = {}  # readings at zero of the SI unit
+
+    file: str | None = None
+    time: TimeSection | None = None
+    columns: list[Column]
+    unit: Names
+    gain: Gains = [1.0]
+    offset: Offsets = [0.0]
+    sign: Signs = [1]
+
+    @field_validator("unit")
+    @classmethod
+    def _known(cls, value: list[str]) -> list[str]:
+        for unit in value:
+            if unit not in cls.units:
+                raise ValueError(f"no unit {unit!r}; available: {', '.join(cls.units)}")
+        return value
+
+    @field_validator("unit", "gain", "offset", "sign", "ratio", "ticks", check_fields=False)
+    @classmethod
+    def _one_or_each(cls, value: list[object] | None, info: ValidationInfo) -> list[object] | None:
+        if value is None:
+            return None
+        columns = len(info.data.get("columns", value))
+        if len(value) not in (1, columns):
+            raise ValueError(f"gives {len(value)} values for {columns} columns; expected one for all, or one for each")
+        return value
+
+    @property
+    def factor(self) -> Array:
+        """Further factors of the values, from the gear ratios and the ticks of encoders; one for all, or one each."""
+        return np.ones(1)
+
+    def channel(self, columns: tuple[int, ...]) -> Channel:
+        """Channel in given columns; an offset that is a unit's own zero is not subtracted twice."""
+        unit = np.array([self.units[name] for name in self.unit])
+        scale = np.array(self.sign, dtype=float) * np.array(self.gain) * unit * self.factor
+        own, given = np.array([self.zeros.get(name, 0.0) for name in self.unit]), np.array(self.offset)
+        each = np.ones(len(columns))
+        return Channel(columns, scale * each, np.where(given == own, own, own + given) * each)
+
+
+class GearedSection(ChannelSection):
+    """A channel of the joints, or of their motors.
+
+    On the motors' side it goes through the gears and the coupling that the robot's description states, see
+    `excite.logs.log_reading`; a `ratio` that is given replaces the gears.
+    """
+
+    side: Literal["joint", "motor"] = "joint"
+    ratio: Ratios = [1.0]
+
+    @property
+    def own_gears(self) -> bool:
+        """Whether the gears of the robot's description are meant."""
+        return self.side == "motor" and "ratio" not in self.model_fields_set
+
+
+class PositionSection(GearedSection):
+    """Positions, of the joints or of their motors."""
+
+    units: ClassVar = _ANGLES
+    ticks: Ticks | None = None
+
+    @model_validator(mode="after")
+    def _ticks_with_their_unit(self) -> Self:
+        counted = any(TICKS in name for name in self.unit)
+        if counted and self.ticks is None:
+            raise ValueError("unit ticks needs the field ticks: how many the encoder counts per turn")
+        if self.ticks is not None and not all(TICKS in name for name in self.unit):
+            raise ValueError("ticks is given, but the unit is not ticks")
+        return self
+
+    @property
+    def factor(self) -> Array:
+        """Joint per motor, and turn per tick."""
+        return np.asarray(1.0 / (np.array(self.ratio) * np.array(self.ticks or [1.0])))
+
+
+class VelocitySection(PositionSection):
+    """Velocities, of the joints or of their motors."""
+
+    units: ClassVar = _SPEEDS
+
+
+class EffortSection(GearedSection):
+    """Torques or forces, of the joints or of their motors."""
+
+    units: ClassVar = {"Nm": 1.0, "mNm": 1e-3, "kNm": 1e3, "N": 1.0, "kN": 1e3}
+
+    @property
+    def factor(self) -> Array:
+        """Torque of the joint per torque of the motor."""
+        return np.array(self.ratio)
+
+
+class CurrentSection(EffortSection):
+    """Currents of the motors, with the torque constant [Nm/A] as their gain."""
+
+    units: ClassVar = {"A": 1.0, "mA": 1e-3}
+    gain: Gains = Field(default=...)
+
+
+class TemperatureSection(ChannelSection):
+    """Temperatures; an offset of kelvin's own 273.15 is not subtracted twice."""
+
+    units: ClassVar = {"degC": 1.0, "K": 1.0, "degF": 5 / 9}
+    zeros: ClassVar = {"K": 273.15, "degF": 32.0}
+
+
+class WrenchSection(ChannelSection):
+    """Three forces [N] and three torques [Nm] at the sensor; unit kN means kN and kNm."""
+
+    units: ClassVar = {"N": 1.0, "kN": 1e3}
 
 
 class LogMapping(Section):
@@ -231,8 +395,4 @@ def read_mapping(path: str | Path) -> LogMapping:
     settle_files(Path(path))
     if Path(path).name.endswith(MAPPING):  # written beside an exported motion
         settle_files(Path(str(path).removesuffix(MAPPING)))
-    try:
-        text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read log mapping {path}: {getattr(error, 'strerror', None) or error}") from error
-    return validate(parse_document(text, str(path)), LogMapping)
+    return validate(read_document(path, "log mapping"), LogMapping)

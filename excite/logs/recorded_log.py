@@ -1,20 +1,178 @@
-"""Logs from recordings: streams of different rates aligned by their time stamps, on the rows of the positions."""
+"""Logs from recordings: streams of different rates aligned by their time stamps, on the rows of the positions.
+
+The columns that a mapping names are samples of the channels of a log, each with the instants at which it was taken.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.event import DROPPED
-from excite.logs.further_files import in_gaps
+from excite.logs.gaps import STEPS
+from excite.logs.layout import Channel, Layout, listed
 from excite.logs.log import Log, Removed
-from excite.logs.recordings.formats import recording_sha256
-from excite.logs.sampled_channels import Sampled, SampledChannels
-from regressors.errors import InputError
+from excite.logs.mapping import SECONDS, Column, LogMapping
+from excite.logs.recordings.formats import binary_format, recording_sha256
+from excite.logs.recordings.recording import Contents, Numbers, RecordingFormat, StreamContents
+from excite.logs.table import Table, table_of
+from excite.logs.text import text_of
+from regressors.errors import InputError, UnknownName
+from regressors.quoting import cut
 from regressors.samples import Array, Index
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """One column of a channel."""
+
+    channel: str  # of `excite.logs.log.Log`, such as ``q``
+    place: int  # column of the channel
+    stream: str  # stream, or column of a table, for messages
+    time: Array  # (N,) [s]
+    values: Array  # (N,) [SI], finite
+    rows: Index  # (N,) rows of the stream, 1 for the first
+
+
+@dataclass(frozen=True, eq=False)
+class SampledChannels:
+    """What a mapping names of one recording."""
+
+    columns: tuple[Sampled, ...]
+    notes: tuple[str, ...]
+    zero: float = 0.0  # what was subtracted from all times [s]
+
+
+def samples_of_table(source: str, layout: Layout, table: Table, zero: float | None = None) -> SampledChannels:
+    """Columns of a table in text, whose cells may be NaN, in SI."""
+    place = {column: k for k, column in enumerate(layout.used)}
+    time = table.values[:, place[layout.time]] * layout.second
+    notes = table.left_out
+    if zero is None:
+        zero = whole_seconds(float(time[0]))
+        notes += (zero_note(zero),) * bool(zero)
+    time -= zero
+    columns = []
+    for name, channel in layout.channels.items():
+        label = layout.names[channel.columns[0]] + " ..." * (len(channel.columns) > 1)
+        cells = np.ascontiguousarray(table.values[:, [place[column] for column in channel.columns]].T)
+        for k, column in enumerate(channel.columns):
+            values = channel.scale[k] * (cells[k] - channel.zero[k])
+            where = f"{source}, column {cut(layout.names[column])}"
+            columns.append(_there(name, k, label, time, values, table.lines - layout.first, where))
+    return SampledChannels(tuple(columns), notes, zero)
+
+
+def _there(channel: str, place: int, column: str, time: Array, values: Array, rows: Index, where: str) -> Sampled:
+    """Samples of a column in the rows that have one."""
+    if np.isinf(values).any() or np.isinf(time).any():
+        row = int(rows[np.argmax(np.isinf(values) | np.isinf(time))])
+        raise InputError(f"{where}: row {row} is infinite, which is not a measurement")
+    there = np.flatnonzero(~(np.isnan(values) | np.isnan(time)))
+    if there.size < 2:
+        raise InputError(f"{where}: {there.size} values; a log has two or more")
+    if there.size == time.size:
+        return Sampled(channel, place, column, time, values, rows)
+    return Sampled(channel, place, column, time[there], values[there], rows[there])
+
+
+def sampled_channels(
+    form: RecordingFormat, path: Path, mapping: LogMapping, file: str | None = None, zero: float | None = None
+) -> SampledChannels:
+    """Columns that a mapping names, in SI."""
+    contents = form.contents(path)
+    wanted: list[tuple[str, int, Channel, str, str, str, float]] = []
+    columns: dict[str, dict[str, None]] = {}
+    for channel, section in mapping.sections.items():
+        if section.file != file:
+            continue
+        time, conversion = section.time or mapping.time, section.channel(tuple(range(len(section.columns))))
+        for k, given in enumerate(section.columns):
+            name = _name(contents, given)
+            streams = [stream for stream in contents.streams if name in stream.columns]
+            stream = next((each for each in streams if str(time.column) in each.columns), streams[0])
+            clock, second = _clock(contents, stream, time.column, SECONDS[time.unit])
+            columns.setdefault(stream.name, {}).update({clock: None, name: None})
+            wanted.append((channel, k, conversion, name, stream.name, clock, second))
+    recording = form.read(path, {stream: list(names) for stream, names in columns.items()})
+    notes = [*contents.notes, *(note for note in recording.notes if note not in contents.notes)]
+    if zero is None:
+        _, _, _, _, home, clock, second = wanted[0]
+        zero = _zero(recording.streams[home].columns[clock], second)
+        notes += [zero_note(zero)] * bool(zero)
+    samples = []
+    for channel, k, conversion, name, home, clock, second in wanted:
+        loaded = recording.streams[home].columns
+        times = seconds_of(loaded[clock], second, zero)
+        values = conversion.scale[k] * (np.asarray(loaded[name], dtype=float) - conversion.zero[k])
+        rows = np.arange(1, times.size + 1)
+        samples.append(_there(channel, k, home, times, values, rows, f"{recording.source}, {name}"))
+    return SampledChannels(tuple(samples), tuple(notes), zero)
+
+
+def _name(contents: Contents, column: Column) -> str:
+    """Name of a column, which may be given by its number where there is one stream."""
+    names = contents.columns
+    if isinstance(column, int):
+        if len(contents.streams) > 1:
+            raise InputError(f"{contents.source} has {len(contents.streams)} streams; name the column, not its number")
+        if column > len(names):
+            raise InputError(f"{contents.source} has {len(names)} columns, the mapping asks for number {column}")
+        return names[column - 1]
+    if column not in names:
+        raise UnknownName(f"column in {contents.source}", column, names)
+    return column
+
+
+def _clock(contents: Contents, stream: StreamContents, given: Column, second: float) -> tuple[str, float]:
+    """Clock of a stream: the given one, else the stream's own of the same kind, else the one it prefers."""
+    name = _name(contents, given)
+    if name in stream.columns:
+        stated = stream.units.get(name) if name in stream.clocks else None
+        return name, SECONDS.get(stated or "", second)
+    if not stream.clocks:
+        raise InputError(
+            f"{contents.source}: {stream.name} has no time of its own, and {name} is of another stream; give the "
+            f"quantity a time of {stream.name} in the mapping; columns: {listed(stream.columns)}"
+        )
+    kind = name.rsplit("/", 1)[-1]
+    own = next((clock for clock in stream.clocks if clock.rsplit("/", 1)[-1] == kind), stream.clocks[0])
+    return own, SECONDS.get(stream.units.get(own, ""), second)
+
+
+def _zero(clock: Numbers, second: float) -> float:
+    there = clock[~np.isnan(clock)]
+    if not there.size:
+        return 0.0
+    first = there[0]
+    return whole_seconds((int(first) if there.dtype.kind in "iu" else float(first)) * second)
+
+
+_LARGE = 1e6  # [s]
+
+
+def whole_seconds(first: float) -> float:
+    """Seconds to count times from: none, or the first ones of a clock that counts so many that a float loses digits."""
+    return float(int(first)) if np.isfinite(first) and abs(first) > _LARGE else 0.0
+
+
+def zero_note(zero: float) -> str:
+    """Note that times are not counted from where their clock does."""
+    return f"time is counted from {zero:.0f} s of its clock"
+
+
+def seconds_of(clock: Numbers, second: float, zero: float) -> Array:
+    """Times of a clock less a zero [s]."""  # clock (N,)
+    if clock.dtype.kind in "iu" and zero:
+        return np.asarray((clock - clock.dtype.type(round(zero / second))) * second, dtype=float)
+    return np.asarray(clock, dtype=float) * second - zero
+
 
 _QUANTITIES = {"q": "positions", "dq": "velocities", "effort": "efforts", "temperature": "temperatures"}
 
@@ -46,14 +204,10 @@ def recorded_log(
         sha256=recording_sha256(path),
         joints=joints,
         time=time[inside],
-        q=values["q"],
-        dq=values.get("dq"),
-        effort=values.get("effort"),
-        wrench=values.get("wrench"),
-        temperature=values.get("temperature"),
         left_out=tuple(notes),
         numbers=numbers[inside],
         removed=removed,
+        **values,
     )
     return log.without(DROPPED, bridged) if bridged.any() else log
 
@@ -99,9 +253,7 @@ def _later(source: str, one: Sampled, asked: Index, drop: frozenset[str]) -> NDA
 
 def _in_order(source: str, one: Sampled, drop: frozenset[str]) -> Sampled:
     later = _later(source, one, np.arange(one.time.size), drop)
-    if later.all():
-        return one
-    return Sampled(one.channel, one.place, one.stream, one.time[later], one.values[later], one.rows[later])
+    return one if later.all() else replace(one, time=one.time[later], values=one.values[later], rows=one.rows[later])
 
 
 def _inside(source: str, time: Array, others: Sequence[Sampled]) -> NDArray[np.bool_]:
@@ -120,7 +272,7 @@ def _inside(source: str, time: Array, others: Sequence[Sampled]) -> NDArray[np.b
 
 def _aligned(
     time: Array, others: Sequence[Sampled], base: Sampled, keep: Index, inside: NDArray[np.bool_]
-) -> Mapping[str, Array]:
+) -> dict[str, Any]:
     """Values of each channel at the instants of the positions."""
     count = {one.channel: 1 + max(o.place for o in others if o.channel == one.channel) for one in others}
     values = {name: np.empty((time.size, columns)) for name, columns in count.items()}
@@ -135,7 +287,7 @@ def _bridged(time: Array, others: Sequence[Sampled], base: Sampled) -> NDArray[n
     """Which instants lie in gaps of a column that is not sampled with the positions."""
     bridged = np.zeros(time.size, dtype=bool)
     for one in others:
-        if one.time.size != base.time.size or not np.array_equal(one.time, base.time):
+        if not np.array_equal(one.time, base.time):
             bridged |= in_gaps(time, one.time)
     return bridged
 
@@ -144,17 +296,13 @@ def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:
     """Notes on what was interpolated, with the rates."""
     notes: dict[str, None] = {}
     for one in others:
-        if one.time.size == base.time.size and np.array_equal(one.time, base.time):
-            continue
-        notes[
-            f"{_what(one)} ({one.stream}, {_rate(one):.4g} Hz) interpolated linearly onto the rows of the positions "
-            f"({base.stream}, {_rate(base):.4g} Hz); a constant delay between them is estimated by identification"
-        ] = None
+        if not np.array_equal(one.time, base.time):
+            own, rate = (1.0 / np.median(np.diff(each.time)) for each in (one, base))
+            notes[
+                f"{_what(one)} ({one.stream}, {own:.4g} Hz) interpolated linearly onto the rows of the positions "
+                f"({base.stream}, {rate:.4g} Hz); a constant delay between them is estimated by identification"
+            ] = None
     return list(notes)
-
-
-def _rate(one: Sampled) -> float:
-    return float(1.0 / np.median(np.diff(one.time)))
 
 
 def _what(one: Sampled) -> str:
@@ -163,3 +311,55 @@ def _what(one: Sampled) -> str:
 
 def _rows(count: int) -> str:
     return f"{count} row{'s' * (count != 1)}"
+
+
+def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str], zero: float = 0.0) -> Log:
+    """The log with the channels that a mapping says are in other files, interpolated linearly onto its rows."""
+    for file in sorted({section.file for section in mapping.sections.values() if section.file is not None}):
+        log = _with_file(log, path.parent / file.replace("{log}", path.stem), file, mapping, drop, zero)
+    return log
+
+
+def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> Log:
+    other = _of_file(path, file, mapping, drop, zero)
+    first, last = max(one.time[0] for one in other.columns), min(one.time[-1] for one in other.columns)
+    inside = (log.time >= first) & (log.time <= last)
+    if np.count_nonzero(inside) < 2:
+        raise InputError(
+            f"{path} is from {first:.6g} to {last:.6g} s, {log.source} from {log.time[0]:.6g} to "
+            f"{log.time[-1]:.6g} s; one clock should have stamped both"
+        )
+    new = log.time[inside]
+    columns: dict[str, list[Array]] = {}
+    for one in other.columns:
+        columns.setdefault(one.channel, []).append(np.interp(new, one.time, one.values))
+    channels: dict[str, Any] = {name: np.column_stack(each) for name, each in columns.items()}
+    outside = int(np.count_nonzero(~inside))
+    rows = max(one.time.size for one in other.columns)
+    note = f"{path.name}: {rows} rows, interpolated linearly onto the {np.count_nonzero(inside)} of the positions"
+    note += f"; {outside} of these are before or after it and are not used" * bool(outside)
+    both = sha256(f"{log.sha256} {recording_sha256(path)}".encode()).hexdigest()
+    merged = replace(
+        log.rows(np.flatnonzero(inside)),
+        sha256=both,
+        left_out=(*log.left_out, *other.notes, note),
+        **channels,
+    )
+    bridged = np.any([in_gaps(merged.time, one.time) for one in other.columns], axis=0)
+    return merged.without(DROPPED, bridged) if bridged.any() else merged
+
+
+def _of_file(path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> SampledChannels:
+    if (form := binary_format(path)) is not None:
+        return sampled_channels(form, path, mapping, file, zero)
+    with text_of(path) as text:
+        layout = mapping.layout(text.source, text.lines, file)
+        of_table = samples_of_table(text.source, layout, table_of(text, layout, drop), zero)
+        return replace(of_table, notes=(*text.mended, *of_table.notes))
+
+
+def in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:
+    """Which instants lie in gaps of another clock, where it says nothing."""
+    step = np.diff(time)
+    before = np.clip(np.searchsorted(time, new, side="right") - 1, 0, step.size - 1)
+    return np.asarray((step[before] > STEPS * np.median(step)) & (new > time[before]) & (new < time[before + 1]))

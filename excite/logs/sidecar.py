@@ -9,7 +9,7 @@ from typing import Any
 
 from excite.logs.log import Log
 from excite.logs.saturation import Saturation
-from excite.storage.atomic import read_json, write_json
+from excite.storage.atomic import read_json
 from excite.storage.manifest import sha256_of
 from excite.storage.result_folder import settle_files
 from regressors.errors import InputError
@@ -25,30 +25,6 @@ def sidecar_path(log: str | Path) -> Path:
     if path.suffix == ".json":
         raise InputError(f"{path}: a log ending in .json leaves no name for the file beside it")
     return path.with_suffix(".json")
-
-
-def write_sidecar(
-    log: str | Path,
-    robot: Robot,
-    *,
-    design: str | None = None,
-    settings: Mapping[str, Any] | None = None,
-    seed: int | None = None,
-    truth: Mapping[str, float] | None = None,
-) -> Path:
-    """Write the sidecar file of a log, with the log's hash where it is there already."""
-    path = sidecar_path(log)
-    content = {
-        "schema": SCHEMA,
-        **log_entry(Path(log)),
-        "robot": {"name": robot.name, "sha256": robot.sha256()},
-        "design": None if design is None else {"sha256": design},
-        "settings": dict(settings or {}),
-        "seed": seed,
-        "truth": None if truth is None else {name: float(value) for name, value in truth.items()},
-    }
-    write_json(path, content)
-    return path
 
 
 def log_entry(log: Path) -> dict[str, Any]:

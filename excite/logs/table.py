@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.logs.event import DROPPED, GARBAGE, ranges_of, row_ranges
 from excite.logs.layout import Layout, cells, is_number
 from excite.logs.log import Removed
 from excite.logs.text import Lines, Text
+from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from regressors.errors import InputError
 from regressors.quoting import cut, shortened
 from regressors.samples import Array, Index
@@ -34,50 +34,22 @@ class Table:
 
 def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text."""
-    values, lines, left_out, removed = _cells(text, layout, drop, only, "nan" in drop)
-
-    def leave(keep: NDArray[np.bool_], why: str) -> None:
-        nonlocal values, lines
-        if dropped := int(np.sum(~keep)):
-            left_out.append(f"{_counted(dropped)} {why}")
-            removed.append(Removed(DROPPED, lines[~keep] - layout.first))
-            values, lines = values[keep], lines[keep]
-
-    leave(_finite(text, layout, values, lines, "nan" in drop), "with cells that are empty, NaN or infinite")
-    time = values[:, layout.used.index(layout.time)]
-    leave(_later(text, layout, time, lines, "repeated" in drop), "with time repeated")
-    if values.shape[0] < 2:
-        raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
-    return Table(values, lines, tuple(left_out), tuple(removed))
+    reader = _Reader(text, layout, drop, "nan" in drop)
+    values, lines = reader.read(only)
+    if not (keep := reader.finite(values, lines)).all():
+        reader.leave(lines[~keep], "with cells that are empty, NaN or infinite")
+        values, lines = values[keep], lines[keep]
+    if not (keep := reader.later(values[:, layout.used.index(layout.time)], lines)).all():
+        reader.leave(lines[~keep], "with time repeated")
+        values, lines = values[keep], lines[keep]
+    reader.check_left(lines.size)
+    return Table(values, lines, tuple(reader.left_out), tuple(reader.removed))
 
 
 def sparse_table(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text whose cells may be empty, which is NaN, and whose time may be anything."""
-    values, lines, left_out, removed = _cells(text, layout, drop, only, True)
-    return Table(values, lines, tuple(left_out), tuple(removed))
-
-
-def _cells(
-    text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None, empty_is_nan: bool
-) -> tuple[Array, Index, list[str], list[Removed]]:
-    """Numbers of the rows, their lines, and what was left out."""
-    rows = text.lines[layout.first :]
-    first = layout.first
-    left_out: list[str] = []
-    removed: list[Removed] = []
-    if only is not None:
-        rows, first = _asked_for(text, rows, only), first + only[0] - 1
-    elif rows and (how := _cut_off(text, layout, rows[-1])):
-        if "truncated" not in drop:
-            raise InputError(f"{text.source}, {how}; the recording was cut off (`drop='truncated'` drops the line)")
-        rows = rows[:-1]
-        left_out.append("1 row cut off at the end")
-    if len(rows) < 2:
-        raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
-    rows_in_memory(text, layout, len(rows)).check()
-    lines = np.arange(len(rows), dtype=np.intp) + first + 1
-    values, lines = _read(text, layout, rows, lines, drop, left_out, removed, empty_is_nan)
-    return values, lines, left_out, removed
+    reader = _Reader(text, layout, drop, True)
+    return Table(*reader.read(only), tuple(reader.left_out), tuple(reader.removed))
 
 
 def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
@@ -87,36 +59,114 @@ def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
     return WorkPrediction(f"reading {text.source}", (MemoryPart("rows", rows, columns, held, remedy=remedy),))
 
 
-def _asked_for(text: Text, rows: Lines, only: tuple[int, int]) -> Lines:
-    if only[1] > len(rows):
-        raise InputError(f"{text.source}: rows: given {only[0]}:{only[1]}, but the log has {len(rows)} rows")
-    return rows[only[0] - 1 : only[1]]
+class _Reader:
+    """Reads the rows of a text, and keeps in mind what it leaves out."""
 
+    def __init__(self, text: Text, layout: Layout, drop: frozenset[str], empty_is_nan: bool) -> None:
+        self.text, self.layout, self.drop, self.empty_is_nan = text, layout, drop, empty_is_nan
+        self.left_out: list[str] = []
+        self.removed: list[Removed] = []
 
-def _read(
-    text: Text,
-    layout: Layout,
-    rows: Lines,
-    lines: Index,
-    drop: frozenset[str],
-    left_out: list[str],
-    removed: list[Removed],
-    empty_is_nan: bool,
-) -> tuple[Array, Index]:
-    """Numbers and lines of the rows; those that are garbage are left out and noted."""
-    if (values := _faultless(layout, rows, empty_is_nan)) is not None:
-        return values, lines
-    if garbage := garbage_rows(text, layout, rows, int(lines[0]), asked="garbage" in drop):
-        where = row_ranges(ranges_of(lines[garbage].tolist()))
-        kind = "line holds" if len(garbage) == 1 else "lines hold"
-        left_out.append(f"{len(garbage)} {kind} no row of numbers: line{'s' * (len(garbage) != 1)} {where}")
-        removed.append(Removed(GARBAGE, lines[garbage] - layout.first))
-        keep = np.ones(len(rows), dtype=bool)
-        keep[garbage] = False
-        rows, lines = rows.where(keep), lines[keep]
+    def leave(self, lines: Index, why: str) -> None:
+        self.left_out.append(f"{_counted(lines.size)} {why}")
+        self.removed.append(Removed(DROPPED, lines - self.layout.first))
+
+    def check_left(self, count: int) -> None:
+        if count < 2:
+            raise InputError(f"{self.text.source}: fewer than two rows are left; left out: {', '.join(self.left_out)}")
+
+    def read(self, only: tuple[int, int] | None) -> tuple[Array, Index]:
+        """Numbers of the rows, and their lines; those that are garbage are left out."""
+        text, layout = self.text, self.layout
+        rows, first = text.lines[layout.first :], layout.first
+        if only is not None:
+            if only[1] > len(rows):
+                raise InputError(f"{text.source}: rows: given {only[0]}:{only[1]}, but the log has {len(rows)} rows")
+            rows, first = rows[only[0] - 1 : only[1]], first + only[0] - 1
+        elif rows and (how := _cut_off(text, layout, rows[-1])):
+            if "truncated" not in self.drop:
+                raise InputError(f"{text.source}, {how}; the recording was cut off (`drop='truncated'` drops the line)")
+            rows = rows[:-1]
+            self.left_out.append("1 row cut off at the end")
         if len(rows) < 2:
-            raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
-    return _values(text, layout, rows, lines, empty_is_nan), lines
+            raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
+        rows_in_memory(text, layout, len(rows)).check()
+        lines = np.arange(len(rows), dtype=np.intp) + first + 1
+        if (values := self._faultless(rows)) is not None:
+            return values, lines
+        if garbage := garbage_rows(text, layout, rows, first + 1, asked="garbage" in self.drop):
+            where = row_ranges(ranges_of(lines[garbage].tolist()))
+            kind = "line holds" if len(garbage) == 1 else "lines hold"
+            plural = "s" * (len(garbage) != 1)
+            self.left_out.append(f"{len(garbage)} {kind} no row of numbers: line{plural} {where}")
+            self.removed.append(Removed(GARBAGE, lines[garbage] - layout.first))
+            keep = np.ones(len(rows), dtype=bool)
+            keep[garbage] = False
+            rows, lines = rows.where(keep), lines[keep]
+            self.check_left(len(rows))
+        values = np.empty((len(rows), len(layout.used)))
+        for part in _parts(rows):
+            some = list(rows[part])
+            try:
+                values[part] = _numbers(layout, some)
+            except ValueError:  # empty cells
+                values[part] = [self._row(*each) for each in zip(some, lines[part].tolist(), strict=True)]
+        return values, lines
+
+    def _faultless(self, rows: Lines) -> Array | None:
+        """Numbers of the rows; None where one of them has a fault, which is then located cell by cell."""
+        values = np.empty((len(rows), len(self.layout.used)))
+        for part in _parts(rows):
+            some = list(rows[part])
+            if wrong_lengths(self.layout, some):
+                return None
+            try:
+                values[part] = _numbers(self.layout, some)
+            except ValueError:
+                if not self.empty_is_nan or (filled := _filled_numbers(self.layout, some)) is None:
+                    return None
+                values[part] = filled
+        return values
+
+    def _row(self, row: str, line: int) -> list[float]:
+        content = cells(row, self.layout.separator)
+        if not self.empty_is_nan and (empty := [k for k in self.layout.used if not content[k]]):
+            here = self._place(line, empty[0])
+            raise InputError(f"{here}: the cell is empty (`drop='nan'` leaves such rows out)")
+        return [float(content[k]) if content[k] else np.nan for k in self.layout.used]
+
+    def _place(self, line: int, column: int) -> str:
+        return f"{self.text.source}, line {line}, column {cut(self.layout.names[column])}"
+
+    def finite(self, values: Array, lines: Index) -> NDArray[np.bool_]:
+        """Which rows hold finite numbers only; others are refused unless they are to be dropped."""
+        finite = np.isfinite(values)
+        whole = finite.all(axis=1)
+        if "nan" not in self.drop and not whole.all():
+            row = int(np.argmin(whole))
+            column = int(np.argmin(finite[row]))
+            raise InputError(
+                f"{self._place(lines[row], self.layout.used[column])}: {values[row, column]} is not a measurement; "
+                f"{_counted(int(np.sum(~whole)))} like this (`drop='nan'` leaves them out)"
+            )
+        return np.asarray(whole)
+
+    def later(self, time: Array, lines: Index) -> NDArray[np.bool_]:
+        """Which rows are later than the row before; earlier ones are refused, and repeated ones unless dropped."""
+        step = np.diff(time)
+        if np.any(step < 0):
+            k = int(np.argmax(step < 0))
+            raise InputError(
+                f"{self._place(lines[k + 1], self.layout.time)}: time runs backwards, from {time[k]:.17g} to "
+                f"{time[k + 1]:.17g}; are these two recordings in one file? `rows` chooses the rows of one of them"
+            )
+        if "repeated" not in self.drop and np.any(step == 0):
+            k = int(np.argmax(step == 0))
+            raise InputError(
+                f"{self._place(lines[k + 1], self.layout.time)}: time {time[k]:.17g} is repeated; "
+                f"{_counted(int(np.sum(step == 0)))} like this (`drop='repeated'` leaves them out)"
+            )
+        return np.concatenate([[True], step > 0])
 
 
 def _counted(rows: int) -> str:
@@ -134,22 +184,6 @@ def _cut_off(text: Text, layout: Layout, row: str) -> str:
     return ""
 
 
-def _faultless(layout: Layout, rows: Lines, empty_is_nan: bool) -> Array | None:
-    """Numbers of the rows; None where one of them has a fault, which is then located cell by cell."""
-    values = np.empty((len(rows), len(layout.used)))
-    for part in _parts(rows):
-        some = list(rows[part])
-        if wrong_lengths(layout, some):
-            return None
-        try:
-            values[part] = _numbers(layout, some)
-        except ValueError:
-            if not empty_is_nan or (filled := _filled_numbers(layout, some)) is None:
-                return None
-            values[part] = filled
-    return values
-
-
 def _parts(rows: Lines) -> Iterator[slice]:
     """Rows that are converted at once: the text of all of them would take several times the memory of the numbers."""
     return (slice(first, min(first + _AT_ONCE, len(rows))) for first in range(0, len(rows), _AT_ONCE))
@@ -163,18 +197,6 @@ def _numbers(layout: Layout, rows: list[str], before: int = 0) -> Array:
         return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=used, ndmin=2)
 
 
-def _values(text: Text, layout: Layout, rows: Lines, lines: Index, empty_is_nan: bool) -> Array:
-    values = np.empty((len(rows), len(layout.used)))
-    for part in _parts(rows):
-        some = list(rows[part])
-        try:
-            values[part] = _numbers(layout, some)
-        except ValueError:  # empty cells
-            numbered = zip(some, lines[part].tolist(), strict=True)
-            values[part] = [_row(text, layout, row, line, empty_is_nan) for row, line in numbered]
-    return values
-
-
 def _filled_numbers(layout: Layout, rows: list[str]) -> Array | None:
     """Numbers of rows, NaN where a cell is empty; None where it holds white space or anything else."""
     mark = layout.separator
@@ -186,47 +208,6 @@ def _filled_numbers(layout: Layout, rows: list[str]) -> Array | None:
         return _numbers(layout, body.split("\n"), 1)
     except ValueError:
         return None
-
-
-def _row(text: Text, layout: Layout, row: str, line: int, empty_is_nan: bool) -> list[float]:
-    content = cells(row, layout.separator)
-    if not empty_is_nan and (empty := [k for k in layout.used if not content[k]]):
-        place = f"{text.source}, line {line}, column {cut(layout.names[empty[0]])}"
-        raise InputError(f"{place}: the cell is empty (`drop='nan'` leaves such rows out)")
-    return [float(content[k]) if content[k] else np.nan for k in layout.used]
-
-
-def _finite(text: Text, layout: Layout, values: Array, lines: Index, drop: bool) -> NDArray[np.bool_]:
-    finite = np.isfinite(values)
-    whole = finite.all(axis=1)
-    if not drop and not whole.all():
-        row = int(np.argmin(whole))
-        column = int(np.argmin(finite[row]))
-        place = f"line {lines[row]}, column {cut(layout.names[layout.used[column]])}"
-        raise InputError(
-            f"{text.source}, {place}: {values[row, column]} is not a measurement; "
-            f"{_counted(int(np.sum(~whole)))} like this (`drop='nan'` leaves them out)"
-        )
-    return np.asarray(whole)
-
-
-def _later(text: Text, layout: Layout, time: Array, lines: Index, drop: bool) -> NDArray[np.bool_]:
-    """Rows whose time is later than that of the row before."""
-    step = np.diff(time)
-    place = f"column {cut(layout.names[layout.time])}"
-    if np.any(step < 0):
-        k = int(np.argmax(step < 0))
-        raise InputError(
-            f"{text.source}, line {lines[k + 1]}, {place}: time runs backwards, from {time[k]:.17g} to "
-            f"{time[k + 1]:.17g}; are these two recordings in one file? `rows` chooses the rows of one of them"
-        )
-    if not drop and np.any(step == 0):
-        k = int(np.argmax(step == 0))
-        raise InputError(
-            f"{text.source}, line {lines[k + 1]}, {place}: time {time[k]:.17g} is repeated; "
-            f"{_counted(int(np.sum(step == 0)))} like this (`drop='repeated'` leaves them out)"
-        )
-    return np.concatenate([[True], step > 0])
 
 
 MOST = 0.01  # of the lines, that are left out without being asked

@@ -7,7 +7,7 @@ import hashlib
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, overload
@@ -15,7 +15,7 @@ from typing import BinaryIO, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.estimates.work_prediction import announce
+from excite.storage.work_prediction import announce
 from regressors.errors import InputError
 from regressors.input_files import LOG, UnreadableFile, in_bytes, opened
 from regressors.samples import Index
@@ -90,21 +90,14 @@ def _scanned(source: str, stream: BinaryIO) -> _Scan:
         raise InputError(f"{source} is written in UTF-16; save it as UTF-8")
     marked = start == codecs.BOM_UTF8
     stream.seek(0)
-    announce(f"reading {source}", _SECONDS * _size(stream))
+    with suppress(OSError):  # io.UnsupportedOperation too, as of a pipe
+        announce(f"reading {source}", _SECONDS * os.fstat(stream.fileno()).st_size)
     digest = hashlib.sha256()
     places = places_of_lines(_checked(source, stream, digest), first=len(codecs.BOM_UTF8) * marked)
     if places is None:
         raise InputError(f"{source} is empty")
     starts, ends, complete = places
     return _Scan(digest.hexdigest(), starts, ends, complete, marked)
-
-
-def _size(stream: BinaryIO) -> int:
-    """Bytes of a file; 0 where they are not known, as of a pipe."""
-    try:
-        return os.fstat(stream.fileno()).st_size
-    except OSError:  # io.UnsupportedOperation too
-        return 0
 
 
 def _checked(source: str, stream: BinaryIO, digest: hashlib._Hash) -> Iterator[bytes]:

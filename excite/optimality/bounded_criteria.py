@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from excite.optimality.triangles import triangle
+from excite.optimality.moment_conditions import triangle
 from regressors.samples import Array
 
 
@@ -37,7 +37,7 @@ class ConicPart:
 
 
 class BoundedCriterion(ABC):
-    """A criterion of `excite.information.criteria`, smaller is better, of which a lower bound can be proven."""
+    """A criterion of `excite.tasks.criteria`, smaller is better, of which a lower bound can be proven."""
 
     name: str  # that of the criterion
     described: str

@@ -12,8 +12,7 @@ import scipy.sparse as sp
 from excite.errors import ConicSolverError
 from excite.optimality.bounded_criteria import BoundedCriterion, Multipliers
 from excite.optimality.limited_states import LimitedStates, StateRows
-from excite.optimality.moment_conditions import MomentConditions
-from excite.optimality.triangles import matrix_of
+from excite.optimality.moment_conditions import MomentConditions, matrix_of
 from regressors.samples import Array
 
 _DRAWN, _CLIMBING, _ADDED, _STEPS = 8000, 1200, 500, 30

@@ -14,12 +14,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from excite.design.blueprint import restricted_limits
-from excite.design.designed_motion import DesignedMotion
+from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.problem_identity import NotComparable, plain_value
 from excite.errors import BrokenLimitError
 from excite.information.target import target_of
-from excite.information.torque_deviation import TorqueCriterion
 from excite.information.weighting import minimised_text, weighting_of
 from excite.optimality.bounded_criteria import BOUNDED, BoundedCriterion
 from excite.optimality.cutting_planes import CuttingPlanes, DualCertificate
@@ -34,6 +33,7 @@ from excite.storage.destination import Destination
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import check_replaceable, read_record, write_record
 from excite.storage.result_folder import result_folder
+from excite.tasks.criteria import TorqueCriterion
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.numerical import numerical_work
@@ -145,7 +145,7 @@ class DesignBound:
             return write_record(self, KIND, Path(folder), KIND)
 
 
-def stored_bound(design: DesignedMotion) -> DesignBound | None:
+def stored_bound(design: Design) -> DesignBound | None:
     """The bound in a design's folder; None where there is none, or that of another problem."""
     path = None if design.folder is None else design.folder / NAME
     if path is None or not path.exists():
@@ -177,7 +177,7 @@ def stored_bound(design: DesignedMotion) -> DesignBound | None:
     "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot",
 )
 def bound(
-    design: DesignedMotion,
+    design: Design,
     criteria: Sequence[str] = ("condition",),
     *,
     rounds: int = _ROUNDS,
@@ -193,7 +193,7 @@ def bound(
 
     Parameters
     ----------
-    design : Design or StoredDesign
+    design : Design
         A motion that was designed, with its task.
     criteria : sequence of str
         Of ``condition``, ``logdet`` and ``sigma-min``.
@@ -212,9 +212,9 @@ def bound(
     InputError
         The model integrates over time windows, a coordinate has no limit of its acceleration, an unknown criterion, or
         a design for some of the parameters, for predicted torques or for several robots.
-    BrokenLimitError
+    excite.errors.BrokenLimitError
         The design is not within its limits.
-    ConicSolverError
+    excite.errors.ConicSolverError
         The relaxation could not be solved.
     """
     chosen = [_criterion(name) for name in criteria]
@@ -233,7 +233,7 @@ def bound(
     return DesignBound(design.name, problem, found, said, design.coefficients_sha256, changes)
 
 
-def _check_bounded(design: DesignedMotion) -> None:
+def _check_bounded(design: Design) -> None:
     """Raise `InputError` where a bound on criteria of all parameters says nothing of what a design minimises."""
     objective = design.task.objective
     of_torques = isinstance(instance("criterion", objective.criterion), TorqueCriterion)
@@ -250,7 +250,7 @@ def _criterion(name: str) -> BoundedCriterion:
     return BOUNDED[name]
 
 
-def cutting_planes(formulation: Formulation, design: DesignedMotion) -> CuttingPlanes:
+def cutting_planes(formulation: Formulation, design: Design) -> CuttingPlanes:
     """The relaxation of a design problem."""
     blueprint, family = formulation.blueprint, formulation.task.trajectory.family()
     harmonics = family.harmonic_frequencies
@@ -264,7 +264,7 @@ def cutting_planes(formulation: Formulation, design: DesignedMotion) -> CuttingP
     return CuttingPlanes(rows, states, MomentConditions(states, counted, frequencies), motion)
 
 
-def _states_of(design: DesignedMotion, rows: StateRows, count: int) -> Array:
+def _states_of(design: Design, rows: StateRows, count: int) -> Array:
     """States of the design's motion in the moving coordinates, at equal steps over its duration."""
     inverse = np.asarray(np.linalg.pinv(rows.motion.matrix), dtype=float)
     moving = design.trajectory.carried(inverse, -inverse @ rows.motion.offset)
@@ -276,7 +276,7 @@ def _bound(
     criterion: BoundedCriterion,
     planes: CuttingPlanes,
     formulation: Formulation,
-    design: DesignedMotion,
+    design: Design,
     rounds: int,
     seed: int,
     progress: Callable[[str], None],
@@ -299,7 +299,7 @@ def _bound(
     )
 
 
-def reached_by(design: DesignedMotion, name: str) -> float:
+def reached_by(design: Design, name: str) -> float:
     """Criterion of a design's motion, sampled at its rate."""
     task = design.task
     target = target_of(design.robot, task)
@@ -332,7 +332,7 @@ _PARTS = ("model", "trajectory", "objective", "limits")
 _LEFT_OUT = ("class", "criterion", "require", "interest", "task_motion", "plausible_robots")
 
 
-def bounded_problem_sha256(design: DesignedMotion) -> str | None:
+def bounded_problem_sha256(design: Design) -> str | None:
     """Hash of the problem that a design's bound belongs to; None where parts of one's own make it unknown."""
     content: dict[str, object] = {"robot": design.robot.sha256(), "method": _METHOD}
     try:

@@ -14,8 +14,8 @@ from threadpoolctl import threadpool_limits
 
 from constraints.bounds.certificate import LimitUse, limit_uses
 from excite.design.blueprint import grid_instants, restricted_limits
+from excite.design.design import Design
 from excite.design.design_memory import check_richness
-from excite.design.designed_motion import DesignedMotion
 from excite.design.formulation import Formulation, formulate
 from excite.design.grid_limits import GridConstraint
 from excite.design.initial_guesses import shrunk
@@ -81,7 +81,7 @@ class Sensitivity:
     "the sensitivity",
     "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot",
 )
-def sensitivity(design: DesignedMotion, progress: Callable[[str], None] = lambda _: None) -> Sensitivity:
+def sensitivity(design: Design, progress: Callable[[str], None] = lambda _: None) -> Sensitivity:
     """Change a design's problem in one respect at a time, and improve its motion in the new problem.
 
     The changes are twice the harmonics (of families with another option that makes them richer, that one), 1.5 times
@@ -129,7 +129,7 @@ class ProblemChanges:
     reference: float  # criterion after one more refinement
 
     @classmethod
-    def of(cls, design: DesignedMotion, progress: Callable[[str], None] = lambda _: None) -> ProblemChanges:
+    def of(cls, design: Design, progress: Callable[[str], None] = lambda _: None) -> ProblemChanges:
         """Refine the motion of a design without a change."""
         formulation = formulate(design.robot, design.task)
         problem, motion = formulation.problem, formulation.blueprint.motion

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 
 from excite.optimality.cutting_planes import DualCertificate
 from excite.optimality.limited_states import LimitedStates
-from excite.optimality.triangles import matrix_of, triangle, triangle_basis
+from excite.optimality.moment_conditions import matrix_of, triangle, triangle_basis
 from regressors.samples import Array, Index
 
 Polynomial = dict[tuple[int, ...], float]  # sorted indices of the variables (v, a) of each monomial

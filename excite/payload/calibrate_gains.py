@@ -14,8 +14,7 @@ from excite.payload.known_gains import KnownGains, stated_gains
 from excite.payload.load_estimate import LoadEstimate, estimate_load
 from excite.payload.load_rows import (
     LogChoice,
-    check_different,
-    check_same_joints,
+    check_pair,
     described,
     drives_of,
     loaded_parts,
@@ -66,12 +65,8 @@ class CalibratedGains:
             "known_mass": self.known_mass,
             "stated_mass": self.stated_mass,
             "drives": {
-                name: {
-                    "factor": factor,
-                    "deviation": own,
-                    "interval": [factor - self.quantile * own, factor + self.quantile * own],
-                }
-                for name, factor, own in rows
+                name: {"factor": g, "deviation": s, "interval": [g - self.quantile * s, g + self.quantile * s]}
+                for name, g, s in rows
             },
             "notes": list(self.notes),
         }
@@ -139,8 +134,7 @@ def calibrate_gains(
     with threadpool_limits(1):
         with_load = choice.read(loaded, whole, choice.rows, progress)
         bare = choice.read(without, whole, choice.without_rows, progress)
-        check_different(bare, with_load)
-        check_same_joints(bare, with_load)
+        check_pair(bare, with_load)
         model = without_load(whole, task, bare, choice.recipe([*bare, *with_load], choice.without_rows), progress)
         parts = loaded_parts(model, with_load, choice.rows)
         drives = drives_of(model.target.robot)

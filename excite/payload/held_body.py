@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from excite.identification.estimators.possible_set import PossibleSet, body_in_coordinates, nearest, own_scale
+from regressors.errors import InputError
+from regressors.quantities import check
 from regressors.robot.inertia import (
     from_centre_of_mass,
     from_pseudo_inertia,
@@ -52,6 +55,16 @@ class Frame:
         return transport(self.rotation, self.translation)
 
 
+def frame_numbers(given: Sequence[float] | None) -> Array:
+    """Origin x, y, z [m] and roll, pitch, yaw [rad] of a frame that is given, shape (6,); zeros where none is."""
+    x = np.zeros(6) if given is None else np.asarray(given, dtype=float)
+    if x.shape not in ((3,), (6,)) or not np.all(np.isfinite(x)):
+        raise InputError("`frame` needs x, y, z [m], or these and roll, pitch, yaw [rad]")
+    check("sensor_xyz", x[:3], "`frame`")
+    check("sensor_rpy", x[3:], "`frame`")
+    return np.concatenate([x, np.zeros(6 - x.size)])
+
+
 @dataclass(frozen=True, eq=False)
 class HeldBody:
     """Mass, centre of mass and inertia about it, in the axes of a frame."""
@@ -84,25 +97,13 @@ class HeldBody:
         Of the axes and their opposites the ones nearest to those of the frame are taken.
         """
         moments, axes = np.linalg.eigh(self.inertia)
-        order = _nearest(axes)
+        orders = [list(order) for order in permutations(range(3))]
+        order = max(orders, key=lambda order: np.prod(np.abs(np.diag(axes[:, order]))))
         axes = axes[:, order] * np.sign(np.diag(axes[:, order]) + 1e-300)
         if np.linalg.det(axes) < 0:
             weakest = int(np.argmin(np.abs(np.diag(axes))))
             axes[:, weakest] *= -1.0
         return moments[order], axes
-
-    def is_possible(self) -> bool:
-        """Whether a body has these parameters: positive mass, and no principal moment above the sum of the others."""
-        J = pseudo_inertia(self.parameters)
-        scale = float(np.abs(J).max())
-        return self.mass > 0 and bool(np.linalg.eigvalsh(J)[0] >= -1e-9 * scale)
-
-
-def _nearest(axes: Array) -> list[int]:
-    """Order of the columns in which each is as near to its own axis of the frame as it can be."""
-    from itertools import permutations
-
-    return list(max(permutations(range(3)), key=lambda order: np.prod(np.abs(np.diag(axes[:, list(order)])))))
 
 
 def spread_of(function: Callable[[Array], Array], at: Array, covariance: Array) -> Array:
@@ -136,9 +137,7 @@ def nearest_possible(phi: Array, covariance: Array) -> Array:
     """  # phi (10,); covariance (10, 10)
     if is_possible(phi):
         return phi
-    length = max(
-        _LEAST_LENGTH, float(np.linalg.norm(phi[1:4]) / phi[0]), float(np.sqrt(np.abs(phi[4:]).max() / phi[0]))
-    )
+    length = max(_LEAST_LENGTH, np.linalg.norm(phi[1:4]) / phi[0], np.sqrt(np.abs(phi[4:]).max() / phi[0]))
     scale = phi[0] * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     slope = scale[:, None] * vectors * np.sqrt(np.maximum(values, _LEAST_VARIANCE * values[-1]) / values[-1])
@@ -157,9 +156,4 @@ RATED = {
     "panda": 3.0,  # Franka Emika, "Panda" data sheet
     "ur10e": 12.5,  # Universal Robots, "UR10e" data sheet
 }
-"""By the name of the robot [kg]."""
-
-
-def rated_payload(name: str) -> float | None:
-    """Largest payload of a robot; None where it is not known."""
-    return RATED.get(name)
+"""Largest payload, by the name of the robot [kg]."""

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,16 +16,17 @@ from excite.identification.identification import Identification
 from excite.identification.known_friction import without_friction
 from excite.identification.prediction import instantaneous_target
 from excite.identification.preparation import prepare
-from excite.identification.provenance import provenance_of
+from excite.identification.result import provenance_of
+from excite.identification.result_json import load_result
 from excite.information.target import target_of
-from excite.payload.held_body import Frame, rated_payload
+from excite.logs.log import Log
+from excite.payload.held_body import RATED, Frame, frame_numbers
 from excite.payload.known_gains import KnownGains, read_gains, stated_gains
 from excite.payload.load_estimate import LoadEquations, LoadEstimate, estimate_load
 from excite.payload.load_rows import (
     LogChoice,
     calibrated_gains,
-    check_different,
-    check_same_joints,
+    check_pair,
     described,
     drives_of,
     known_parameters,
@@ -37,17 +38,14 @@ from excite.payload.load_rows import (
     wrench_equations,
 )
 from excite.payload.payload_result import PayloadResult
-from excite.registry import built_in
 from excite.tasks.installation import Installation
 from regressors.arguments import checked
 from regressors.errors import InputError
+from regressors.models.load import LoadModel, Sensor
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from excite.logs.log import Log
 
 _UNLIKE = 3.0  # times as large as without the load: residuals that the load does not explain
 _UNEXPLAINED = 0.3  # of what varies, in the middle one of the equations
@@ -56,7 +54,6 @@ _POSSIBLE = (
     "no body has the estimated inertia, which the motion shows too little; stated is the possible body that the logs "
     "exclude least"
 )
-_LINK = "frame of the last link"
 
 
 @checked
@@ -135,21 +132,22 @@ def identify_payload(
     given = not (isinstance(without, list | tuple) and not without)
     _check_given(given, result, wrench, gains, gain_deviation)
     check("known_mass", rated, "`rated`")
-    place = _frame(frame, frame_name)
+    x, usual = frame_numbers(frame), "frame of the last link" if frame is None else "given frame"
+    place = Frame(usual if frame_name is None else frame_name, rotation_from_rpy(x[3:]), x[:3])
+    gains = read_gains(Path(gains)) if isinstance(gains, str | Path) else gains
     whole, task = described(robot, base_link, tip, installation, snap_angles, xacro)
     with threadpool_limits(1):
         with_load = choice.read(loaded, whole, choice.rows, progress)
         bare = choice.read(without, whole, choice.without_rows, progress) if given else []
-        check_different(bare, with_load)
-        check_same_joints(bare, with_load)
+        check_pair(bare, with_load)
         if wrench:
             equations, known = _of_wrench(whole, task, bare, with_load, choice, place), None
         elif result is not None:
-            equations, known = _of_model(whole, result, with_load, choice, _given_gains(gains), gain_deviation)
+            equations, known = _of_model(whole, result, with_load, choice, gains, gain_deviation)
         else:
             model = without_load(whole, task, bare, choice.recipe([*bare, *with_load], choice.without_rows), progress)
             parts = loaded_parts(model, with_load, choice.rows)
-            known = _gains(drives_of(model.target.robot), _given_gains(gains), gain_deviation, with_load)
+            known = _gains(drives_of(model.target.robot), gains, gain_deviation, with_load)
             equations = paired_equations(model, parts, model.recipe, known)
         progress("estimating the load")
         estimate = estimate_load(equations)
@@ -157,7 +155,7 @@ def identify_payload(
         T = place.to_link
         estimate = replace(estimate, phi=T @ estimate.phi, covariance=T @ estimate.covariance @ T.T)
     named = tuple(log.reference for log in bare), tuple(log.reference for log in with_load)
-    largest = rated if rated is not None else rated_payload(whole.name)
+    largest = rated if rated is not None else RATED.get(whole.name)
     held = PayloadResult(whole, place, estimate, "wrench" if wrench else "joint torques", known, *named, rated=largest)
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
@@ -187,21 +185,6 @@ def _check_given(without: bool, result: object, wrench: bool, gains: object, gai
         )
 
 
-def _frame(given: Sequence[float] | None, name: str | None) -> Frame:
-    x = np.zeros(6) if given is None else np.asarray(given, dtype=float)
-    if x.shape not in ((3,), (6,)) or not np.all(np.isfinite(x)):
-        raise InputError("`frame` needs x, y, z [m], or these and roll, pitch, yaw [rad]")
-    check("sensor_xyz", x[:3], "`frame`")
-    check("sensor_rpy", x[3:], "`frame`")
-    x = np.concatenate([x, np.zeros(6 - x.size)])
-    usual = _LINK if given is None else "given frame"
-    return Frame(name if name is not None else usual, rotation_from_rpy(x[3:]), x[:3])
-
-
-def _given_gains(gains: KnownGains | str | Path | None) -> KnownGains | None:
-    return read_gains(Path(gains)) if isinstance(gains, str | Path) else gains
-
-
 def _gains(
     drives: Sequence[str], gains: KnownGains | None, deviation: float | None, loaded: Sequence[Log]
 ) -> KnownGains:
@@ -213,8 +196,6 @@ def _gains(
 def _of_wrench(
     robot: Robot, task: Any, bare: Sequence[Log], loaded: Sequence[Log], choice: LogChoice, place: Frame
 ) -> LoadEquations:
-    from regressors.models.load import LoadModel, Sensor
-
     model = LoadModel(robot, Sensor(None, place.rotation, place.translation))
     target = target_of(robot, task.changed(model=model, joint_rotors=False, offset=False, load_share=False))
     both = [*bare, *loaded]
@@ -231,9 +212,7 @@ def _of_model(
     gains: KnownGains | None,
     deviation: float | None,
 ) -> tuple[LoadEquations, KnownGains]:
-    if isinstance(result, str | Path):
-        loaded_result: Identification = built_in("reader", "result")(result)
-        result = loaded_result
+    result = load_result(result) if isinstance(result, str | Path) else result
     if result.robot.sha256() != robot.sha256():
         raise InputError(
             f"{result.name} is of {result.robot.name} (description {result.robot.sha256()[:12]}), not of {robot.name} "
@@ -259,7 +238,11 @@ def _of_model(
 
 
 def _notes(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
-    notes = [f"centre and inertia are stated in the {held.frame.name}, {_where(held)}"]
+    link, place = held.robot.links[-1].name, held.frame
+    where = "whose origin is at {:g}, {:g}, {:g} m of link ".format(*place.translation) + link
+    if not np.any(place.translation) and np.allclose(place.rotation, np.eye(3)):
+        where = f"that of link {link} as {held.robot.name} is described, which need not be the flange"
+    notes = [f"centre and inertia are stated in the {place.name}, {where}"]
     if held.gains is not None:
         notes.append(held.gains.origin)
     if held.estimate.phi[0] > 0 and held.constrained:
@@ -271,30 +254,22 @@ def _notes(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
         robot = ", and the robot's identified parameters" if equations.known is not None else ""
         notes.append(f"intervals count {counted}{robot}")
     if held.rated is not None and held.intervals[0, 1] > held.rated:
-        sure = held.intervals[0, 0] > held.rated
-        word = "is heavier" if sure else "may be heavier"
+        word = "is heavier" if held.intervals[0, 0] > held.rated else "may be heavier"
         notes.append(f"warning: the load {word} than the {held.rated:g} kg that {held.robot.name} may carry")
     return tuple(notes)
-
-
-def _where(held: PayloadResult) -> str:
-    link = held.robot.links[-1].name
-    if not np.any(held.frame.translation) and np.allclose(held.frame.rotation, np.eye(3)):
-        return f"that of link {link} as {held.robot.name} is described, which need not be the flange"
-    x, y, z = held.frame.translation
-    return f"whose origin is at {x:g}, {y:g}, {z:g} m of link {link}"
 
 
 def _doubts(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
     doubts = []
     mass, (low, high) = float(held.estimate.phi[0]), held.intervals[0]
     half = held.estimate.quantile * float(held.deviation[0])
+    of_gains = 0.0 if held.gains is None else held.estimate.quantile * np.sqrt(held.mass_variance_by_gains)
     if mass <= 0:
         doubts.append(
             f"the identified mass is {mass:.3g} kg, which no load has: check which log is with the load, and the sign "
             "and unit of the torques"
         )
-    elif half > _LEAST_KNOWN * mass + (0.0 if held.gains is None else held.estimate.quantile * _of_gains(held)):
+    elif half > _LEAST_KNOWN * mass + of_gains:
         doubts.append(
             f"the motion hardly shows the mass, which lies between {low:.3g} and {high:.3g} kg: move joints whose axes "
             "are not vertical, and longer, as `design_payload_motion` does"
@@ -304,12 +279,7 @@ def _doubts(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
             "no possible body has a mass and a centre within their intervals: check the frame of the sensor, and "
             "that the logs are of this robot"
         )
-    doubts += _unlike(held.estimate, equations)
-    return tuple(doubts)
-
-
-def _of_gains(held: PayloadResult) -> float:
-    return float(np.sqrt(max(held.estimate.by_gains[0, 0], 0.0)))
+    return (*doubts, *_unlike(held.estimate, equations))
 
 
 def _misfit(estimate: LoadEstimate, equations: LoadEquations) -> list[str]:

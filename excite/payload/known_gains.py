@@ -16,8 +16,7 @@ from excite.storage.atomic import replacing
 from excite.storage.result_folder import replace_files, result_file, settle_files
 from regressors.arguments import checked
 from regressors.errors import InputError, TakenError, UnknownName
-from regressors.input_files import read_text
-from regressors.readers.documents import parse_document, validate
+from regressors.readers.documents import read_document, validate
 from regressors.samples import Array
 
 STATED_COMMON = 0.1
@@ -168,11 +167,7 @@ def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float) -> No
 def read_gains(path: Path) -> KnownGains:
     """Read a file of gains."""
     settle_files(path)
-    try:
-        text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read gains {path}: {getattr(error, 'strerror', None) or error}") from error
-    document = parse_document(text, str(path))
+    document = read_document(path, "gains")
     content: Any = validate(document, _Gains)
     if content.form != SCHEMA:
         raise InputError(f"{path}: expected schema {SCHEMA}, given {str(content.form)[:40]}")

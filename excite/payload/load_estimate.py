@@ -11,7 +11,7 @@ log is from that in the other, and e the relative error of the gain of each driv
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,9 +20,8 @@ import scipy.stats
 
 from excite.identification.autoregressive_noise import NoiseGroup, autoregressive_covariance
 from excite.identification.estimate import CONFIDENCE
-from excite.identification.leading_autocorrelation import autocorrelation
 from excite.identification.observations import Observations
-from excite.identification.residuals import effective_samples
+from excite.identification.residuals import autocorrelation, effective_samples
 from regressors.errors import InputError
 from regressors.models.load import LOAD_PARAMETERS
 from regressors.robot.inertia import PARAMETERS_PER_LINK
@@ -77,14 +76,9 @@ class LoadEstimate:
 
 def estimate_load(equations: LoadEquations, mass: float | None = None, start: float = 1.0) -> LoadEstimate:
     """Estimate a load, with all that is uncertain beside it."""
-    return _Problem(equations, mass, start).solved()
-
-
-def fit_load(equations: LoadEquations) -> Array:
-    """Most probable parameters of a load, shape (10,), without what is uncertain of them."""
-    problem = _Problem(equations, None, 1.0)
+    problem = _Problem(equations, mass, start)
     problem.iterate()
-    return np.asarray(problem.x[problem.places])
+    return problem.estimate()
 
 
 class _Problem:
@@ -122,10 +116,6 @@ class _Problem:
             blocks.append(_placed(_precision_factor(e.gains), np.arange(self.width, self.size), self.size))
         return np.concatenate(blocks) if blocks else np.zeros((0, self.size))
 
-    def solved(self) -> LoadEstimate:
-        self.iterate()
-        return self._estimate()
-
     def iterate(self) -> None:
         step = np.zeros(self.size)
         for number in range(_ROUNDS):
@@ -138,12 +128,9 @@ class _Problem:
                 break
         self._reweight(first=False)
 
-    def _factor_of(self, j: int) -> float:
-        return 1.0 + float(self.x[self.width + j]) if self.k else 1.0
-
     def _jacobian(self, R: Array, j: int) -> tuple[Array, Array]:
         """Prediction and its derivative for rows of equation j, from rows of ``[W, K, F]`` or a factor of them."""
-        e, factor = self.equations, self._factor_of(j)
+        e, factor = self.equations, 1.0 + float(self.x[self.width + j]) if self.k else 1.0
         J = np.zeros((R.shape[0], self.size))
         scaled = np.arange(self.width) if e.scales_all else self.places
         J[:, : self.width] = R
@@ -178,24 +165,18 @@ class _Problem:
         A, b = np.concatenate([*blocks, self.prior]), np.concatenate([*rights, -self.prior @ (self.x - self.centre)])
         return A[:, self.free], b
 
-    def _decomposed(self, A: Array) -> tuple[Array, Array, Array, Array]:
-        scale = np.linalg.norm(A, axis=0)
-        scale = np.where(scale > 0, scale, 1.0)
-        U, sigma, V = np.linalg.svd(np.linalg.qr(A / scale, mode="r"), full_matrices=False)
-        return U, sigma, V, scale
-
     def _step(self) -> Array:
         A, b = self._system()
-        scale = np.linalg.norm(A, axis=0)
-        scale = np.where(scale > 0, scale, 1.0)
+        scale = _lengths(A)
         step = np.zeros(self.size)
         step[self.free] = np.linalg.lstsq(A / scale, b, rcond=_SINGULAR)[0] / scale
         return step
 
-    def _estimate(self) -> LoadEstimate:
+    def estimate(self) -> LoadEstimate:
         e = self.equations
         A, _ = self._system()
-        _, sigma, V, scale = self._decomposed(A)
+        scale = _lengths(A)
+        _, sigma, V = np.linalg.svd(np.linalg.qr(A / scale, mode="r"), full_matrices=False)
         shown = sigma > _SINGULAR * sigma[0]
         self._check_shown(V[~shown], scale)
         half = (V[shown].T / sigma[shown]) / scale[:, None]  # half half' is the covariance of the weighted rows
@@ -237,24 +218,27 @@ class _Problem:
 
     def _check_shown(self, null: Array, scale: Array) -> None:
         """Refuse motions that do not show all of the load's parameters."""
-        places = np.flatnonzero(np.isin(self.free, self.places))
-        if null.size == 0:
-            return
+        places = np.flatnonzero(np.isin(self.free, self.places)) if null.size else ()
         # what is not shown of beta alone does not matter
         names = [LOAD_PARAMETERS[int(self.free[k] - self.places[0])] for k in places if np.abs(null[:, k]).max() > 1e-6]
         if names:
             raise InputError(not_shown(names))
 
 
+def _lengths(A: Array) -> Array:
+    """Length of each column, 1 of those that are zero."""
+    length = np.linalg.norm(A, axis=0)
+    return np.asarray(np.where(length > 0, length, 1.0))
+
+
 def not_shown(names: list[str]) -> str:
     """What to say of parameters of a load that a motion does not show."""
-    causes = []
-    if "m" in names:
-        causes.append("the mass shows where its weight changes a torque: move joints whose axes are not vertical")
-    if any(name.startswith("mc") for name in names):
-        causes.append("the centre shows where the load is turned against gravity: turn the wrist about two axes")
-    if any(name.startswith("I") for name in names):
-        causes.append("the inertia shows where the load is turned with changing speed about three axes")
+    shows = {
+        "m": "the mass shows where its weight changes a torque: move joints whose axes are not vertical",
+        "mc": "the centre shows where the load is turned against gravity: turn the wrist about two axes",
+        "I": "the inertia shows where the load is turned with changing speed about three axes",
+    }
+    causes = [text for kind, text in shows.items() if kind in {name.rstrip("xyz") for name in names}]
     return (
         f"the motion does not show {', '.join(names)} of the load; {'; '.join(causes)}. A motion that shows all of "
         "them is made by `design_payload_motion`"
@@ -334,13 +318,3 @@ class LoadEquations:
     def equation(self) -> Index:
         """Equation of each group."""
         return self.observations.equation[[rows[0] for rows in self.groups]]
-
-    def with_measured(self, y: Array, gains: Array | None = None) -> LoadEquations:
-        """The same equations with another measurement, whose factors need not be computed again."""
-        # y (m,); gains (k, k)
-        other = replace(
-            self, observations=replace(self.observations, y=y), gains=self.gains if gains is None else gains
-        )
-        for name in ("rows", "groups", "factors"):
-            other.__dict__[name] = getattr(self, name)
-        return other

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +14,12 @@ from excite.identification.drive_gains import drives_of_torques
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
-from excite.identification.identification import Identification
+from excite.identification.identification import Identification, stated_covariance
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
-from excite.identification.torque_target import stated_covariance
 from excite.information.target import IdentificationTarget
+from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.payload.known_gains import KnownGains
 from excite.payload.load_estimate import LoadEquations
@@ -31,10 +31,6 @@ from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.robot.robot import Robot
 from regressors.samples import Array
-
-if TYPE_CHECKING:
-    from excite.logs.log import Log
-
 
 CHANGED = 0.2
 """Standard deviation of the change of each friction parameter from one log to the next, relative to the parameter."""
@@ -195,23 +191,16 @@ def drives_of(bare_robot: Robot) -> tuple[str, ...]:
     return drives_of_torques(bare_robot, each=False)[0]
 
 
-def check_different(without: Sequence[Log], loaded: Sequence[Log]) -> None:
-    """Raise `InputError` where a log is given both with and without the load."""
+def check_pair(without: Sequence[Log], loaded: Sequence[Log]) -> None:
+    """Raise `InputError` where a log is given both with and without the load, or logs are of different robots."""
     if twice := {log.sha256 for log in without} & {log.sha256 for log in loaded}:
         names = ", ".join(log.source for log in loaded if log.sha256 in twice)
         raise InputError(f"{names}: the same log is given with and without the load")
-
-
-def check_same_joints(without: Sequence[Log], loaded: Sequence[Log]) -> None:
-    """Raise `InputError` where the logs of a pair are of different robots."""
-    if not without:
-        return
-    first = without[0]
-    for log in loaded:
-        if set(log.joints) != set(first.joints):
+    for log in loaded if without else ():
+        if set(log.joints) != set(without[0].joints):
             raise InputError(
                 f"the pair is of different robots: {log.source} has the joints {', '.join(log.joints)}, "
-                f"{first.source} has {', '.join(first.joints)}"
+                f"{without[0].source} has {', '.join(without[0].joints)}"
             )
 
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
+from excite.payload.held_body import frame_numbers
+from excite.tasks.further_settings import PayloadMotionSettings
 from excite.tasks.installation import Installation
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.model_choice import ModelChoice
@@ -23,8 +25,8 @@ from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import chain, sparse
 from regressors.samples import Array
-from regressors.symbolic.kinematics import chain, sparse
 
 SENSORS = {"torque": "payload", "wrench": "load"}
 NOISE = 0.01  # of a torque limit: weighs the joints' torques
@@ -67,13 +69,13 @@ def design_payload_motion(
     robot: Robot | str,
     box: Box | None = 0.2,
     *,
-    sensor: str = "torque",
+    sensor: str = PayloadMotionSettings.sensor,
     pose: Sequence[float] | None = None,
     centre: Sequence[float] | None = None,
     swing: Sequence[float] | float | None = None,
-    period: float = 5.0,
-    harmonics: int = 3,
-    starts: int = 1,
+    period: float = PayloadMotionSettings.period,
+    harmonics: int = PayloadMotionSettings.harmonics,
+    starts: int = PayloadMotionSettings.starts,
     seed: int = 0,
     rate: float = 100.0,
     limits: LimitChoice | None = None,
@@ -123,7 +125,7 @@ def design_payload_motion(
     ------
     InputError
         A pose beyond the limits, a box that it is not in, or see `excite.design_trajectory`.
-    NoFeasibleMotionError
+    excite.errors.NoFeasibleMotionError
         No motion was found within the limits.
     """
     if sensor not in SENSORS:
@@ -135,11 +137,13 @@ def design_payload_motion(
     about, notes = _pose(within, pose)
     acceleration, assumed = _acceleration(within)
     point = _tool_point(within, about, limits.tool_point)
-    sides = limits.tool_box if box is None else _sides(box, point if centre is None else _three("centre", centre))
+    sides = (
+        limits.tool_box if box is None else _sides(box, point if centre is None else np.asarray(centre, dtype=float))
+    )
     _check_inside(point, sides)
     limits = replace(limits, position=_ranges(within, about, swing), tool_box=sides, acceleration=acceleration)
-    x = _frame(frame)
-    model = ModelChoice(model=SENSORS[sensor], friction=False, sensor_xyz=_triple(x[:3]), sensor_rpy=_triple(x[3:]))
+    x = tuple(frame_numbers(frame).tolist())
+    model = ModelChoice(model=SENSORS[sensor], friction=False, sensor_xyz=x[:3], sensor_rpy=x[3:])
     task = task.changed(
         model=model,
         trajectory=TrajectoryChoice("fourier-quintic", period=period, harmonics=harmonics),
@@ -153,12 +157,11 @@ def design_payload_motion(
 
 def _objective(robot: Robot, sensor: str) -> Objective:
     """Sum of variances, each equation weighted by its noise where that is known."""
-    if sensor == "wrench":
-        return Objective(criterion="trace", noise=WRENCH_NOISE, weighted=True)
     torque = robot.limits.torque
-    if not np.all(np.isfinite(torque)):
+    if sensor != "wrench" and not np.all(np.isfinite(torque)):
         return Objective(criterion="trace")
-    return Objective(criterion="trace", noise=tuple((NOISE * torque).tolist()), weighted=True)
+    noise = WRENCH_NOISE if sensor == "wrench" else tuple((NOISE * torque).tolist())
+    return Objective(criterion="trace", noise=noise, weighted=True)
 
 
 def _pose(robot: Robot, given: Sequence[float] | None) -> tuple[Array, tuple[str, ...]]:
@@ -185,7 +188,8 @@ def _pose(robot: Robot, given: Sequence[float] | None) -> tuple[Array, tuple[str
 
 def _ranges(robot: Robot, pose: Array, swing: Sequence[float] | float | None) -> tuple[tuple[float, float], ...]:
     """Position limits of each joint: its own, and those about the pose."""
-    far = np.array([_usual_swing(robot, k) for k in range(robot.n)])
+    far = np.array([ARM_SWING] * (robot.n - WRIST) + [WRIST_SWING] * WRIST)[-robot.n :]
+    far = np.where([joint.kind == "prismatic" for joint in robot.joints], SLIDE_SWING, far)
     if swing is not None:
         given = np.atleast_1d(np.asarray(swing, dtype=float))
         if given.size not in (1, robot.n) or not np.all(given > 0) or not np.all(np.isfinite(given)):
@@ -194,12 +198,6 @@ def _ranges(robot: Robot, pose: Array, swing: Sequence[float] | float | None) ->
     lower = np.maximum(robot.limits.lower, pose - far)
     upper = np.minimum(robot.limits.upper, pose + far)
     return tuple(zip(lower.tolist(), upper.tolist(), strict=True))
-
-
-def _usual_swing(robot: Robot, k: int) -> float:
-    if robot.joints[k].kind == "prismatic":
-        return SLIDE_SWING
-    return WRIST_SWING if k >= robot.n - WRIST else ARM_SWING
 
 
 def _acceleration(robot: Robot) -> tuple[tuple[float, ...], tuple[str, ...]]:
@@ -224,39 +222,19 @@ def _tool_point(robot: Robot, pose: Array, point: Sequence[float]) -> Array:
     return np.asarray(place(pose, none, none), dtype=float).ravel()
 
 
-def _frame(given: Sequence[float] | None) -> Array:
-    x = np.zeros(6) if given is None else np.asarray(given, dtype=float)
-    if x.shape not in ((3,), (6,)):
-        raise InputError("`frame` needs x, y, z [m], or these and roll, pitch, yaw [rad]")
-    return np.concatenate([x, np.zeros(6 - x.size)])
-
-
-def _triple(values: Array) -> tuple[float, float, float]:
-    x, y, z = map(float, values)
-    return x, y, z
-
-
-def _three(what: str, given: Sequence[float]) -> Array:
-    values = np.asarray(given, dtype=float)
-    if values.shape != (3,) or not np.all(np.isfinite(values)):
-        raise InputError(f"`{what}` needs three finite numbers, x, y, z [m]")
-    return values
-
-
 def _sides(box: Box, centre: Array) -> Sides:
     """Bounds of x, y, z in the base frame."""
-    if isinstance(box, int | float):
-        box = (float(box),) * 3
-    sides: Any = tuple(box)
+    if centre.shape != (3,) or not np.all(np.isfinite(centre)):
+        raise InputError("`centre` needs three finite numbers, x, y, z [m]")
+    sides: Any = (float(box),) * 3 if isinstance(box, int | float) else tuple(box)
     if len(sides) != 3:
         raise InputError(f"`box` needs one side, or three: x, y, z; given {len(sides)}")
     if all(isinstance(side, int | float) for side in sides):
         half = np.array(sides, dtype=float) / 2
         if not (np.all(np.isfinite(half)) and np.all(half > 0)):
             raise InputError(f"`box`: its sides must be lengths greater than zero, given {', '.join(map(str, sides))}")
-        x, y, z = ((float(c - h), float(c + h)) for c, h in zip(centre, half, strict=True))
-        return x, y, z
-    if any(isinstance(side, int | float) or len(side) != 2 for side in sides):
+        sides = zip((centre - half).tolist(), (centre + half).tolist(), strict=True)
+    elif any(isinstance(side, int | float) or len(side) != 2 for side in sides):
         raise InputError("`box` needs three sides, or a lower and an upper bound for each of x, y, z")
     x, y, z = ((low, high) for low, high in sides)
     return x, y, z
@@ -267,7 +245,7 @@ def _check_inside(point: Array, sides: Sides | None) -> None:
         return
     for axis, x, (low, high) in zip("xyz", point, sides, strict=True):
         if (low is not None and x < low - _INSIDE) or (high is not None and x > high + _INSIDE):
-            bounds = f"{'-inf' if low is None else f'{low:.4g}'} to {'inf' if high is None else f'{high:.4g}'}"
+            bounds = f"{-np.inf if low is None else low:.4g} to {np.inf if high is None else high:.4g}"
             raise InputError(
                 f"`box`: in the pose that the motion is about, the tool point has {axis} = {x:.4g} m, outside of "
                 f"{bounds} m; give the `pose` that the robot is in, or a box about it"

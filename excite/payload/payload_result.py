@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.logs.log import LogReference
-from excite.payload.controllers import CONTROLLERS, FILES, controller_text, frame_of
+from excite.payload.controllers import CONTROLLERS, EXPECTED, FILES, controller_text
 from excite.payload.held_body import UPPER, Frame, HeldBody, is_possible, nearest_possible, spread_of
 from excite.payload.known_gains import KnownGains
 from excite.payload.load_estimate import LoadEstimate
@@ -132,24 +132,23 @@ class PayloadResult:
             "parameters": dict(zip(_PARAMETERS, body.parameters.tolist(), strict=True)),
             "confidence": 0.99,
             "possible": not self.constrained,
-            "by_gains": float(self.estimate.quantile * np.sqrt(max(self._by_gains, 0.0))),
+            "by_gains": float(self.estimate.quantile * np.sqrt(self.mass_variance_by_gains)),
         }
 
     @property
-    def _by_gains(self) -> float:
-        return float(self.estimate.by_gains[0, 0])
+    def mass_variance_by_gains(self) -> float:
+        """Part of the variance of the mass that is due to the gains [kg^2]."""
+        return max(float(self.estimate.by_gains[0, 0]), 0.0)
 
     @property
     def _gain_factors(self) -> dict[str, dict[str, float]]:
         """Factor of each drive's torques, as it was known and as it is estimated with the payload."""
         if self.gains is None:
             return {}
-        known = zip(
-            self.gains.factor.tolist(), self.gains.deviation.tolist(), self.estimate.gains.tolist(), strict=True
-        )
+        numbers = (self.gains.factor.tolist(), self.gains.deviation.tolist(), self.estimate.gains.tolist())
         return {
             drive: {"factor": factor, "deviation": deviation, "found": factor / (1.0 + error)}
-            for drive, (factor, deviation, error) in zip(self.gains.drives, known, strict=True)
+            for drive, factor, deviation, error in zip(self.gains.drives, *numbers, strict=True)
         }
 
     def stored(self) -> PayloadResult:
@@ -164,7 +163,7 @@ class PayloadResult:
     def texts(self, controllers: Collection[str]) -> dict[str, dict[str, str]]:
         """What each controller wants to know, and in which frame it expects it; nothing without a mass."""
         chosen = controllers if self.mass > 0 else ()
-        return {name: {"text": self.text_for(name), "expected_frame": frame_of(name)} for name in chosen}
+        return {name: {"text": self.text_for(name), "expected_frame": EXPECTED[name]} for name in chosen}
 
     def save(
         self, folder: str | Path, *, controllers: Collection[str] = CONTROLLERS, replace: bool = False

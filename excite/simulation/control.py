@@ -1,24 +1,32 @@
-"""Control laws, torque limits of the drives, and the controlled robot as one system of differential equations."""
+"""Control laws, torque limits of the drives, and the controlled robot as one system of differential equations.
+
+Direction of a drive's friction with a memory: at rest it holds any torque until the drive breaks loose.
+
+Dahl's direction follows the path, ``ds/dz = (1 - s sign(dz)) / d`` [Dahl 1968], and friction is ``f(dz, s + T ds/dt)``,
+the sum kept within -1 and 1. At rest that is a spring of stiffness Fs / d which yields at Fs, damped by T as in
+[Canudas de Wit et al. 1995]: without damping it oscillates at every stop, and creeps meanwhile. In steady motion it is
+the curve, f(dz, sign(dz)).
+"""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from excite.simulation.direction import Sticking, followed, friction_rows, steepest_direction, sticking_direction
+from excite.design.reference import GivenTorque
 from excite.simulation.plant import Plant
-from excite.simulation.ramps import RampedDrive
-from regressors.friction.curves import smooth_direction
+from regressors.errors import InputError, UnknownName
+from regressors.robot.friction.curves import drives_with_friction, smooth_direction
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
-from regressors.symbolic.kinematics import sparse
 
 
-@dataclass(frozen=True)
-class Wanted:
+class Wanted(NamedTuple):
     """The reference at one instant; each SX of shape (n, 1)."""
 
     q: ca.SX  # [rad, rad/s, rad/s^2, or with m]
@@ -26,60 +34,37 @@ class Wanted:
     ddq: ca.SX
 
 
-class Controller(ABC):
-    """A static control law, without internal states."""
-
-    @abstractmethod
-    def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
-        """Commanded joint torques, shape (n, 1) [Nm or N].
-
-        The width is the velocity over which the compensation of friction changes sign.
-        """
-
-
-@dataclass(frozen=True, eq=False)
-class ComputedTorque(Controller):
-    """``tau = M (ddq_d + 2 w (dq_d - dq) + w^2 (q_d - q)) + b(q, dq) + C' f(C dq_d)``, with the model's M, b, f.
-
-    Friction is compensated at the desired velocity, whose sign does not chatter.
-    """
-
-    model: Plant  # the controller's model
-    frequency: float  # w [rad/s]
-
-    def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
-        """The equation of the class."""
-        w = self.frequency
-        command = wanted.ddq + 2 * w * (wanted.dq - dq) + w**2 * (wanted.q - q)
-        direction = smooth_direction(self.model.robot, wanted.dq, width)
-        tau = self.model.torque(q, dq, command)
-        return tau + self.model.friction_torque(wanted.dq, direction, tau)
-
-
-@dataclass(frozen=True, eq=False)
-class ProportionalDerivative(Controller):
-    """``tau = g(q) + I (w^2 (q_d - q) + 2 w (dq_d - dq))``, with I the joints' inertia in the middle of the motion."""
-
-    model: Plant  # the controller's model
-    frequency: float  # w [rad/s]
-    inertia: Array  # (n,) diagonal of the model's mass matrix [kg m^2, or kg]
-
-    def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
-        """The equation of the class."""
-        w, still = self.frequency, ca.SX.zeros(self.model.robot.n, 1)
-        return self.model.torque(q, still, still) + ca.DM(self.inertia) * (
-            w**2 * (wanted.q - q) + 2 * w * (wanted.dq - dq)
-        )
+# commanded joint torques (n, 1) [Nm or N] of q, dq, the reference, and the velocity over which the compensation of
+# friction changes sign
+Controller = Callable[[ca.SX, ca.SX, Wanted, ca.SX | float], ca.SX]
 
 
 def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> Controller:
-    """Controller by its name in `excite.simulation.settings.CONTROLLERS`."""  # middle (n,)
-    frequency = 2 * np.pi * bandwidth
+    """Static control law by its name in `excite.simulation.settings.CONTROLLERS`, with the controller's model.
+
+    ``computed-torque``: ``tau = M (ddq_d + 2 w (dq_d - dq) + w^2 (q_d - q)) + b(q, dq) + C' f(C dq_d)``; friction is
+    compensated at the desired velocity, whose sign does not chatter. ``pd``:
+    ``tau = g(q) + I (w^2 (q_d - q) + 2 w (dq_d - dq))``, with I the joints' inertia in the middle of the motion.
+    """  # middle (n,)
+    w = 2 * np.pi * bandwidth  # [rad/s]
+
+    def computed_torque(q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
+        command = wanted.ddq + 2 * w * (wanted.dq - dq) + w**2 * (wanted.q - q)
+        direction = smooth_direction(model.robot, wanted.dq, width)
+        tau = model.torque(q, dq, command)
+        return tau + model.friction_torque(wanted.dq, direction, tau)
+
     if name == "computed-torque":
-        return ComputedTorque(model, frequency)
+        return computed_torque
     q = ca.SX.sym("q", model.robot.n)
     M = ca.Function("mass", [q], [model.mass_matrix(q)])(middle)
-    return ProportionalDerivative(model, frequency, np.diag(np.array(M)).copy())
+    inertia = ca.DM(np.diag(np.array(M)).copy())  # (n, 1) [kg m^2, or kg]
+
+    def proportional_derivative(q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
+        still = ca.SX.zeros(model.robot.n, 1)
+        return model.torque(q, still, still) + inertia * (w**2 * (wanted.q - q) + 2 * w * (wanted.dq - dq))
+
+    return proportional_derivative
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +143,7 @@ class ControlledRobot:
             direction = smooth_direction(robot, dq, width)
         else:
             direction = sticking_direction(robot, q - before, dq, s, sticking)
-        command = self.controller.torque(q, dq, wanted, width)
+        command = self.controller(q, dq, wanted, width)
         if self.ramped is not None:
             command = self.ramped.command(q, command, torque, is_open)
         effort = command if self.limits is None else self.limits.saturated(command)
@@ -170,7 +155,7 @@ class ControlledRobot:
         rate = ca.vertcat(dq, ddq, power, lost)
         symbols = [
             ca.vertcat(q, dq, energies),
-            ca.vertcat(wanted.q, wanted.dq, wanted.ddq, outside, torque),
+            ca.vertcat(*wanted, outside, torque),
             ca.vertcat(before, s, is_open),
         ]
         return symbols, ca.cse([rate, effort, command, ddq, least])
@@ -198,9 +183,142 @@ class ControlledRobot:
         else:
             lead = ca.DM(leads) * ca.sqrt(size)
             direction = steepest_direction(robot, q - before[0], dq - before[1], dq, size, lead)
-        tau = self.controller.torque(q, dq, wanted, size)
+        tau = self.controller(q, dq, wanted, size)
         rate = ca.vertcat(dq, self.plant.acceleration(q, dq, tau, direction)[0])
         state = ca.vertcat(q, dq)
         jacobian = ca.substitute(ca.jacobian(rate, state), ca.vertcat(*before), state)
-        reference = ca.vertcat(wanted.q, wanted.dq, wanted.ddq)
+        reference = ca.vertcat(*wanted)
         return ca.Function("jacobian", [state, reference, size], [ca.densify(jacobian)])
+
+
+@dataclass(frozen=True, eq=False)
+class RampedDrive:
+    """A drive with prescribed torque until it has moved; then the position controller takes over."""
+
+    model: Plant  # the controller's model, whose gravity is compensated
+    drive: str
+    catch: float  # distance from the ramp's start at which the controller takes over until the next ramp [rad or m]
+
+    def __post_init__(self) -> None:
+        C = self._coupling(self.model.robot)
+        if C.shape[0] != C.shape[1] or np.linalg.matrix_rank(C) < C.shape[1]:
+            raise InputError(
+                f"robot {self.model.robot.name!r}: its joints are not determined by its drives, so torque ramps of "
+                f"{self.drive} cannot be separated from the torques of other drives"
+            )
+
+    @property
+    def row(self) -> Array:
+        """Row of C, shape (n,)."""
+        return np.asarray(dict(drives_with_friction(self.model.robot))[self.drive])
+
+    def _coupling(self, robot: Robot) -> Array:
+        """Rows of C of the moving drives, this one first."""
+        rows = dict(drives_with_friction(robot))
+        if self.drive not in rows:
+            raise UnknownName("drive" if robot.transmission else "joint", self.drive, rows)
+        return np.array([rows[self.drive], *(row for name, row in rows.items() if name != self.drive)])
+
+    def command(self, q: ca.SX, command: ca.SX, torque: ca.SX, is_open: ca.SX) -> ca.SX:
+        """Joint torques, with gravity plus the ramp at this drive if its loop is open, else the controller's."""
+        # q, command (n, 1)
+        robot = self.model.robot
+        still = ca.SX.zeros(robot.n, 1)
+        to_drive = sparse(np.linalg.inv(self._coupling(robot))[:, :1].T)  # tau_z = C^-T tau
+        wanted = ca.mtimes(to_drive, self.model.torque(q, still, still)) + torque
+        return command + sparse(self.row[:, None]) * (is_open * (wanted - ca.mtimes(to_drive, command)))
+
+    def latch(self) -> ca.Function:
+        """Update of the ramp's memory, from (q, previous memory, number of the ramp).
+
+        Three numbers: number of the ramp, the drive's coordinate at its start, and 1 once the controller has taken
+        over.
+        """
+        q, memory, number = ca.SX.sym("q", self.model.robot.n), ca.SX.sym("memory", 3), ca.SX.sym("number")
+        z = ca.mtimes(sparse(self.row[None]), q)
+        begins = ca.ne(number, memory[0])
+        start = ca.if_else(begins, z, memory[1])
+        caught = ca.fmax(ca.if_else(begins, 0, memory[2]), ca.fabs(z - start) > self.catch)
+        return ca.Function("latch", [q, memory, number], [ca.densify(ca.vertcat(number, start, caught))])
+
+
+def broken_loose(ramps: GivenTorque, time: Array, z: Array, catch: float) -> list[bool]:
+    """Whether each ramp moved its drive by the distance ``catch``."""  # time, z (N,)
+    number = ramps.at(time)[:, 1]
+    loose = []
+    for k in range(1, ramps.count + 1):
+        way = z[number == k]
+        loose.append(bool(way.size and np.abs(way - way[0]).max() > catch))
+    return loose
+
+
+_DAMPING = 0.5  # of critical damping; more would need smaller steps
+
+
+@dataclass(frozen=True)
+class Sticking:
+    """Presliding friction: it changes direction over a distance, and holds at rest."""
+
+    distance: float  # d > 0 [rad or m]
+    lead: tuple[float, ...]  # T of each drive with friction [s]
+
+
+def friction_rows(robot: Robot) -> Array:
+    """Rows of C of the drives with friction, shape (k, n)."""
+    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
+
+
+def followed(robot: Robot, way: ca.SX, start: ca.SX, distance: float) -> ca.SX:
+    """Dahl's direction after a displacement without reversal, ``s = u + (s0 - u) exp(-|dz| / d)``, ``u = sign(dz)``."""
+    # way (n, 1); start (k, 1)
+    dz = ca.mtimes(sparse(friction_rows(robot)), way)
+    ahead = ca.sign(dz)
+    return ca.densify(ahead + (start - ahead) * ca.exp(-ca.fabs(dz) / distance))
+
+
+def sticking_direction(robot: Robot, way: ca.SX, dq: ca.SX, start: ca.SX, sticking: Sticking) -> ca.SX:
+    """``s + T ds/dt`` of presliding friction, between -1 and 1."""  # way, dq (n, 1); start (k, 1)
+    s = followed(robot, way, start, sticking.distance)
+    dz = ca.mtimes(sparse(friction_rows(robot)), dq)
+    rate = (1 - s * ca.sign(dz)) * dz / sticking.distance
+    return ca.densify(ca.fmin(ca.fmax(s + ca.DM(sticking.lead) * rate, -1), 1))
+
+
+def steepest_direction(robot: Robot, way: ca.SX, gain: ca.SX, dq: ca.SX, distance: ca.SX, lead: ca.SX) -> ca.SX:
+    """``sign(dz) + 2 (z + T v) / d``, as steep as presliding friction at a reversal of the motion."""
+    # way, gain (n, 1); dq (n, 1); lead (k, 1)
+    rows = sparse(friction_rows(robot))
+    moved = ca.mtimes(rows, way) + lead * ca.mtimes(rows, gain)
+    return ca.densify(ca.sign(ca.mtimes(rows, dq)) + 2 * moved / distance)
+
+
+def leads(plant: Plant, pose: Array) -> Array:
+    """T of each drive per square root of d, ``T = 2 zeta sqrt(d m / F)``, shape (k,) [s / sqrt(rad or m)].
+
+    F is half the range of torques between break-away in both directions, and ``1 / m = c' M^-1 c`` of the drive's row
+    c.
+    """  # pose (n,)
+    q = ca.SX.sym("q", plant.robot.n)
+    M = np.array(ca.Function("mass", [q], [plant.mass_matrix(q)])(pose))
+    damping = []
+    for name, row in drives_with_friction(plant.robot):
+        ahead, behind = _resting(plant, name)
+        half, mobility = (ahead - behind) / 2, float(row @ np.linalg.pinv(M) @ row)
+        damping.append(2 * _DAMPING / np.sqrt(half * mobility) if half > 0 and mobility > 0 else 0.0)
+    return np.array(damping, dtype=float)
+
+
+def unloaded(plant: Plant, dq: Array) -> Array:
+    """Initial directions: sign of the velocity; at rest, the one at which friction is zero, shape (k,)."""  # dq (n,)
+    directions = []
+    for name, row in drives_with_friction(plant.robot):
+        dz, (ahead, behind) = float(row @ dq), _resting(plant, name)
+        balanced = -(ahead + behind) / (ahead - behind) if ahead > behind else 0.0
+        directions.append(float(np.sign(dz)) if dz else float(np.clip(balanced, -1.0, 1.0)))
+    return np.array(directions)
+
+
+def _resting(plant: Plant, name: str) -> tuple[float, float]:
+    """Break-away torques of a drive, forward and backward."""
+    curve = plant.friction.curve(name)
+    return (0.0, 0.0) if curve is None else (float(curve.torque(0.0, 1.0)), float(curve.torque(0.0, -1.0)))

@@ -15,14 +15,6 @@ import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.friction.curves import (
-    FrictionCurves,
-    carried_along,
-    drives_with_friction,
-    smooth_direction,
-    torques_at_drives,
-)
-from regressors.friction.load_share import carried_expression
 from regressors.models.base import Base
 from regressors.models.carried_torque import RIGID
 from regressors.models.columns import LOAD_SHARE
@@ -30,10 +22,18 @@ from regressors.models.differential import inertial_regressor
 from regressors.models.drives import drive_motions, drive_rows, rotor_torque
 from regressors.models.energy import body_energy
 from regressors.models.model import RegressorModel
+from regressors.robot.friction.curves import (
+    FrictionCurves,
+    carried_along,
+    drives_with_friction,
+    smooth_direction,
+    torques_at_drives,
+)
+from regressors.robot.friction.load_share import carried_expression
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import bodies, sparse
 from regressors.samples import Array
-from regressors.symbolic.kinematics import bodies, sparse
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -18,9 +17,9 @@ from numpy.typing import NDArray
 from excite.simulation.integration import rk4_step
 from excite.simulation.plant import ModelMotion
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Index
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78
@@ -50,12 +49,12 @@ class Replay:
         [rad, rad/s, or with m]; NaN from where a window failed until the next one starts, and between windows.
     starts : tuple of int
         Indices at which a window starts from the given state.
+    stops : tuple of int
+        Index before which each window ends.
     failed_at : float or None
         First instant at which a window failed [s].
     sign_width : float
         Drive velocity over which friction changed its sign [rad/s or m/s].
-    stops : tuple of int, optional
-        Index before which each window ends; where the next one starts if not given.
     left_out : int
         Windows that were not simulated, since the motion has more than were asked for.
     """
@@ -65,16 +64,15 @@ class Replay:
     q: Array
     dq: Array
     starts: tuple[int, ...]
+    stops: tuple[int, ...]
     failed_at: float | None
     sign_width: float
-    stops: tuple[int, ...] | None = None
     left_out: int = 0
 
     @property
     def bounds(self) -> tuple[tuple[int, int], ...]:
         """First index of every window, and the one after its last."""
-        stops = (*self.starts[1:], self.time.size) if self.stops is None else self.stops
-        return tuple(zip(self.starts, stops, strict=True))
+        return tuple(zip(self.starts, self.stops, strict=True))
 
     @property
     def rows(self) -> Index | slice:
@@ -87,25 +85,6 @@ class Replay:
     def ok(self) -> bool:
         """True if the whole motion was integrated."""
         return self.outcome is Outcome.DONE
-
-
-def forward_motion(
-    model: RegressorModel,
-    beta: Array,
-    base: Base,
-    time: Array,
-    torque: Array,
-    q0: Array,
-    dq0: Array,
-    *,
-    friction: FrictionCurves | None = None,
-    sign_width: float | None = None,
-) -> Replay:
-    """Motion under measured joint torques from one initial state."""
-    # beta (b,); time (N,); torque (N, n); q0, dq0 (n,)
-    q, dq = (np.asarray(x, dtype=float)[None] for x in (q0, dq0))
-    windows = _Windows((0,), (np.size(time),), q, dq)
-    return _replayed(ModelMotion(model, beta, base, friction), time, torque, windows, sign_width)
 
 
 def windowed_motion(
@@ -130,26 +109,11 @@ def windowed_motion(
         raise InputError(f"replay: `most` must be one window or more, given {most}")
     if np.shape(q) != np.shape(dq) or len(q) != time.size:
         raise InputError(f"replay: {time.size} instants, but q of shape {np.shape(q)} and dq of shape {np.shape(dq)}")
-    starts = tuple(range(0, max(time.size - 1, 1), round(horizon / step)))
-    at = list(starts)
-    windows = _Windows(starts, (*starts[1:], time.size), np.asarray(q, float)[at], np.asarray(dq, float)[at], most)
-    return _replayed(ModelMotion(model, beta, base, friction), time, torque, windows, sign_width)
-
-
-@dataclass(frozen=True, eq=False)
-class _Windows:
-    """Bounds of all windows, the states at which they start, and how many of them to simulate at most."""
-
-    starts: tuple[int, ...]
-    stops: tuple[int, ...]
-    q: Array
-    dq: Array
-    most: int | None = None
-
-    @property
-    def chosen(self) -> Index:
-        count = len(self.starts)
-        return chosen_windows(count, count if self.most is None else self.most)
+    starts = np.arange(0, max(time.size - 1, 1), round(horizon / step))
+    rates = ModelMotion(model, beta, base, friction)
+    return _replayed(
+        rates, time, torque, starts, np.asarray(q, float)[starts], np.asarray(dq, float)[starts], sign_width, most
+    )
 
 
 def _step(time: Array) -> float:
@@ -161,8 +125,18 @@ def _step(time: Array) -> float:
     return step
 
 
-def _replayed(rates: ModelMotion, time: Array, torque: Array, windows: _Windows, width: float | None) -> Replay:
-    n, step, q, dq = rates.robot.n, _step(time), windows.q, windows.dq
+def _replayed(
+    rates: ModelMotion,
+    time: Array,
+    torque: Array,
+    starts: Index,
+    q: Array,
+    dq: Array,
+    width: float | None,
+    most: int | None,
+) -> Replay:
+    """Windows from given states, each to where the next one starts."""  # q, dq (windows, n)
+    n, step = rates.robot.n, _step(time)
     if torque.shape != (time.size, n) or q.shape[1:] != (n,) or dq.shape != q.shape:
         raise InputError(
             f"replay: expected torques of shape {(time.size, n)} and states of {n} joints, given {torque.shape}, "
@@ -170,23 +144,24 @@ def _replayed(rates: ModelMotion, time: Array, torque: Array, windows: _Windows,
         )
     states = np.hstack([rates.to_moving(q, True), rates.to_moving(dq, False)])
     substeps, width = _substeps(rates, states, step, width)
-    chosen, rate = windows.chosen, rates.function(width)
-    starts, stops = (tuple(int(k) for k in np.array(each)[chosen]) for each in (windows.starts, windows.stops))
-    length = max(b - a for a, b in pairwise([*windows.starts, time.size - 1]))
-    inputs = _inputs(torque @ rates.N, starts, length, substeps)
+    chosen, rate = chosen_windows(starts.size, starts.size if most is None else most), rates.function(width)
+    length = int(np.diff(np.append(starts, time.size - 1)).max())
+    ends = np.append(starts[1:], time.size)
+    begun, stops = tuple(starts[chosen].tolist()), tuple(ends[chosen].tolist())
+    inputs = _inputs(torque @ rates.N, begun, length, substeps)
     integrated, least = _integrated(rate, states[chosen], inputs, length, step / substeps, substeps)
     motion, failures = _joined(
-        time.size, starts, stops, np.concatenate([states[chosen][:, None], integrated], axis=1), least
+        time.size, begun, stops, np.concatenate([states[chosen][:, None], integrated], axis=1), least
     )
     left_out = np.setdiff1d(np.arange(len(states)), chosen)
-    failures += [(windows.starts[k], Outcome.NOT_POSITIVE) for k in left_out[~_positive(rate, states[left_out])]]
+    failures += [(int(starts[k]), Outcome.NOT_POSITIVE) for k in left_out[~_positive(rate, states[left_out])]]
     at, outcome = min(failures, key=lambda failure: failure[0], default=(0, Outcome.DONE))
     return Replay(
         outcome=outcome,
         time=time,
         q=motion[:, : rates.k] @ rates.N.T + rates.q0,
         dq=motion[:, rates.k :] @ rates.N.T,
-        starts=starts,
+        starts=begun,
         failed_at=float(time[at]) if failures else None,
         sign_width=width,
         stops=stops,

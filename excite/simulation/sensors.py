@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
+from scipy.signal import lfilter
 
+from excite.design.reference import SampledMotion
 from excite.logs.log import Log
 from excite.simulation.integration import SimulatedRun
-from excite.simulation.payload import Payload, sensor_of
-from excite.simulation.reference import SampledMotion
 from excite.simulation.settings import SimulationSettings, one_each
-from excite.simulation.temperature import joint_temperatures
+from excite.tasks.payload import Payload
 from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.models.load import EQUATIONS, Sensor
+from regressors.robot.friction.curves import FrictionCurves, drive_temperatures, drives_with_friction
+from regressors.robot.friction.temperature import temperature_notes
 from regressors.robot.gears import GearFunction
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Samples
-from regressors.symbolic.vectorised import VectorisedFunction
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _WARMING = 2.0  # time constants of warming joints that the log lasts
@@ -100,8 +105,6 @@ def first_order_noise(time: Array, deviation: tuple[float, ...], corner: float, 
 
     ``a = exp(-2 pi corner step)``, and n has the given standard deviation from the first row on; corner [Hz].
     """
-    from scipy.signal import lfilter
-
     step = float(time[-1] - time[0]) / max(time.size - 1, 1)
     a = np.exp(-2 * np.pi * corner * step)
     white = rng.standard_normal((time.size, len(deviation)))
@@ -146,7 +149,7 @@ def wrench_log_of(
     true = SampledMotion(samples).samples(np.arange(count + 1) / settings.wrench_rate)
     whole = _whole(task.limits.applied(robot), moving, true)
     q = true.q if settings.encoder is None else quantised(moving, true.q, settings.encoder)
-    measured = _whole(task.limits.applied(robot), moving, _replaced(true, noisy(q, settings.position_noise, "", rng)))
+    measured = _whole(task.limits.applied(robot), moving, replace(true, q=noisy(q, settings.position_noise, "", rng)))
     deviation = settings.wrench_noise if len(settings.wrench_noise) == 6 else np.repeat(settings.wrench_noise, 3)
     wrench = load.wrench(robot, sensor_of(task), whole)
     return Log(
@@ -157,10 +160,6 @@ def wrench_log_of(
         q=measured.q,
         wrench=noisy(wrench, tuple(map(float, deviation)), "wrench_noise", rng),
     )
-
-
-def _replaced(samples: Samples, q: Array) -> Samples:
-    return Samples(samples.time, q, samples.dq, samples.ddq, samples.dddq)
 
 
 def _whole(robot: Robot, moving: Robot, samples: Samples) -> Samples:
@@ -176,3 +175,31 @@ def _whole(robot: Robot, moving: Robot, samples: Samples) -> Samples:
     still = np.zeros(robot.n)
     rates = (spread(x, still) for x in (samples.dq, samples.ddq, samples.dddq))
     return Samples(samples.time, spread(samples.q, rest), *rates)
+
+
+def joint_temperatures(settings: SimulationSettings, robot: Robot) -> Array | None:
+    """Temperature of every moving joint, where one is set, shape (n,) [deg C]."""
+    if settings.temperature is None:
+        return None
+    return np.array(one_each(settings.temperature, robot.n, "temperature"), dtype=float)
+
+
+def friction_at(
+    friction: FrictionCurves | None, settings: SimulationSettings, robot: Robot
+) -> tuple[FrictionCurves | None, tuple[str, ...]]:
+    """Curves at the set temperatures, or else at their reference temperatures, with notes."""
+    joints = joint_temperatures(settings, robot)
+    if friction is None:
+        return None, ()
+    names = [name for name, _ in drives_with_friction(robot) if friction.curve(name) is not None]
+    known = {}
+    if joints is not None:
+        all_drives = zip(drives_with_friction(robot), drive_temperatures(robot, joints[None])[0].tolist(), strict=True)
+        known = {name: value for (name, _), value in all_drives if name in names}
+    curves = {name: curve for name in names if (curve := friction.curve(name)) is not None}
+    return friction.at(known), temperature_notes(curves, known)
+
+
+def sensor_of(task: Task) -> Sensor:
+    """The task's force/torque sensor, with all six equations."""
+    return replace(task.model.force_sensor, equations=EQUATIONS)

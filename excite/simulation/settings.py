@@ -2,16 +2,78 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
+
+import numpy as np
 
 from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
-from regressors.quantities import check_options
+from regressors.quantities import check, check_options
+from regressors.robot.robot import Robot
+from regressors.samples import Array
 
-if TYPE_CHECKING:
-    from excite.simulation.impact_pulse import ImpactPulse
+
+@checked
+@dataclass(frozen=True)
+class ImpactPulse:
+    """Half a sine of torque on one joint, ``torque sin(pi (t - time) / duration)``, from outside the robot.
+
+    Its impulse is ``2 torque duration / pi``; divided by the inertia that the joint sees it is the jump of velocity.
+
+    Parameters
+    ----------
+    joint : str
+    time : float
+        Begin [s].
+    torque : float
+        Peak, with its sign [Nm or N].
+    duration : float
+        [s]
+
+    Raises
+    ------
+    InputError
+        A number that is not finite, or a duration that is not above zero.
+    """
+
+    joint: str
+    time: float
+    torque: float
+    duration: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("time", "torque", "duration"):
+            check(f"impact_{name}", getattr(self, name), f"`impact` on {self.joint}: the {name}")
+
+    def at(self, time: Array) -> Array:
+        """Torque at given instants [s], shape (N,) [Nm or N]."""
+        s = (time - self.time) / self.duration
+        return np.where((s > 0) & (s < 1), self.torque * np.sin(np.pi * s), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Impacts:
+    """All impacts of a run."""
+
+    robot: Robot  # the moving robot
+    pulses: Sequence[ImpactPulse]
+    wait: float = 0.0  # time before the motion, by which all are later [s]
+
+    def __post_init__(self) -> None:
+        for pulse in self.pulses:
+            if pulse.joint not in self.robot.joint_names:
+                raise UnknownName("moving joint for an impact", pulse.joint, self.robot.joint_names)
+
+    def at(self, time: Array) -> Array:
+        """Joint torques at given instants [s], shape (N, n) [Nm or N]."""
+        torques = np.zeros((time.size, self.robot.n))
+        for pulse in self.pulses:
+            torques[:, self.robot.joint_names.index(pulse.joint)] += pulse.at(time - self.wait)
+        return torques
+
 
 CONTROLLERS = ("computed-torque", "pd")
 AUTO: Literal["auto"] = "auto"
@@ -104,31 +166,31 @@ class SimulationSettings:
     breakaway: float | Literal["auto"] | None = essential(
         None,
         "distance",
-        "Presliding: distance of a drive over which friction changes direction and holds at rest [rad or m]; auto: "
+        "Presliding: distance of a drive over which friction changes direction and holds at rest; auto: "
         "1e-5, or what the steps allow.",
         metavar="D|auto",
         unset="auto for files of a friction plan",
     )
-    catch: float = option(2e-3, "number", "Distance of a drive that ends a ramp of its torque [rad or m].", metavar="R")
+    catch: float = option(2e-3, "number", "Distance of a drive that ends a ramp of its torque.", metavar="R")
     encoder: tuple[float, ...] | None = essential(
         None, "numbers", "Counts per motor revolution, one for all, or one each.", metavar="COUNTS"
     )
     position_noise: tuple[float, ...] = option(
-        (0.0,), "numbers", "Standard deviation of position noise [rad].", metavar="S,..."
+        (0.0,), "numbers", "Standard deviation of position noise.", metavar="S,..."
     )
     velocity_noise: tuple[float, ...] = option(
-        (0.0,), "numbers", "Standard deviation of velocity noise [rad/s].", metavar="S,..."
+        (0.0,), "numbers", "Standard deviation of velocity noise.", metavar="S,..."
     )
     torque_noise: tuple[float, ...] = essential(
-        (0.0,), "numbers", "Standard deviation of joint torque noise [Nm].", metavar="S,..."
+        (0.0,), "numbers", "Standard deviation of joint torque noise.", metavar="S,..."
     )
     wrench_noise: tuple[float, ...] = option(
-        (0.0, 0.0), "numbers", "Standard deviation of force and torque noise [N, Nm].", metavar="F,N"
+        (0.0, 0.0), "numbers", "Standard deviation of force and torque noise.", metavar="F,N"
     )
     temperature: tuple[float, ...] | None = option(
         None,
         "numbers",
-        "Temperature of the joints [deg C], one for all, or one each; friction depends on it, and the log states it.",
+        "Temperature of the joints, one for all, or one each; friction depends on it, and the log states it.",
         metavar="T,...",
     )
     impact: tuple[ImpactPulse, ...] = option(
@@ -144,13 +206,13 @@ class SimulationSettings:
         (1.0,), "numbers", "Measured over true torque, 1.1 = 10 % too much; one for all, or one each.", metavar="G,..."
     )
     coloured_noise: tuple[float, ...] = essential(
-        (0.0,), "numbers", "Standard deviation of slow torque noise [Nm]; below the noise corner.", metavar="S,..."
+        (0.0,), "numbers", "Standard deviation of slow torque noise; below the noise corner.", metavar="S,..."
     )
     noise_corner: float = option(
         5.0, "number", "Corner frequency of the slow torque noise, which is of first order.", metavar="HZ"
     )
     position_step: tuple[float, ...] = option(
-        (0.0,), "numbers", "Positions are rounded to multiples of Q [rad], such as 1e-4.", metavar="Q,..."
+        (0.0,), "numbers", "Positions are rounded to multiples of Q, such as 1e-4.", metavar="Q,..."
     )
     seed: int = essential(0, "integer", "Seed of noise and model error.", metavar="N")
 

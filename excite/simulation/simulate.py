@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import replace
+from dataclasses import replace as with_truth
 from pathlib import Path
 from typing import Any
 
-from excite.design.designed_motion import DesignedMotion
-from excite.registry import built_in
-from excite.simulation.integration import Progress
-from excite.simulation.payload import Payload
-from excite.simulation.played_limits import check_played
-from excite.simulation.reference import MotionSource
-from excite.simulation.run import simulate_motion
-from excite.simulation.settings import AUTO, SimulationSettings
-from excite.simulation.simulation import Simulation
+import numpy as np
+
+from excite.design.design import Design
+from excite.design.reference import GivenTorque, MotionSource, Reference, Repeated, check_played
+from excite.information.target import friction_of_moving, moving_robot
+from excite.simulation.control import ControlledRobot, RampedDrive, TorqueLimits, broken_loose, controller_of
+from excite.simulation.integration import Progress, SimulatedRun, Steps, simulated_run, steps_for
+from excite.simulation.motion_source import read_source
+from excite.simulation.plant import Plant, plant_of
+from excite.simulation.sensors import friction_at, joint_log, sensor_of, wrench_log_of
+from excite.simulation.settings import AUTO, Impacts, SimulationSettings, one_each
+from excite.simulation.simulation import Simulation, TorqueUse, simulation_outcome, true_parameters
+from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.tasks.friction_file import read_friction
+from excite.tasks.payload import Payload, read_load
+from excite.tasks.task import Task
 from regressors.arguments import checked
-from regressors.friction.curves import FrictionCurves
+from regressors.errors import InputError
 from regressors.numerical import numerical_work
+from regressors.robot.friction.curves import FrictionCurves, drives_with_friction
+from regressors.robot.robot import Robot
+from regressors.samples import Samples
 
 
 @checked
@@ -27,7 +40,7 @@ from regressors.numerical import numerical_work
     "check `bandwidth`, `rate`, friction and load",
 )
 def simulate(
-    source: DesignedMotion | MotionSource | str | Path,
+    source: Design | MotionSource | str | Path,
     settings: SimulationSettings | None = None,
     *,
     noise: float | tuple[float, ...] | None = None,
@@ -43,7 +56,7 @@ def simulate(
 
     Parameters
     ----------
-    source : DesignedMotion, MotionSource or path
+    source : Design, MotionSource or path
         A design; its folder; or a file of a friction plan.
     settings : SimulationSettings, optional
         Settings of control, integration and measurement.
@@ -58,7 +71,7 @@ def simulate(
     approach_and_return : bool
         Play the approach from home and the return too, where there are any and the design is in a folder.
     beyond_limits : bool
-        Play a motion that breaks limits of its robot, see `excite.simulation.played_limits.broken_limits`.
+        Play a motion that breaks limits of its robot, see `excite.design.reference.broken_limits`.
     progress : callable, optional
         Called with the number of samples done and the total.
     **options
@@ -73,9 +86,9 @@ def simulate(
     ------
     InputError
         Unknown inertias, a motion of other joints, or invalid settings.
-    BrokenLimitError
+    excite.errors.BrokenLimitError
         The motion breaks a limit.
-    LostMotionError
+    excite.errors.LostMotionError
         The motion diverges.
     """
     if noise is not None:
@@ -86,8 +99,8 @@ def simulate(
         check_played(resolved)
     if resolved.planned and settings.sign_width is None and settings.breakaway is None:
         settings = replace(settings, breakaway=AUTO)
-    curves: FrictionCurves | None = _read("friction", friction)
-    payload: Payload | None = _read("load", load)
+    curves = read_friction(Path(friction)) if isinstance(friction, str | Path) else friction
+    payload = read_load(Path(load)) if isinstance(load, str | Path) else load
     simulation = simulate_motion(
         resolved.robot,
         resolved.task,
@@ -102,7 +115,7 @@ def simulate(
 
 
 def motion_source(
-    source: DesignedMotion | MotionSource | str | Path,
+    source: Design | MotionSource | str | Path,
     trajectory: str | Path | None = None,
     *,
     approach_and_return: bool = True,
@@ -111,9 +124,193 @@ def motion_source(
     if isinstance(source, MotionSource):
         return source
     file = None if trajectory is None else Path(trajectory)
-    read: MotionSource = built_in("reader", "motion")(source, file, approach_and_return=approach_and_return)
-    return read
+    return read_source(source, file, approach_and_return=approach_and_return)
 
 
-def _read(kind: str, given: Any) -> Any:
-    return built_in("reader", kind)(Path(given)) if isinstance(given, str | Path) else given
+_SETTLING = 2.0  # periods of the controlled joints' natural frequency before the motion begins
+
+
+def simulate_motion(
+    robot: Robot,
+    task: Task,
+    motion: Reference,
+    settings: SimulationSettings | None = None,
+    *,
+    friction: FrictionCurves | None = None,
+    load: Payload | None = None,
+    ramps: GivenTorque | None = None,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Simulate a robot that follows a motion, and its sensors.
+
+    Where the motion starts at rest, the robot settles at its start before the run begins.
+    """
+    settings = settings if settings is not None else SimulationSettings()
+    sensor = sensor_of(task)
+    loaded = robot if load is None else load.on(robot, sensor)
+    moving, bare = moving_robot(loaded, task), moving_robot(robot, task)
+    _check_counts(settings, moving.n)
+    friction = None if friction is None else friction_of_moving(friction, robot, moving)
+    friction, temperature_notes = friction_at(friction, settings, moving)
+    lead = _lead(motion, settings)
+    wait = lead / settings.rate
+    reference = Repeated(motion, settings.periods, wait)
+    predicted = simulation_prediction(settings, reference.duration, moving.n, wrench=load is not None)
+    predicted.check()
+    announce("the simulation", predicted.seconds or 0.0)
+    plant, notes = plant_of(moving, friction)
+    notes = (*temperature_notes, *notes)
+    if ramps is not None and settings.periods > 1:
+        raise InputError(f"torque ramps are played once, given {settings.periods} periods")
+    controlled = controlled_robot(plant, plant_of(bare, friction)[0], motion, settings, ramps)
+    steps = steps_for(controlled, motion, settings.rate, settings.sign_width, settings.breakaway)
+    delayed = None if ramps is None else ramps.delayed(wait)
+    impacts = Impacts(moving, settings.impact, wait) if settings.impact else None
+    simulated = simulated_run(controlled, reference, settings.rate, steps, progress, delayed, impacts).after(lead)
+    rng = np.random.default_rng(settings.seed)
+    log = joint_log(moving, simulated, settings, rng)
+    wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, simulated.samples, settings, rng)
+    truth = {**true_parameters(plant), **({} if load is None else load.values())}
+    played = Repeated(motion, settings.periods)
+    wanted = played.samples(np.minimum(simulated.samples.time, played.duration))
+    outcome = simulation_outcome(
+        moving,
+        wanted,
+        simulated.samples,
+        simulated.command,
+        limited=settings.torque_limits,
+        pushed=ramps is not None,
+    )
+    return Simulation(
+        robot=moving,
+        settings=settings,
+        steps=steps,
+        reference=wanted,
+        run=simulated,
+        log=with_truth(log, truth=truth, saturated=outcome.saturated),
+        wrench_log=None if wrench_log is None else with_truth(wrench_log, truth=truth),
+        truth=truth,
+        torques=_torques(TorqueLimits(moving), simulated),
+        outcome=outcome,
+        notes=(
+            *notes,
+            *run_notes(plant, steps, simulated.samples, settings, load, ramps),
+            *sensor_notes(settings),
+        ),
+    )
+
+
+def _check_counts(settings: SimulationSettings, n: int) -> None:
+    """Raise `InputError` before any computation where noise, gains or steps are given for another number of joints."""
+    for name in ("position_noise", "velocity_noise", "torque_noise", "torque_gain", "coloured_noise", "position_step"):
+        one_each(getattr(settings, name), n, name)
+    if settings.encoder is not None:
+        one_each(settings.encoder, n, "encoder", "moving drive")
+
+
+def _lead(motion: Reference, settings: SimulationSettings) -> int:
+    """Number of settling samples before the motion, for a controller with a wrong model.
+
+    Two periods of the controlled joints' natural frequency; none where the motion does not start at rest.
+    """
+    start = motion.samples(np.zeros(1))
+    at_rest = np.allclose(start.dq, 0.0, atol=1e-9) and np.allclose(start.ddq, 0.0, atol=1e-6)
+    return math.ceil(_SETTLING / settings.bandwidth * settings.rate) if at_rest else 0
+
+
+def _torques(limits: TorqueLimits, simulated: SimulatedRun) -> tuple[TorqueUse, ...]:
+    labels, torques, bounds = limits.of(simulated.command)
+    magnitudes = np.abs(torques)
+    return tuple(
+        TorqueUse(label, float(size.max()), float(bound), int(np.count_nonzero(size > bound)))
+        for label, size, bound in zip(labels, magnitudes.T, bounds, strict=True)
+    )
+
+
+def run_notes(
+    plant: Plant,
+    steps: Steps,
+    samples: Samples,
+    settings: SimulationSettings,
+    load: Payload | None,
+    ramps: GivenTorque | None,
+) -> list[str]:
+    """Notes on the sign change of friction, extrapolation, the load, ramps that broke a drive loose, and impacts."""
+    notes = []
+    if plant.friction.curves:
+        how = f"changes sign within {steps.width:.3g} rad/s (m/s) of drive velocity"
+        if steps.sticking is not None:
+            distance = steps.sticking.distance
+            how = f"is presliding: it changes direction over {distance:.3g} rad (m) of a drive"
+        notes.append(f"friction {how}{', widened to suit the substep' if steps.widened else ''}")
+    notes += plant.friction.speed_notes(plant.robot, samples.dq)
+    if load is not None:
+        notes.append("the standard parameters of its link include the load; those of the load alone are listed too")
+    if ramps is not None:
+        row = dict(drives_with_friction(plant.robot))[ramps.drive]
+        loose = broken_loose(ramps.delayed(0.0), samples.time, samples.q @ row, settings.catch)
+        notes.append(
+            f"{ramps.drive} was given {ramps.count} ramps of torque, each until it moves by {settings.catch:g} rad "
+            f"(m); it moved in {sum(loose)} of them"
+        )
+    return notes + [
+        f"an impact of up to {one.torque:g} Nm (N) acts on {one.joint} from {one.time:g} s on for {one.duration:g} s"
+        for one in settings.impact
+    ]
+
+
+def sensor_notes(settings: SimulationSettings) -> list[str]:
+    """Note on each error of the torques and steps of the positions."""
+    notes = []
+    if settings.friction_drift:
+        notes.append(f"friction changes by {100 * settings.friction_drift:+g} % from the first instant to the last")
+    if any(gain != 1 for gain in settings.torque_gain):
+        notes.append(f"measured torques are {_listed(settings.torque_gain)} times the true ones")
+    if any(settings.coloured_noise):
+        notes.append(
+            f"torques have noise of {_listed(settings.coloured_noise)} Nm (N) below {settings.noise_corner:g} Hz"
+        )
+    if any(settings.position_step):
+        notes.append(f"positions are in steps of {_listed(settings.position_step)} rad (m)")
+    return notes
+
+
+def _listed(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
+
+
+def controlled_robot(
+    plant: Plant, nominal: Plant, motion: Reference, settings: SimulationSettings, ramps: GivenTorque | None
+) -> ControlledRobot:
+    """Plant, controller with the settings' model error, torque limits, and ramps or impacts where there are any."""
+    start = motion.samples(np.linspace(0.0, motion.duration, 101))
+    given, joints = start.q.shape[1], plant.robot.joint_names
+    if given != len(joints):
+        raise InputError(f"the motion has {given} joints, the robot that moves has {len(joints)}: {', '.join(joints)}")
+    middle = (start.q.min(axis=0) + start.q.max(axis=0)) / 2
+    # separate stream: the same model error with and without noise
+    model = nominal.with_errors(settings.model_error, np.random.default_rng([settings.seed, 1]))
+    controller = controller_of(settings.controller, model, settings.bandwidth, middle)
+    ramped = None if ramps is None else RampedDrive(model, ramps.drive, settings.catch)
+    limits = TorqueLimits(plant.robot) if settings.torque_limits else None
+    return ControlledRobot(plant, controller, limits, ramped, struck=bool(settings.impact))
+
+
+_OF_ANY, _OF_JOINT = 8.0, 24.0  # numbers of each sample, and of each of its joints
+_OF_WRENCH = 60.0  # of each sample of the force/torque sensor
+_SECONDS = 2e-5  # of each sample and joint
+
+
+def simulation_prediction(settings: SimulationSettings, duration: float, n: int, *, wrench: bool) -> WorkPrediction:
+    """Memory of a simulation; the factors are measured."""
+    samples, numbers = duration * settings.rate, _OF_ANY + _OF_JOINT * n
+    option, value = ("periods", settings.periods) if settings.periods > settings.rate / 2e3 else ("rate", settings.rate)
+    parts = [MemoryPart("samples", samples, 1 + 3 * n, FLOAT * samples * numbers, option, value)]
+    if wrench:
+        more = duration * settings.wrench_rate
+        parts.append(
+            MemoryPart(
+                "samples of the wrench", more, 7 + n, FLOAT * _OF_WRENCH * more, "wrench_rate", settings.wrench_rate
+            )
+        )
+    return WorkPrediction("the simulation", parts, _SECONDS * samples * n)

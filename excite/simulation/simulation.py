@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from excite.design.reference import MotionSource
 from excite.logs.log import Log
-from excite.registry import built_in
-from excite.simulation.integration import SimulatedRun
-from excite.simulation.outcome import SimulationOutcome
+from excite.logs.saturation import Saturation, saturation_of
+from excite.simulation.control import TorqueLimits
+from excite.simulation.integration import SimulatedRun, Steps
 from excite.simulation.plant import Plant
-from excite.simulation.reference import MotionSource
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.steps import Steps
-from regressors.friction.curves import CoulombViscous
-from regressors.friction.load_share import moving_drive_numbers
 from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS
 from regressors.models.differential import DifferentialModel
 from regressors.models.drives import drive_column
 from regressors.models.nominal import standard_values
-from regressors.robot.robot import Robot
+from regressors.robot.friction.curves import CoulombViscous
+from regressors.robot.friction.load_share import moving_drive_numbers
+from regressors.robot.robot import Limits, Robot
 from regressors.samples import Array, Samples
 
 
@@ -121,7 +120,9 @@ class Simulation:
         InputError
             Another ending, or files that exist already.
         """
-        files: list[Path] = built_in("writer", "simulation")(self, log, replace=replace)
+        from excite.simulation.simulation_files import save_simulation
+
+        files = save_simulation(self, log, replace=replace)
         return files
 
     @property
@@ -152,3 +153,209 @@ def true_parameters(plant: Plant) -> dict[str, float]:
         if isinstance(curve, CoulombViscous):
             known |= {coulomb: curve.coulomb, viscous: curve.viscous, offset: curve.offset}
     return known
+
+
+# The largest values over designs of irp6, panda and ur10e that were followed as intended (computed torque with model
+# errors up to 30 %, PD of 5 Hz and more, friction that sticks, noise, encoders) stand behind each number.
+NOTED_TRACKING = 0.01  # of the range of motion
+LOST_TRACKING = 0.05  # of the range of motion: 0.019; runs that saturated and lost it 0.1 to 0.7
+SATURATED = 1e-3  # of the samples: none; a torque that only touches its limit saturates in fewer
+_LEAST_RANGE = 0.1  # rad or m: a joint that rests or hardly moves is judged as if it moved this far
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """How far one joint was from its reference."""
+
+    joint: str
+    unit: str
+    error: float  # largest ``|q - q_d|`` [unit]
+    travel: float  # range of motion in the reference [unit]
+
+    @property
+    def relative(self) -> float:
+        """The error over the range of motion, or over 0.1 rad or m where that is less."""
+        return self.error / max(self.travel, _LEAST_RANGE)
+
+
+@dataclass(frozen=True)
+class SimulationOutcome:
+    """Whether the simulated robot did what was asked for.
+
+    Parameters
+    ----------
+    count : int
+        Number of samples.
+    saturated : tuple of Saturation
+        Torques that were cut off at a limit, where that happened.
+    tracking : tuple of Tracking
+        One per joint; none of a run in which a drive is pushed by ramps of torque and not held in position.
+    exceeded : tuple of LimitExcess
+    """
+
+    count: int
+    saturated: tuple[Saturation, ...]
+    tracking: tuple[Tracking, ...]
+    exceeded: tuple[LimitExcess, ...]
+
+    @property
+    def holds(self) -> bool:
+        """True if no torque saturated, no joint lost its reference, and no limit was passed, within the tolerances."""
+        return not self.failures
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What does not hold, in words."""
+        return (
+            *(self._saturation_text(one) for one in self.saturated if one.rows > SATURATED * self.count),
+            *(_tracking_text(one, LOST_TRACKING) for one in self.tracking if one.relative > LOST_TRACKING),
+            *(f"{one}" for one in self.exceeded if one.fails),
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is worth knowing although it holds."""
+        astray = [one for one in self.tracking if NOTED_TRACKING < one.relative <= LOST_TRACKING]
+        return (
+            *(self._saturation_text(one) for one in self.saturated if one.rows <= SATURATED * self.count),
+            *(_tracking_text(one, NOTED_TRACKING) for one in astray),
+            *(f"{one}" for one in self.exceeded if not one.fails),
+        )
+
+    def _saturation_text(self, one: Saturation) -> str:
+        return (
+            f"the torque of {one.label} was at its limit of {one.limit:.4g} {one.unit} in "
+            f"{100 * one.rows / self.count:.2g} % of the samples ({one.rows} of {self.count}); design the motion with "
+            "`torque_margin`"
+        )
+
+
+def _tracking_text(one: Tracking, allowed: float) -> str:
+    return (
+        f"joint {one.joint} deviates from the reference by {one.error:.3g} {one.unit}, {100 * one.relative:.2g} % of "
+        f"its range of motion, more than {100 * allowed:g} %"
+    )
+
+
+def simulation_outcome(
+    robot: Robot, reference: Samples, samples: Samples, command: Array, *, limited: bool = True, pushed: bool = False
+) -> SimulationOutcome:
+    """What is to be said of a simulated run."""  # command (N, n)
+    return SimulationOutcome(
+        count=samples.time.size,
+        saturated=cut_off_torques(robot, samples.time, command) if limited else (),
+        tracking=() if pushed else trackings(robot, reference, samples),
+        exceeded=(*exceeded_limits(robot, samples), *(() if limited else exceeded_torques(robot, command))),
+    )
+
+
+def trackings(robot: Robot, reference: Samples, samples: Samples) -> tuple[Tracking, ...]:
+    """How far each joint was from its reference at the same instants."""
+    errors, travels = np.abs(samples.q - reference.q).max(axis=0), np.ptp(reference.q, axis=0)
+    return tuple(
+        Tracking(joint.name, joint.unit, float(error), float(travel))
+        for joint, error, travel in zip(robot.joints, errors, travels, strict=True)
+    )
+
+
+# Motions of irp6, panda and ur10e that were followed as intended passed their limits by less: PD of 5 Hz, and models of
+# the controller that are 30 % off.
+BEYOND_POSITION = 0.01  # of the range that the limits allow: 0.007
+BEYOND_VELOCITY = 0.05  # of the limit: 0.021
+_ROUNDING = 1e-6  # of a limit that a motion may touch
+
+
+@dataclass(frozen=True)
+class LimitExcess:
+    """A limit that the simulated motion passed."""
+
+    quantity: str
+    label: str  # such as ``joint q2`` or ``drive z2``
+    unit: str
+    limit: float  # [unit]
+    excess: float  # by how much it was passed at most [unit]
+    relative: float  # the excess over the range that the limits allow a position, else over the limit
+
+    @property
+    def fails(self) -> bool:
+        """True beyond 1 % of a position's range, and 5 % of a velocity; torques count where they are limited."""
+        tolerance = {"position": BEYOND_POSITION, "velocity": BEYOND_VELOCITY}.get(self.quantity, np.inf)
+        return self.relative > tolerance
+
+    def __str__(self) -> str:
+        """One clause."""
+        return (
+            f"the {self.quantity} of {self.label} passes its limit of {self.limit:.4g} {self.unit} by "
+            f"{self.excess:.3g} {self.unit} ({100 * self.relative:.2g} %)"
+        )
+
+
+def exceeded_limits(robot: Robot, samples: Samples) -> tuple[LimitExcess, ...]:
+    """Limits of positions and velocities, of joints and of drives, that a motion passes."""
+    units = [joint.unit for joint in robot.joints]
+    joints = [f"joint {name}" for name in robot.joint_names]
+    found = [*_passed(robot.limits, joints, units, samples.q, samples.dq)]
+    transmission = robot.transmission
+    if transmission is not None:
+        C = transmission.coupling
+        drives = [f"drive {drive.name}" for drive in transmission.drives]
+        of_drives = ["m" if prismatic else "rad" for prismatic in _moves_straight(robot)]
+        found += _passed(
+            transmission.limits, drives, of_drives, samples.q @ C.T + transmission.offset, samples.dq @ C.T
+        )
+    return tuple(found)
+
+
+def _moves_straight(robot: Robot) -> list[bool]:
+    """Whether each drive moves a prismatic joint."""
+    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
+    return [] if robot.transmission is None else [bool(np.any(row[prismatic])) for row in robot.transmission.coupling]
+
+
+def _torque_units(robot: Robot) -> dict[str, str]:
+    """Unit of the torque of every joint and drive, by their labels."""
+    straight = {f"joint {joint.name}": joint.kind == "prismatic" for joint in robot.joints}
+    if robot.transmission is not None:
+        names = (f"drive {drive.name}" for drive in robot.transmission.drives)
+        straight |= dict(zip(names, _moves_straight(robot), strict=True))
+    return {label: "N" if prismatic else "Nm" for label, prismatic in straight.items()}
+
+
+def cut_off_torques(robot: Robot, time: Array, command: Array) -> tuple[Saturation, ...]:
+    """Torques of joints and drives of which more was asked for than is allowed, and when."""
+    # time (N,); command (N, n)
+    units = _torque_units(robot)
+    return tuple(
+        saturation_of(label, bound, units[label], time, size > bound)
+        for label, size, bound in _limited(robot, command)
+        if np.any(size > bound)
+    )
+
+
+def exceeded_torques(robot: Robot, command: Array) -> tuple[LimitExcess, ...]:
+    """Limits that torques pass, where nothing cuts them off."""  # command (N, n)
+    units = _torque_units(robot)
+    return tuple(
+        LimitExcess("torque", label, units[label], bound, float(size.max()) - bound, float(size.max()) / bound - 1)
+        for label, size, bound in _limited(robot, command)
+        if np.any(size > bound)
+    )
+
+
+def _limited(robot: Robot, command: Array) -> Iterator[tuple[str, Array, float]]:
+    """Label, magnitude and limit of every limited torque."""
+    labels, torques, bounds = TorqueLimits(robot).of(command)
+    yield from zip(labels, np.abs(torques).T, bounds.tolist(), strict=True)
+
+
+def _passed(limits: Limits, labels: list[str], units: list[str], q: Array, dq: Array) -> Iterator[LimitExcess]:
+    """Limits of positions and velocities that columns of a motion pass."""
+    for k, (label, unit) in enumerate(zip(labels, units, strict=True)):
+        lower, upper = float(limits.lower[k]), float(limits.upper[k])
+        span = upper - lower if np.isfinite(upper - lower) else float(np.ptp(q[:, k]))
+        for limit, excess in ((upper, q[:, k].max() - upper), (lower, lower - q[:, k].min())):
+            if excess > _ROUNDING * span:
+                yield LimitExcess("position", label, unit, limit, float(excess), float(excess / span))
+        fastest, limit = float(np.abs(dq[:, k]).max()), float(limits.velocity[k])
+        if fastest > (1 + _ROUNDING) * limit:
+            yield LimitExcess("velocity", label, f"{unit}/s", limit, fastest - limit, fastest / limit - 1)

@@ -10,7 +10,8 @@ more:
 - ``metadata=INLINE`` of a field: the fields of that part stand beside those of the record;
 - ``metadata=OBJECT`` of a field: an object that only the room of the record can write and read, such as a task. It is
   not written here; who reads the record gives it, under the name of the field;
-- ``metadata=named(NAME)`` of a field: the entry has another name than the field;
+- ``metadata=named(NAME)`` of a field: the entry has another name than the field; ``PART.NAME`` is one of the object
+  that is the entry PART;
 - ``listed = True``, a class attribute: its arrays are small, and are lists in the JSON file;
 - ``beside``, a class attribute: functions of the record by name, for readers of the file. They follow from the other
   entries, and are not read;
@@ -19,7 +20,7 @@ more:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
@@ -168,6 +169,8 @@ def _described(robot: Robot) -> dict[str, Any]:
 
 
 def _robot(content: Any, _: type) -> Robot:
+    if isinstance(content, Robot):  # who reads the record has made it already
+        return content
     robot = robot_from_description(content["description"])
     if robot.sha256() != content["sha256"]:
         raise ValueError("the robot's description does not have the hash that the file states")
@@ -208,9 +211,31 @@ def _writer(kind: type, converter: cattrs.Converter) -> Callable[[Any], dict[str
             content |= content.pop(name)
         if listed:
             content = {name: _list(each) if isinstance(each, np.ndarray) else each for name, each in content.items()}
-        return {**{name: converter.unstructure(follows(record)) for name, follows in beside.items()}, **content}
+        follow = {name: converter.unstructure(follows(record)) for name, follows in beside.items()}
+        return _nested({**follow, **content})
 
     return write
+
+
+def _nested(content: dict[str, Any]) -> dict[str, Any]:
+    """Entries ``PART.NAME`` in the objects that they are of."""
+    whole: dict[str, Any] = {}
+    for entry, value in content.items():
+        part, _, name = entry.rpartition(".")
+        place = whole.setdefault(part, {}) if part else whole
+        both = isinstance(value, dict) and isinstance(place.get(name), dict)
+        place[name] = {**place[name], **value} if both else value
+    return whole
+
+
+def _flat(content: Mapping[str, Any], entries: Iterable[str]) -> dict[str, Any]:
+    """The content with the entries ``PART.NAME`` beside the others."""
+    flat = dict(content)
+    for entry in entries:
+        part, _, name = entry.rpartition(".")
+        if part and isinstance(content.get(part), Mapping) and name in content[part]:
+            flat[entry] = content[part][name]
+    return flat
 
 
 def _list(array: Any) -> Any:
@@ -233,11 +258,12 @@ def _reader(kind: type, converter: cattrs.Converter) -> Callable[[Any, Any], Any
     hints = get_type_hints(kind)
     listed = getattr(kind, "listed", False)
     arrays = [entry for name, entry in _entries(kind).items() if listed and _may_be_array(hints[name])]
+    entries = [entry for part in (kind, *inline.values()) for entry in _entries(part).values()]
 
     def read(content: Any, _: Any) -> Any:
         if not isinstance(content, Mapping):
             raise TypeError(f"expected an object, given {content!r:.40}")
-        content = dict(content)
+        content = _flat(content, entries)
         for name in arrays:
             if isinstance(content.get(name), list):
                 content[name] = _array(content[name])

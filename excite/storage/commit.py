@@ -125,7 +125,8 @@ def _finish(at: Destination) -> None:
                     replace_file(at.commit / name, at.folder / name)
         with writing(at.path):
             for name in remove:
-                _unlink(at.folder / name)
+                with suppress(FileNotFoundError, IsADirectoryError):
+                    (at.folder / name).unlink()
             for name in folders:
                 _swap(at, name)
             sync_folder(at.folder)
@@ -144,11 +145,6 @@ def _swap(at: Destination, name: str) -> None:
     os.rename(new, old)
     with suppress(OSError):
         new.parent.rmdir()
-
-
-def _unlink(path: Path) -> None:
-    with suppress(FileNotFoundError, IsADirectoryError):
-        path.unlink()
 
 
 def _remove(folder: Path) -> None:

@@ -9,7 +9,6 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
 from datetime import datetime
 from glob import escape
 from pathlib import Path
@@ -57,11 +56,6 @@ def locked(at: Destination) -> Iterator[None]:
                 at.hidden("lock").unlink(missing_ok=True)  # which cannot be done there while it is open
 
 
-def is_noted(at: Destination) -> bool:
-    """True if a process that may still run has written down that it holds the lock; for those who may not write."""
-    return may_run(at.hidden("writer.json"))
-
-
 def _acquired(at: Destination) -> BaseFileLock:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of systems that know no locks: a file stands for one there
@@ -72,72 +66,42 @@ def _acquired(at: Destination) -> BaseFileLock:
         try:
             lock.acquire(blocking=False)
         except Timeout as error:
-            who, other = holder_text(at.hidden("writer.json")), "another name" if at.name else "another `folder`"
+            who = holder_text(at.hidden("writer.json")) or "another process"
+            other = "another name" if at.name else "another `folder`"
             raise InUseError(f"{at.path} is being written by {who}; wait for it, or choose {other}") from error
     return lock
 
 
+def is_noted(at: Destination) -> bool:
+    """True if a process that may still run has written down that it holds the lock; for those who may not write."""
+    return holder_text(at.hidden("writer.json")) is not None
+
+
 _LONGEST = 60  # characters of a command in a message
-
-
-@dataclass(frozen=True)
-class Holder:
-    """A process that writes to a folder."""
-
-    process: int
-    host: str
-    command: str
-    since: str  # date and time, ISO 8601, local
-
-    @property
-    def text(self) -> str:
-        """For a message."""
-        began = datetime.fromisoformat(self.since)
-        today = began.date() == datetime.now().date()
-        at = f"{began:%H:%M}" if today else f"{began:%Y-%m-%d %H:%M}"
-        return f"process {self.process} on {_clean(self.host)} ({_clean(self.command)}, since {at})"
-
-
-def this_process() -> Holder:
-    """Holder of the locks of this process."""
-    program, *arguments = sys.argv or ["python"]
-    name = Path(program).name
-    name = Path(program).parent.name if name == "__main__.py" else name
-    command = " ".join([name or "python", *arguments])
-    return Holder(os.getpid(), platform.node(), command[:1000], datetime.now().isoformat(timespec="seconds"))
 
 
 def write_holder(path: Path) -> None:
     """Write down this process, which holds the lock; what a killed one has left of its own note is removed."""
     for unfinished in path.parent.glob(f".{escape(path.name)}.*"):
         unfinished.unlink(missing_ok=True)
-    write_json(path, asdict(this_process()))
+    program, *arguments = sys.argv or ["python"]
+    name = Path(program).parent.name if Path(program).name == "__main__.py" else Path(program).name
+    command = " ".join([name or "python", *arguments])[:1000]
+    since = datetime.now().isoformat(timespec="seconds")
+    write_json(path, {"process": os.getpid(), "host": platform.node(), "command": command, "since": since})
 
 
-def holder_text(path: Path) -> str:
-    """The holder as written down; another process where nothing can be read, or the one written down is gone."""
-    holder = _read(path)
-    return "another process" if holder is None or _is_gone(holder) else holder.text
-
-
-def may_run(path: Path) -> bool:
-    """True if a holder is written down, and is not known to be gone."""
-    holder = _read(path)
-    return holder is not None and not _is_gone(holder)
-
-
-def _read(path: Path) -> Holder | None:
+def holder_text(path: Path) -> str | None:
+    """The holder as written down; None where nothing can be read, or no process of this host has its number."""
     try:
         content = read_json(path)
-        holder = Holder(**{**content, "process": int(content["process"])})
-        return holder if holder.text else None  # of values that no text can be made of
-    except (InputError, KeyError, TypeError, ValueError):
+        process, host, began = int(content["process"]), content["host"], datetime.fromisoformat(content["since"])
+        if process > 0 and host == platform.node() and not is_running(process):
+            return None
+        form = "%H:%M" if began.date() == datetime.now().date() else "%Y-%m-%d %H:%M"
+        return f"process {process} on {_clean(host)} ({_clean(content['command'])}, since {began:{form}})"
+    except (InputError, AttributeError, KeyError, TypeError, ValueError):
         return None
-
-
-def _is_gone(holder: Holder) -> bool:
-    """True if no process of this host has the number, so that what is written down is of an earlier holder."""
-    return holder.process > 0 and holder.host == platform.node() and not is_running(holder.process)
 
 
 def _clean(text: str) -> str:

@@ -71,7 +71,7 @@ def read_manifest(folder: Path) -> dict[str, Entry]:
     try:
         return {kind: _entry(entry, path) for kind, entry in content["results"].items()}
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise _damaged(path) from error
+        raise InputError(f"{path} is damaged; remove it to use the files in {folder} as they are") from error
 
 
 def _content(folder: Path) -> dict[str, Any] | None:
@@ -85,33 +85,26 @@ def _content(folder: Path) -> dict[str, Any] | None:
     return content if isinstance(schema, str) and schema.startswith("excite.manifest/") else None
 
 
-def _damaged(path: Path) -> InputError:
-    return InputError(f"{path} is damaged; remove it to use the files in {path.parent} as they are")
-
-
 def _entry(content: Mapping[str, Any], path: Path) -> Entry:
-    files = {_name(name, path): FileHash(str(of["sha256"]), int(of["size"])) for name, of in content["files"].items()}
-    folders = {
-        plain_name(name, path): FolderHash(int(of["count"]), str(of["sum"]))
-        for name, of in content.get("folders", {}).items()
-    }
-    figures = None if content.get("figures") is None else tuple(map(str, content["figures"]))
-    return Entry(str(content["run"]), files, folders, figures)
-
-
-def _name(name: str, path: Path) -> str:
-    return "/".join(plain_name(part, path) for part in name.split("/"))
+    listed, folders, figures = content["files"], content.get("folders", {}), content.get("figures")
+    for part in (*(part for name in listed for part in name.split("/")), *folders):
+        plain_name(part, path)
+    return Entry(
+        str(content["run"]),
+        {name: FileHash(str(of["sha256"]), int(of["size"])) for name, of in listed.items()},
+        {name: FolderHash(int(of["count"]), str(of["sum"])) for name, of in folders.items()},
+        None if figures is None else tuple(map(str, figures)),
+    )
 
 
 def write_manifest(path: Path, manifest: Manifest) -> None:
     """Write a manifest."""
-    write_json(path, {"schema": SCHEMA, "results": {kind: _entry_content(entry) for kind, entry in manifest.items()}})
-
-
-def _entry_content(entry: Entry) -> dict[str, Any]:
-    content = asdict(entry)
-    left_out = [name for name, empty in (("folders", {}), ("figures", None)) if content[name] == empty]
-    return {name: each for name, each in content.items() if name not in left_out}
+    results = {kind: asdict(entry) for kind, entry in manifest.items()}
+    for content in results.values():
+        for name in ("folders", "figures"):
+            if content[name] in ({}, None):
+                del content[name]
+    write_json(path, {"schema": SCHEMA, "results": results})
 
 
 def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:
@@ -120,7 +113,13 @@ def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:
     if entry is None:
         return
     there = [name for name in names if name in entry.files and (folder / name).exists()]
-    changed = [name for name in there if not _is(folder / name, entry.files[name])]
+    changed = []
+    for name in there:
+        path, known = folder / name, entry.files[name]
+        try:
+            changed += [] if path.stat().st_size == known.size and FileHash.of(path) == known else [name]
+        except OSError as error:
+            raise InputError(f"cannot read {path}: {error.strerror}") from error
     if changed:
         which, since = " and ".join(changed), MANIFEST if changed[0] == there[0] else there[0]
         has, comes = ("have", "come") if len(changed) > 1 else ("has", "comes")
@@ -128,13 +127,6 @@ def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:
             f"{folder}: {which} {has} been changed since {since} was written, or {comes} from another "
             f"run; write the result again, or remove {folder / MANIFEST} to use the files as they are"
         )
-
-
-def _is(path: Path, known: FileHash) -> bool:
-    try:
-        return path.stat().st_size == known.size and FileHash.of(path) == known
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
 
 
 @dataclass(frozen=True)
@@ -181,10 +173,7 @@ class EditedError(InputError):
 
 def sha256_of(file: Path) -> str | None:
     """Hash of a file's content, None where there is no file."""
-    if not file.is_file():
-        return None
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    return FileHash.of(file).sha256 if file.is_file() else None
 
 
 def entry_sha256(entry: object) -> str:

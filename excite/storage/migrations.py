@@ -16,8 +16,8 @@ from excite.storage.atomic import read_json
 from regressors.errors import InputError
 
 SCHEMAS = {
-    "accuracy": 2, "bound": 2, "campaign": 2, "cell": 1, "friction-fit": 2, "friction-plan": 2, "payload": 2,
-    "posterior": 2, "result": 2, "study": 2, "verification": 2,
+    "accuracy": 2, "bound": 2, "campaign": 2, "cell": 1, "design": 1, "friction-fit": 2, "friction-plan": 2,
+    "payload": 2, "posterior": 2, "result": 2, "study": 2, "verification": 2,
 }  # fmt: skip
 Content = dict[str, Any]
 Migration = Callable[[Content, Content, Path], tuple[Content, Content]]

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace as changed
 from functools import partial
 from pathlib import Path
 from uuid import uuid4
 
 from excite.storage.atomic import writing
-from excite.storage.commit import Read, read_settled, settle
+from excite.storage.commit import Read, clear, commit, read_settled, settle, staging
 from excite.storage.destination import MANIFEST, NEXT, Destination
+from excite.storage.lock import locked
 from excite.storage.manifest import (
     Entry,
     FileHash,
@@ -21,8 +23,7 @@ from excite.storage.manifest import (
     read_manifest,
     write_manifest,
 )
-from excite.storage.sole_writer import Change, replacing, sole_writer
-from regressors.errors import TakenError
+from regressors.errors import InputError, TakenError
 
 LISTED = 1000  # files of a folder that a manifest lists; more have one hash
 
@@ -34,8 +35,37 @@ def result_folder(folder: Path) -> Iterator[str]:
     What an interrupted run has left there is put in place or removed first. If the block ends with an error, what was
     made of the folder is removed, where it is still empty.
     """
-    with sole_writer(Destination(folder)):
+    with _sole_writer(Destination(folder)):
         yield uuid4().hex
+
+
+@contextmanager
+def _sole_writer(at: Destination) -> Iterator[None]:
+    with _new_folder(at.folder), locked(at):
+        clear(at)
+        yield
+
+
+@contextmanager
+def _new_folder(folder: Path) -> Iterator[None]:
+    """Make a folder; where the block ends with an error, remove what was made of it, if it is still empty."""
+    missing: list[Path] = []
+    try:
+        try:
+            if folder.is_file():
+                raise InputError(f"cannot write to {folder}: it is a file, not a folder")
+            missing = [path for path in (folder, *folder.parents) if not path.exists()]
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot write to {folder}: {error.strerror}") from error
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise InputError(f"cannot write to {folder}: Permission denied")
+        yield
+    except BaseException:
+        for path in missing:
+            with suppress(OSError):
+                path.rmdir()
+        raise
 
 
 @contextmanager
@@ -49,20 +79,18 @@ def replace_result(
     figures: Collection[str] | None = None,
 ) -> Iterator[Path]:
     """Write a result in place of the one of the same kind; at every instant the folder holds one of them, whole."""
-
-    def change(staged: Path) -> Change:
-        manifest = read_manifest(folder)
-        files = _hashes(staged)
+    at = Destination(folder)
+    with staging(at) as staged:
+        yield staged
+        manifest, files = read_manifest(folder), _hashes(staged)
         old = manifest[kind].files if kind in manifest else older
         others = {name for other, entry in manifest.items() if other != kind for name in entry.files}
         remove = {name for name in old if "/" not in name} - {*files, *others, MANIFEST}
         formats = None if figures is None else tuple(figures)
         entry = _with_folders(Entry(run or uuid4().hex, files, figures=formats), folder, folders)
         _write(staged, folder, {**{of: each.without(files) for of, each in manifest.items()}, kind: entry})
-        return Change(MANIFEST, remove, [name for name in folders if (folder / NEXT / name).exists()])
-
-    with replacing(Destination(folder), change) as staged:
-        yield staged
+        new = [name for name in folders if (folder / NEXT / name).exists()]
+        commit(at, last=MANIFEST, remove=remove, folders=new)
 
 
 @contextmanager
@@ -71,17 +99,15 @@ def amend_result(folder: Path, kind: str) -> Iterator[Path]:
 
     A folder without a manifest, or without a result of the kind, gets the files alone.
     """
-
-    def change(staged: Path) -> Change:
+    at = Destination(folder)
+    with staging(at) as staged:
+        yield staged
         manifest = read_manifest(folder)
         if kind in manifest:
             files = _hashes(staged)
             others = {of: each.without(files) for of, each in manifest.items()}
             _write(staged, folder, {**others, kind: changed(manifest[kind], files={**manifest[kind].files, **files})})
-        return Change(MANIFEST)
-
-    with replacing(Destination(folder), change) as staged:
-        yield staged
+        commit(at, last=MANIFEST)
 
 
 def _write(staged: Path, folder: Path, manifest: dict[str, Entry]) -> None:
@@ -126,19 +152,17 @@ def check_not_taken(folder: Path, mark: str, what: str, names: Collection[str] =
 @contextmanager
 def result_file(path: Path) -> Iterator[None]:
     """Be the only writer of a file in the block, whose folder is made if it does not exist; see `result_folder`."""
-    with sole_writer(Destination(path.parent, path.name)):
+    with _sole_writer(Destination(path.parent, path.name)):
         yield
 
 
 @contextmanager
 def replace_files(path: Path, *, remove: Collection[str] = ()) -> Iterator[Path]:
     """Write a file and those beside it in place of older ones, all at once."""
-
-    def change(staged: Path) -> Change:
-        return Change(path.name, set(remove) - {each.name for each in staged.iterdir()})
-
-    with replacing(Destination(path.parent, path.name), change) as staged:
+    at = Destination(path.parent, path.name)
+    with staging(at) as staged:
         yield staged
+        commit(at, last=path.name, remove=set(remove) - {each.name for each in staged.iterdir()})
 
 
 def settle_files(path: Path) -> None:

@@ -11,6 +11,14 @@ the data determine is taken from the data alone; the description decides what th
     phi = phi0 + G (b + L x - A phi0) + N y,   G = V A' (A V A')^-1,   L L' = C,   N N' = V - G A V,
 
 with ``x ~ t(0, E, nu)`` and ``y ~ N(0, E)``.
+
+What a robot's description says of its standard parameters, with a relative uncertainty.
+
+Of a body with the pseudo-inertia ``J0 = T T'`` the difference ``E = T^-1 (J - J0) T'^-1`` has independent normal
+entries, those of its diagonal with the standard deviation r, the others with ``r / sqrt 2``: then ``-log p`` is
+``tr((J0^-1 (J - J0))^2) / (2 r)^2``, which depends neither on units nor on the frame [Lee, Wensing, Park 2020, whose
+entropic divergence it is to second order, times ``1 / (2 r^2)``]. The mass has the relative deviation r, the second
+moments too, and the centre of mass moves by 0.7 r of the body's root mean square extent in each direction.
 """
 
 from __future__ import annotations
@@ -26,8 +34,8 @@ from numpy.typing import NDArray
 from excite.errors import ConicSolverError
 from excite.identification.estimators.possible_set import PossibleSet, conic_solution, nearest, possible_set
 from excite.identification.estimators.standard import StandardProblem
-from excite.study.described_prior import DescribedPrior
 from regressors.errors import InputError
+from regressors.robot.inertia import from_pseudo_inertia
 from regressors.samples import Array, Index
 
 CHAINS = 32
@@ -205,16 +213,8 @@ class _Walls:
 SHARE = 1e-3  # of its described pseudo-inertia that every body keeps
 
 
-@dataclass(frozen=True, eq=False)
-class InnerPoint:
-    """A point of a possible set."""
-
-    z: Array  # (d,) inside, as far from all bounds as possible within the posterior's usual distance
-    nearest: Array  # (d,) the possible point nearest the posterior's mean without bounds, to the solver's tolerance
-
-
-def inner_point(possible: PossibleSet) -> InnerPoint:
-    """Find a point to begin with.
+def inner_point(possible: PossibleSet) -> tuple[Array, Array]:
+    """A point to begin with, as far from all bounds as possible, and the possible point nearest to zero, shape (d,).
 
     ``min |z|`` subject to the bounds; then ``max s`` subject to slack s of all bounds and
     ``|z|^2 <= |z_nearest|^2 + d``.
@@ -233,18 +233,16 @@ def inner_point(possible: PossibleSet) -> InnerPoint:
     z = inside[:d]
     if not possible.contains(z[None])[0]:
         raise ConicSolverError("samples of the posterior: no possible robot is near the identified one")
-    return InnerPoint(z, closest)
+    return z, closest
 
 
-def coordinates_inside(
-    standard: StandardProblem, coordinates: PosteriorCoordinates, share: float = SHARE
-) -> PossibleSet:
+def coordinates_inside(standard: StandardProblem, coordinates: PosteriorCoordinates) -> PossibleSet:
     """Possible robots in the coordinates of a posterior.
 
     Every body keeps a share of its described pseudo-inertia, ``J_i(z) - share J0_i > 0``, so that no sample is flat to
     rounding; in the body's own scale, ``T^-1 (J_i - share J0_i) T'^-1 > 0`` with ``J0 = T T'``.
     """
-    lowest = [share * body.reference for body in standard.bodies]
+    lowest = [SHARE * body.reference for body in standard.bodies]
     scaling = [np.linalg.inv(np.linalg.cholesky(body.reference)) for body in standard.bodies]
     return possible_set(standard, coordinates.origin, coordinates.slope, lowest, scaling)
 
@@ -288,10 +286,10 @@ class PosteriorCoordinates:
 
 
 def posterior_coordinates(
-    standard: StandardProblem, prior: DescribedPrior, estimate: Array, covariance: Array, freedom: float
+    standard: StandardProblem, prior: tuple[Array, Array], estimate: Array, covariance: Array, freedom: float
 ) -> PosteriorCoordinates:
     """Coordinates of a posterior."""  # estimate (b,); covariance (b, b)
-    known = np.isfinite(np.diag(covariance))
+    (mean, half), known = prior, np.isfinite(np.diag(covariance))
     A = (standard.A @ standard.S)[known]  # (p, f)
     b, C = estimate[known], covariance[np.ix_(known, known)]
     size = np.sqrt(np.diag(C))
@@ -299,9 +297,34 @@ def posterior_coordinates(
         L = size[:, None] * np.linalg.cholesky(C / np.outer(size, size))
     except np.linalg.LinAlgError:
         raise InputError("the covariance of the result is not positive definite; identify again") from None
-    U, s, W = np.linalg.svd((A @ prior.half) / size[:, None], full_matrices=True)
+    U, s, W = np.linalg.svd((A @ half) / size[:, None], full_matrices=True)
     p = len(b)
-    G = prior.half @ (W[:p].T / s) @ U.T / size  # V A' (A V A')^-1
-    origin = prior.mean + G @ (b - A @ prior.mean)
-    slope = np.hstack([G @ L, prior.half @ W[p:].T])
+    G = half @ (W[:p].T / s) @ U.T / size  # V A' (A V A')^-1
+    origin = mean + G @ (b - A @ mean)
+    slope = np.hstack([G @ L, half @ W[p:].T])
     return PosteriorCoordinates(standard.S @ origin, standard.S @ slope, p, freedom)
+
+
+UNDESCRIBED = 1.0  # relative deviation of what the description does not state
+
+
+def described_prior(standard: StandardProblem, relative: float, stated: frozenset[str]) -> tuple[Array, Array]:
+    """Mean of the free standard parameters phi, ``theta = S phi``, and a factor of their covariance ``half half'``."""
+    deviation = np.array([relative if name in stated else max(relative, UNDESCRIBED) for name in standard.names])
+    inverse = np.diag(1 / (standard.scale * deviation))
+    for body in standard.bodies:
+        r = relative if all(standard.names[k] in stated for k in body.index) else UNDESCRIBED
+        inverse[np.ix_(body.index, body.index)] = np.linalg.inv(_half_of_body(body.reference, r))
+    R = np.linalg.qr(inverse @ standard.S, mode="r")  # the structure's zeros and equalities hold exactly
+    mean = np.linalg.lstsq(inverse @ standard.S, inverse @ standard.prior, rcond=None)[0]
+    return np.asarray(mean), np.asarray(np.linalg.inv(R))
+
+
+def _half_of_body(J: Array, relative: float) -> Array:
+    """Change of the ten parameters per unit of each entry of E, shape (10, 10)."""
+    T, columns = np.linalg.cholesky(J), []
+    for i, j in zip(*np.triu_indices(4), strict=True):
+        E = np.zeros((4, 4))
+        E[i, j] = E[j, i] = relative if i == j else relative / np.sqrt(2)
+        columns.append(from_pseudo_inertia(T @ E @ T.T))
+    return np.column_stack(columns)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -79,7 +80,7 @@ def design_for_precision(
     ------
     InputError
         See `excite.design_trajectory`; or no precision, or another criterion.
-    NoFeasibleMotionError
+    excite.errors.NoFeasibleMotionError
         No period has a motion within the limits.
     KeyboardInterrupt
         Interrupted before any motion was found.
@@ -87,22 +88,20 @@ def design_for_precision(
     subject = first_argument(robot_or_model, options, "design_for_precision")
     robot, task = robot_and_task(subject)
     task = task.changed(**options, **({} if precision is None else {"precision": precision}))
-    if folder is None:
-        with tempfile.TemporaryDirectory() as temporary:
-            return _search(robot, task, Path(temporary), progress, report, fresh=fresh)
-    with locked(Destination(Path(folder))):
-        return _search(robot, task, Path(folder), progress, report, fresh=fresh)
+    with ExitStack() as stack:
+        if folder is None:
+            place = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        else:
+            place = Path(folder)
+            stack.enter_context(locked(Destination(place)))
 
+        def prepared(formulation: Formulation, name: str) -> KeptStarts:
+            (place / name).mkdir(parents=True, exist_ok=True)
+            return keep_starts(place / name, formulation, fresh=fresh)
 
-def _search(
-    robot: Robot, task: Task, folder: Path, progress: Progress | None, report: Callable[[str], None], *, fresh: bool
-) -> Design:
-    def prepared(formulation: Formulation, name: str) -> KeptStarts:
-        starts = folder / name
-        starts.mkdir(parents=True, exist_ok=True)
-        return keep_starts(starts, formulation, fresh=fresh)
-
-    return search_for_precision(robot, task, prepared, lambda made, kept: solve(robot, made, kept, progress), report)
+        return search_for_precision(
+            robot, task, prepared, lambda made, kept: solve(robot, made, kept, progress), report
+        )
 
 
 def search_for_precision(

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
 from excite.identification.streamed_rows import Decimation
-from excite.signals.method import Method, spacing
-from excite.study.batch_estimators import ESTIMATORS, Moments, Solved
-from excite.study.jax_moments import JaxMoments, has_gpu
-from excite.study.moment_sums import BLOCK, EquationColumns, MomentSums, Part
+from excite.logs.signals.method import Method, spacing
+from excite.study.moments import (
+    BLOCK,
+    ESTIMATORS,
+    EquationColumns,
+    JaxMoments,
+    Moments,
+    MomentSums,
+    Part,
+    Solved,
+    has_gpu,
+)
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base, triangular_factor
 from regressors.models.model import RegressorModel
@@ -53,27 +60,22 @@ class Noise:
         return effort, position, count
 
 
-class Draw(NamedTuple):
-    """Random numbers of one repetition."""
+def drawn(seed: int, repetition: int, instants: int, joints: int, channels: int) -> tuple[Array, Array, Array]:
+    """Random numbers of a repetition: the same for the same seed and number, whatever else is drawn.
 
-    effort: Array  # (N, c) standard normal
-    position: Array  # (N, n) standard normal
-    phase: Array  # (n,) uniform in [0, 1): the phase of the encoders' steps
-
-
-def drawn(seed: int, repetition: int, instants: int, joints: int, channels: int) -> Draw:
-    """Random numbers of a repetition: the same for the same seed and number, whatever else is drawn."""
+    Standard normal ones for efforts, shape (N, c), and positions, (N, n), and the phase of the encoders' steps, (n,).
+    """
     rng = np.random.default_rng([seed, repetition])
     phase = rng.random(joints)
-    return Draw(rng.standard_normal((instants, channels)), rng.standard_normal((instants, joints)), phase)
+    return rng.standard_normal((instants, channels)), rng.standard_normal((instants, joints)), phase
 
 
-def measured_position(q: Array, draw: Draw, deviation: Array, step: Array) -> Array:
+def measured_position(q: Array, normal: Array, phase: Array, deviation: Array, step: Array) -> Array:
     """Positions as an encoder measures them, ``step (round((q + noise) / step + phase) - phase)``, shape (N, n)."""
-    # q (N, n); deviation, step (n,)
-    noisy = q + deviation * draw.position
+    # q, normal (N, n); phase, deviation, step (n,)
+    noisy = q + deviation * normal
     whole = np.where(step > 0, step, 1.0)
-    counted = whole * (np.round(noisy / whole + draw.phase) - draw.phase)
+    counted = whole * (np.round(noisy / whole + phase) - phase)
     return np.where(step > 0, counted, noisy)
 
 
@@ -124,11 +126,6 @@ class Experiment:
         count = self.samples.time.size
         blocks = (self.samples.rows(slice(first, first + BLOCK)) for first in range(0, count, BLOCK))
         return np.concatenate([model.instants(block) @ standard for block in blocks]).reshape(count, -1)
-
-    def regressor(self, samples: Samples) -> Array:
-        """Base columns of the stacked regressor of a motion, shape (m, r, b)."""
-        W = self.model.assemble(samples)[:, self.base.index]
-        return W.reshape(-1, len(self.model.row_labels), self.base.rank)
 
 
 def check_shown(R: Array, rows: int, names: tuple[str, ...]) -> Array:
@@ -198,14 +195,17 @@ class Chain:
     def _measured(self, seed: int, number: int) -> tuple[Samples, Array]:
         """Motion that one repetition sees, and its left-hand sides, shape (m, r)."""
         true, (effort, position, step) = self.experiment.samples, self.spread
-        draw = drawn(seed, number, true.time.size, true.q.shape[1], self.efforts.shape[1])
+        normal, of_motion, phase = drawn(seed, number, true.time.size, true.q.shape[1], self.efforts.shape[1])
         samples = self.samples
         if self.experiment.noise.moves:
-            motion = self.motion(measured_position(true.q, draw, position, step))
+            motion = self.motion(measured_position(true.q, of_motion, phase, position, step))
             if motion.kept != self.kept:
-                raise self._chooses()
+                name = "" if self.experiment.method is None else f" {self.experiment.method.name!r}"
+                raise InputError(
+                    f"repetitions: the method{name} keeps other instants with other noise; give its settings"
+                )
             samples = motion.samples
-        return samples, self._left(samples, (self.efforts + effort * draw.effort)[self.kept])
+        return samples, self._left(samples, (self.efforts + effort * normal)[self.kept])
 
     def _moments(self, samples: Samples, y: Array) -> Array:
         if self.fixed is None:
@@ -247,9 +247,3 @@ class Chain:
                 W[:, used] = x.T
                 R = triangular_factor(np.concatenate([R, W]))
         return R
-
-    def _chooses(self) -> InputError:
-        """Error where the instants that a method keeps depend on the noise."""
-        method = self.experiment.method
-        name = "" if method is None else f" {method.name!r}"
-        return InputError(f"repetitions: the method{name} keeps other instants with other noise; give its settings")

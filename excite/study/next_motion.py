@@ -10,19 +10,18 @@ import numpy as np
 import scipy.stats
 
 from excite.design.design import Design
-from excite.design.information_in_hand import with_information_in_hand
+from excite.design.formulation import with_information_in_hand
 from excite.design.optimisation import Progress, design_trajectory
-from excite.information.allowed_half_widths import ABOUT_ZERO, allowed_half_widths
 from excite.information.earlier_precision import InformationInHand, deviations_of, information_in_hand
-from excite.information.parameter_sizes import base_sizes
+from excite.information.half_widths import ABOUT_ZERO, allowed_half_widths, torque_precision
+from excite.information.identifiability import inverse_half
 from excite.information.precision_forecast import PrecisionForecast
+from excite.information.prior import base_sizes
 from excite.information.target import IdentificationTarget, target_of
-from excite.information.torque_precision import torque_precision
-from excite.information.visible_base import inverse_half
 from excite.study.design_for_precision import design_for_precision, precise_task
-from excite.tasks.earlier_information import DESIGN
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import first_argument, robot_and_task
+from excite.tasks.stored_files import DESIGN
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -173,35 +172,22 @@ def next_motion(
     if not isinstance(asked, PrecisionTarget):
         raise InputError("no precision is asked for; give `precision`, such as 0.05")
     target = target_of(robot, task)
-    in_hand = information_in_hand(target, task) or _nothing(target)
-    factor = _stated_factor(asked, in_hand)
+    b = target.base.rank
+    in_hand = information_in_hand(target, task) or InformationInHand(np.zeros((0, b)), 0, np.full(b, np.nan))
+    freedom = max(in_hand.degrees_of_freedom, 1)
+    factor = float(scipy.stats.t.ppf(0.5 + 0.5 * asked.level, freedom))  # half-width over standard deviation
     if of == "measured":
         asked = _of_measured(asked, target, in_hand.values, factor * deviations_of(in_hand.R))
         task = task.changed(precision=asked)
     now = _in_hand(asked, target, in_hand, factor)
-    design = None
-    if not all(one.enough for one in now):
-        given_period = "period" in options or task.objective.scale == "precision"
-        design = (
-            _at_period(task, progress) if given_period else design_for_precision(task, progress=progress, report=report)
-        )
+    if all(one.enough for one in now):
+        design = None
+    elif "period" in options or task.objective.scale == "precision":
+        design = design_trajectory(precise_task(task), progress=progress)
+    else:
+        design = design_for_precision(task, progress=progress, report=report)
     planned = tuple(dict.fromkeys(one.name for one in task.objective.after if one.kind == DESIGN))
     return NextMotion(robot.name, _with_expected(now, design), design, planned, task)
-
-
-def _at_period(task: Task, progress: Progress | None) -> Design:
-    """The motion of the task's own period."""
-    return design_trajectory(precise_task(task), progress=progress)
-
-
-def _nothing(target: IdentificationTarget) -> InformationInHand:
-    b = target.base.rank
-    return InformationInHand(np.zeros((0, b)), 0, np.full(b, np.nan))
-
-
-def _stated_factor(asked: PrecisionTarget, in_hand: InformationInHand) -> float:
-    """Half-width over standard deviation of an interval, by Student's t."""
-    return float(scipy.stats.t.ppf(0.5 + 0.5 * asked.level, max(in_hand.degrees_of_freedom, 1)))
 
 
 def _of_measured(

@@ -159,7 +159,7 @@ class PosteriorSamples:
         return tuple(ParameterRange(name, unit, *map(float, numbers)) for name, unit, *numbers in rows)
 
     def save(self, path: str | Path, *, replace: bool = False) -> Path:
-        """Write the samples to a file that `excite.load_posterior` reads: ``.npz``, or ``.csv`` with every digit.
+        """Write the samples to a file that `excite.load` reads: ``.npz``, or ``.csv`` with every digit.
 
         Parameters
         ----------

@@ -2,39 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import fields, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from excite.design.design import Design
+from excite.identification.allowances import DELAY, PRESLIDING
+from excite.identification.choices.left_out import Choice
+from excite.identification.estimator import Estimator
 from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
-from excite.identification.stated_uncertainty import DELAY, PRESLIDING
 from excite.registry import name_of
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
-from excite.study.accuracy_prediction import AccuracyPrediction, ParameterAccuracy
-from excite.study.motion_errors import motion_errors
-from excite.study.parameter_errors import FREE, bounded_estimates, torque_errors
-from excite.study.rehearsal import Rehearsal, exact_settings, motion_settings
+from excite.storage.records import check_replaceable, read_record, write_record
+from excite.storage.result_folder import result_folder
+from excite.study.rehearsal import (
+    FREE,
+    Rehearsal,
+    bounded_estimates,
+    exact_settings,
+    motion_errors,
+    motion_settings,
+    torque_errors,
+)
 from excite.study.torque_noise import StatedNoise, TorqueNoise
+from excite.tasks.further_settings import Extents
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.nominal import parameter_values
 from regressors.numerical import numerical_work
 from regressors.quantities import check
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.samples import Array
 
-if TYPE_CHECKING:
-    from excite.design.designed_motion import DesignedMotion
-    from excite.identification.choices.choice import Choice
-    from excite.identification.estimator import Estimator
-    from regressors.friction.curves import FrictionCurves
-    from regressors.samples import Array
-
-
-COUNT = 400
 _OF_IDENTIFY = {field.name for field in fields(Recipe)} - {field.name for field in fields(SimulationSettings)}
 _STEPS = 4  # of progress
 
@@ -42,7 +46,7 @@ _STEPS = 4  # of progress
 @checked
 @numerical_work("the prediction of the accuracy", "noise that is far larger than the torques is the likely cause")
 def predict_accuracy(
-    design: DesignedMotion,
+    design: Design,
     settings: SimulationSettings | None = None,
     *,
     noise: TorqueNoise | None = None,
@@ -50,7 +54,7 @@ def predict_accuracy(
     recipe: Recipe | None = None,
     estimator: Estimator | str | None = None,
     choose: bool | Collection[str] = True,
-    count: int = COUNT,
+    count: int = Extents.count,
     progress: Callable[[str], None] = lambda _: None,
     **options: Any,
 ) -> AccuracyPrediction:
@@ -65,7 +69,7 @@ def predict_accuracy(
 
     Parameters
     ----------
-    design : DesignedMotion
+    design : Design
     settings : SimulationSettings, optional
         Noise, counts, sample rate, and what the controller and friction do; see `excite.simulate`.
     noise : TorqueNoise, optional
@@ -102,7 +106,7 @@ def predict_accuracy(
     progress("identifying its log")
     result = identify(design.robot, simulation, design=design, recipe=recipe, estimator=estimator, choose=choose, **how)
     rehearsal = Rehearsal(simulation, result, _found(recipe, result.choices))
-    steps, seed = _Steps(progress), settings.seed
+    steps, seed = _steps(progress), settings.seed
     torques = torque_errors(result, stated, count, seed, rehearsal.found, steps("noise of the torques"))
     motion = np.zeros_like(torques)
     if rehearsal.moves:
@@ -117,7 +121,7 @@ def predict_accuracy(
         seed,
         settings.to_dict(),
         result.recipe.to_dict(),
-        _notes(rehearsal),
+        (*simulation.notes, *(f"{choice.name}: {choice.reason}" for choice in result.choices)),
         design.coefficients_sha256,
     )
 
@@ -131,18 +135,20 @@ def _check_noise(noise: TorqueNoise, settings: SimulationSettings) -> None:
         )
 
 
-class _Steps:
+Steps = Callable[[str], Callable[[int, int], None]]
+
+
+def _steps(progress: Callable[[str], None]) -> Steps:
     """Descriptions of the steps, with how much of each is done."""
 
-    def __init__(self, progress: Callable[[str], None]) -> None:
-        self.progress = progress
-
-    def __call__(self, what: str) -> Callable[[int, int], None]:
+    def step(what: str) -> Callable[[int, int], None]:
         def report(done: int, total: int) -> None:
             if done == total or done % max(1, total // _STEPS) == 0:
-                self.progress(f"{what}: {done} of {total} samples")
+                progress(f"{what}: {done} of {total} samples")
 
         return report
+
+    return step
 
 
 def _found(recipe: Recipe, choices: tuple[Choice, ...]) -> frozenset[str]:
@@ -153,7 +159,7 @@ def _found(recipe: Recipe, choices: tuple[Choice, ...]) -> frozenset[str]:
     return frozenset(found)
 
 
-def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, steps: _Steps) -> tuple[ParameterAccuracy, ...]:
+def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, steps: Steps) -> tuple[ParameterAccuracy, ...]:
     """What the errors by noise of the torques and of the motion, each of shape (k, p), make of each parameter."""
     result, exact = rehearsal.result, rehearsal.exact
     values = exact.solution.values[: exact.count]
@@ -163,7 +169,8 @@ def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, steps: _Ste
         free = values + torques + motion
         bounded = bounded_estimates(result, exact, free, steps("bounds"))
         deviation, mean = np.std(bounded, axis=0, ddof=1), mean + (bounded - free).mean(axis=0)
-    truth = _truth(rehearsal)
+    # true parameters, NaN where the simulated robot has none, as of friction of another form
+    truth = parameter_values(result.target.model, result.target.base, dict(rehearsal.simulation.truth))
     return tuple(
         ParameterAccuracy(name, unit, float(m), float(t), float(q), float(s), None if np.isnan(x) else float(m - x))
         for name, unit, m, t, q, s, x in zip(
@@ -172,13 +179,107 @@ def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, steps: _Ste
     )
 
 
-def _truth(rehearsal: Rehearsal) -> Array:
-    """True parameters, NaN where the simulated robot has none, as of friction of another form."""
-    target = rehearsal.result.target
-    return parameter_values(target.model, target.base, dict(rehearsal.simulation.truth))
+KIND = "accuracy"
 
 
-def _notes(rehearsal: Rehearsal) -> tuple[str, ...]:
-    result = rehearsal.result
-    chosen = tuple(f"{choice.name}: {choice.reason}" for choice in result.choices)
-    return *rehearsal.simulation.notes, *chosen
+@dataclass(frozen=True)
+class ParameterAccuracy:
+    """Predicted accuracy of one parameter, in its unit.
+
+    Parameters
+    ----------
+    name, unit : str
+    value : float
+        What repeats show on average.
+    by_torques : float
+        Standard deviation by noise of the torques.
+    by_motion : float
+        Root mean square error by noise and steps of the measured motion, about its mean.
+    deviation : float
+        Standard deviation of repeats, by both.
+    bias : float or None
+        Error that all repeats share, such as by friction that the model does not describe; None where the simulated
+        robot has no such parameter.
+    """
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"error": lambda parameter: parameter.error}
+
+    name: str
+    unit: str
+    value: float
+    by_torques: float
+    by_motion: float
+    deviation: float
+    bias: float | None
+
+    @property
+    def error(self) -> float:
+        """Root mean square error, of deviation and bias together."""
+        return float(np.hypot(self.deviation, self.bias or 0.0))
+
+
+@dataclass(frozen=True)
+class AccuracyPrediction:
+    """Predicted accuracy of every parameter in repeats of one experiment.
+
+    Parameters
+    ----------
+    name : str
+        Of the design.
+    robot, model : str
+    parameters : tuple of ParameterAccuracy
+    count : int
+        Random samples that the deviations are computed from.
+    seed : int
+    conditions : mapping
+        Stated noise and whatever else was simulated, as plain values.
+    identification : mapping
+        Settings of the identification, as plain values.
+    notes : tuple of str
+        What was chosen and assumed.
+    design_sha256 : str
+        Hash of the motion's coefficients.
+    """
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"precision": lambda prediction: prediction.precision}
+
+    name: str
+    robot: str
+    model: str
+    parameters: tuple[ParameterAccuracy, ...]
+    count: int
+    seed: int
+    conditions: Mapping[str, Any] = field(default_factory=dict)
+    identification: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    design_sha256: str = ""
+
+    @property
+    def precision(self) -> float:
+        """Relative standard deviation of the predicted deviations themselves, ``1 / sqrt(2 (count - 1))``."""
+        return float(1 / np.sqrt(2 * (self.count - 1)))
+
+    def __repr__(self) -> str:
+        """One-line summary."""
+        return f"<AccuracyPrediction of {len(self.parameters)} parameters of {self.robot}, to {self.precision:.1%}>"
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write ``accuracy.json`` into a folder, created if it does not exist; an older one is replaced.
+
+        Parameters
+        ----------
+        folder : path
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written to, or holds a file of the name that is no such prediction.
+        """
+        with result_folder(Path(folder)):
+            check_replaceable(Path(folder), KIND, KIND)
+            return write_record(self, KIND, Path(folder), KIND)
+
+
+def load_accuracy(path: str | Path) -> AccuracyPrediction:
+    """Load an ``accuracy.json``."""
+    return read_record(Path(path), AccuracyPrediction, KIND)

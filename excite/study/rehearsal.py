@@ -1,25 +1,30 @@
-"""One experiment in simulation, identified as its log will be: the equations by which errors reach the parameters."""
+"""One experiment in simulation, identified as its log will be, and how errors reach the parameters."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from excite.identification.covariance import METHODS
+from excite.identification.allowances import found_columns
+from excite.identification.biases import without_standstill
+from excite.identification.covariance import METHODS, divisors
+from excite.identification.equations import equations, right_sides
+from excite.identification.estimator import Context, LinearSolution, solve_triangular_system
 from excite.identification.identification import Identification
 from excite.identification.known_friction import without_friction
+from excite.identification.observations import GroupFactors, Observations
 from excite.identification.preparation import PreparedLog, prepare
-from excite.identification.standstill_bias import without_standstill
 from excite.logs.log import Log
-from excite.simulation.integration import SimulatedRun
 from excite.simulation.sensors import joint_log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import Simulation
-from excite.study.parameter_errors import LinearEquations, linear_equations
+from excite.study.torque_noise import TorqueNoise
 from regressors.errors import InputError
-from regressors.samples import Array, Samples
+from regressors.models.nominal import standard_values
+from regressors.samples import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +33,7 @@ class Rehearsal:
 
     simulation: Simulation
     result: Identification  # of its log
-    # settings that every repeat finds again from its own log, see `excite.identification.stated_uncertainty`
+    # settings that every repeat finds again from its own log, see `excite.identification.allowances`
     found: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
@@ -41,19 +46,14 @@ class Rehearsal:
             raise InputError("accuracy is predicted for models of joint torques, not for those of a wrench")
 
     @property
-    def settings(self) -> SimulationSettings:
-        """Stated noise of torques and of the motion, and what else happens in every repeat."""
-        return self.simulation.settings
-
-    @property
     def moves(self) -> bool:
         """Whether the measured motion is not exact."""
-        return motion_settings(self.settings) != exact_settings(self.settings)
+        return motion_settings(self.simulation.settings) != exact_settings(self.simulation.settings)
 
     @cached_property
     def exact(self) -> LinearEquations:
         """Equations of the exact motion and the exact torques, with whatever the model does not describe."""
-        return self.equations(self.log(exact_settings(self.settings), np.zeros(self.simulation.robot.n)))
+        return self.equations(self.log(exact_settings(self.simulation.settings), np.zeros(self.simulation.robot.n)))
 
     def equations(self, log: Log) -> LinearEquations:
         """Equations of a log by the settings of the identification."""
@@ -72,13 +72,9 @@ class Rehearsal:
         """The run as sensors measure it whose zeros are elsewhere, so that steps fall on other instants."""
         # shift (n,)
         run, rng = self.simulation.run, np.random.default_rng(settings.seed)
-        log = joint_log(self.simulation.robot, _shifted(run, shift), settings, rng)
+        shifted = replace(run, samples=replace(run.samples, q=run.samples.q + shift))
+        log = joint_log(self.simulation.robot, shifted, settings, rng)
         return replace(log, q=log.q - shift)
-
-
-def _shifted(run: SimulatedRun, shift: Array) -> SimulatedRun:
-    s = run.samples
-    return replace(run, samples=Samples(s.time, s.q + shift, s.dq, s.ddq, s.dddq))
 
 
 def motion_settings(settings: SimulationSettings) -> SimulationSettings:
@@ -91,3 +87,143 @@ def exact_settings(settings: SimulationSettings) -> SimulationSettings:
     none = (0.0,)
     quiet = motion_settings(settings)
     return replace(quiet, encoder=None, position_noise=none, velocity_noise=none, position_step=none)
+
+
+def motion_errors(
+    rehearsal: Rehearsal, count: int, seed: int, progress: Callable[[int, int], None] = lambda *_: None
+) -> Array:
+    """Errors of the estimate from measured motions and exact torques, shape (count, p).
+
+    Each measured motion passes the filter and the derivatives of the identification and gives its own regressor W, so
+    that parameters are also pulled towards zero, ``(W' V W)^-1 W' V (y - W beta)``. Encoders count from a random phase:
+    a repeat of the motion that is not the same to within a count meets other steps.
+    """
+    settings, rng, errors = motion_settings(rehearsal.simulation.settings), np.random.default_rng([seed, 1]), []
+    exact = rehearsal.exact.solution.values
+    widest = _widest_step(settings, rehearsal.simulation.robot.n)
+    for k in range(count):
+        one = replace(settings, seed=int(rng.integers(2**31)))
+        log = rehearsal.log(one, widest * rng.random(widest.size))
+        errors.append(rehearsal.equations(log).error(exact))
+        progress(k + 1, count)
+    return np.array(errors)
+
+
+def _widest_step(settings: SimulationSettings, joints: int) -> Array:
+    """Step of the positions of each joint, or more where gears reduce it, shape (n,)."""
+    step = np.broadcast_to(settings.position_step, joints)
+    if settings.encoder is None:
+        return np.asarray(step)
+    return np.asarray(np.maximum(step, 2 * np.pi / np.broadcast_to(settings.encoder, joints)))
+
+
+@dataclass(frozen=True, eq=False)
+class LinearEquations:
+    """Equations ``y = W beta + C c + e``, each row with a divisor, and columns C of settings found with beta."""
+
+    rows: Observations  # with the columns [W C]
+    divisor: Array  # (groups,) noise by which the rows of each group are divided
+    count: int  # parameters p of beta, the first columns
+
+    @cached_property
+    def factor(self) -> Array:
+        """Triangular factor of ``V^1/2 [W C y]``."""
+        return GroupFactors.of(self.rows).stacked(self.divisor)
+
+    @cached_property
+    def solution(self) -> LinearSolution:
+        """Weighted least squares, also of the settings."""
+        return solve_triangular_system(self.factor)
+
+    @cached_property
+    def root(self) -> Array:
+        """Triangular factor of the equations of beta once the settings are eliminated, shape (p, p)."""
+        p, k = self.count, self.factor.shape[1] - 1 - self.count
+        first = np.concatenate([self.factor[:, p : p + k], self.factor[:, :p]], axis=1)
+        return np.asarray(np.linalg.qr(first, mode="r"))[k : k + p, k:]
+
+    def errors(self, changes: Array) -> Array:
+        """``(W' V W)^-1 W' V e`` for errors of the right-hand side of shape (m, k), shape (k, p)."""
+        half, scores = self.solution.half, np.zeros((self.solution.half.shape[1], changes.shape[1]))
+        for block in self.rows.blocks():
+            scale = self.divisor[self.rows.group[block], None]
+            scores += (self.rows.W[block] @ half / scale).T @ (changes[block] / scale)
+        return np.asarray((half @ scores)[: self.count].T)
+
+    def error(self, values: Array) -> Array:
+        """Estimate of these equations less given values, shape (p,)."""
+        return np.asarray((self.solution.values - values)[: self.count])
+
+
+def linear_equations(result: Identification, part: PreparedLog, found: frozenset[str]) -> LinearEquations:
+    """Equations of a log by the settings and with the weights of an identification."""
+    target, recipe, estimate = result.target, result.recipe, result.estimate
+    rows = equations(target, [part], recipe)
+    for name, column in found_columns(estimate, Context(target, (part,), recipe), found):
+        rows = rows.beside(column[:, None], (name,))
+    return LinearEquations(rows, divisors(estimate), len(result.names))
+
+
+FREE = ("weighted", "least-squares", "recursive", "huber")  # linear in the measurements, or nearly so
+
+
+def bounded_estimates(
+    result: Identification,
+    linear: LinearEquations,
+    values: Array,
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> Array:
+    """What an estimator makes of measurements whose weighted least-squares estimates are given, shape (k, p).
+
+    The rows are condensed to p equations ``R beta = R values`` with ``R'R = W' V W``, of noise one.
+    """  # values (k, p)
+    if result.estimate.method in FREE:
+        return values
+    estimator, target = result.recipe.chosen_estimator(), result.target
+    context = Context(target, result.prepared, result.recipe, standard_values(target.robot))
+    p, root, rows = linear.count, linear.root, linear.rows
+    first: np.ndarray = np.zeros(p, dtype=np.intp)
+    condensed = replace(
+        rows,
+        W=root,
+        y=np.zeros(p),
+        names=rows.names[:p],
+        units=rows.units[:p],
+        equation=first,
+        equations=rows.equations[:1],
+        log=first,
+        time=np.zeros(p),
+        noise=np.ones((1, 1)),
+    )
+    bounded = []
+    for k, one in enumerate(values, 1):
+        bounded.append(estimator.estimate(replace(condensed, y=root @ one), context).coefficients)
+        progress(k, len(values))
+    return np.array(bounded)
+
+
+_NUMBERS = 2**23  # of noise that is held at once
+
+
+def torque_errors(
+    result: Identification,
+    noise: TorqueNoise,
+    count: int,
+    seed: int,
+    found: frozenset[str] = frozenset(),
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> Array:
+    """Errors ``(W' V W)^-1 W' V F n`` of an estimate, shape (count, p).
+
+    F brings torques to the rows of the equations: their low-pass and decimation, and the windows of the model.
+    """
+    (part,), target, recipe = result.prepared, result.target, result.recipe
+    N, n = part.measured.shape
+    linear = linear_equations(result, part, found)
+    rng, errors = np.random.default_rng([seed, 0]), []
+    block = max(1, min(count, _NUMBERS // (N * n)))
+    for first in range(0, count, block):
+        samples = [noise.draw(part.samples.time, n, rng) for _ in range(min(block, count - first))]
+        errors.append(linear.errors(right_sides(target, part, recipe, np.array(samples))))
+        progress(min(first + block, count), count)
+    return np.concatenate(errors)

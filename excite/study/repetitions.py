@@ -1,19 +1,342 @@
-"""Statistics of an estimator over many repetitions, and the memory and time that these take."""
+"""Repetitions of an experiment or of an identification: in little memory, on several processes, resumed."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import logging
+import time
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import cached_property, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.stats
+from threadpoolctl import threadpool_limits
 
-from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
+from excite.design.executors.dask_cluster import DaskCluster
+from excite.design.executors.dask_starts import check_versions
+from excite.design.executors.unit_executor import SHORT, InProcesses, InThisProcess, LostUnit, UnitExecutor, Work
+from excite.design.executors.unit_executors import unit_executor
+from excite.design.interruption import current_interruption
+from excite.design.problem_identity import PACKAGES, NotComparable, plain_value
+from excite.errors import LostWorkersError
+from excite.identification.equations import predicted_rows
 from excite.identification.estimate import CONFIDENCE
-from excite.study.experiment import Experiment
-from excite.study.moment_sums import BLOCK, entries_of_equations
+from excite.identification.identification import Identification
+from excite.identification.prediction import instantaneous_target
+from excite.identification.preparation import chosen_method
+from excite.identification.recipe import not_repeated, repetition_prediction
+from excite.logs.signals.butterworth import decimation
+from excite.logs.signals.resampling import delayed, resample
+from excite.storage.atomic import replacing
+from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.study.experiment import Chain, Experiment, Noise
+from excite.study.moments import BLOCK, entries_of_equations, has_gpu
+from excite.study.torque_noise import rate_of
+from regressors.errors import InputError
+from regressors.input_files import LOG, opened
 from regressors.memory_cap import memory_cap
+from regressors.numerical import numerical_work
+from regressors.quantities import check
 from regressors.samples import Array
+
+
+def repetitions(
+    result: Identification,
+    count: int,
+    seed: int,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    executor: str | UnitExecutor = "process",
+    workers: int | None = None,
+    kept: str | Path | None = None,
+) -> Repetitions:
+    """Repeat the experiment of the first log with the estimate as the truth.
+
+    The true motion is the filtered motion of the log; the noise of positions is what was filtered out of them, the
+    noise of torques the residual of the estimate at every instant, both taken as white. Friction has the sign of the
+    velocity, smoothed over the sign width if there is one; presliding over a distance is left out.
+    """
+    if result.friction is not None:
+        raise not_repeated()
+    recipe, part, model = result.recipe, result.prepared[0], result.target.model
+    recipe.check_repeatable(count)
+    uniform = resample(part.log).log  # what the method chooses for the log, it keeps
+    chosen = 1 if recipe.low_pass is None else decimation(rate_of(part.samples.time), recipe.low_pass)
+    experiment = Experiment(
+        model=model,
+        base=result.target.base,
+        samples=part.samples,
+        beta=result.estimate.coefficients,
+        noise=Noise(effort=effort_noise(result), position=position_noise(result)),
+        method=chosen_method(recipe).settled(uniform.time, uniform.q),
+        low_pass=recipe.low_pass,
+        every=recipe.every or chosen,
+        estimator=str(recipe.estimator),
+    )
+    return repeat_experiment(experiment, count, seed, progress=progress, executor=executor, workers=workers, kept=kept)
+
+
+def effort_noise(result: Identification) -> Array:
+    """Standard deviation of the residuals of the first log's torques, or wrench, shape (r,) [Nm or N].
+
+    At every instant and before any low-pass, whatever the equations of the identification were. From the median
+    magnitude, since large errors at a few sign changes of friction are not noise.
+    """
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    part, model = result.prepared[0], target.model
+    predicted = predicted_rows(
+        target,
+        part.samples,
+        result.recipe.breakaway or 0.0,
+        result.recipe.sign_width or 0.0,
+        result.estimate.coefficients,
+    )
+    left = model.right_side(part.samples, part.measured).reshape(predicted.shape) - predicted
+    magnitude = np.median(np.abs(left), axis=0)
+    return np.asarray(magnitude / scipy.stats.norm.ppf(0.75))
+
+
+def position_noise(result: Identification) -> Array:
+    """Standard deviation of the noise filtered out of the first log's positions, shape (n,) [rad or m]."""
+    part = result.prepared[0]
+    delay, log = result.recipe.delay, part.log
+    samples = delayed(part.samples, -delay)  # as the positions were recorded, but for the ends
+    within = (log.time >= samples.time[0] + abs(delay)) & (log.time <= samples.time[-1] - abs(delay))
+    smooth = np.column_stack([np.interp(log.time[within], samples.time, q) for q in samples.q.T])
+    return np.asarray(np.std(log.q[within] - smooth, axis=0))
+
+
+_UNIT = 0.1  # seconds of a unit
+
+numerical_repetition = partial(
+    numerical_work,
+    "the repetition of the experiment",
+    "rows that hardly move, or numbers of very different sizes are the likely cause: "
+    "check the units of the log and `rows`",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class SeededExperiment:
+    """What all repetitions of an experiment have in common, in whatever process they are computed."""
+
+    experiment: Experiment
+    seed: int
+    versions: dict[str, str]  # packages that a process elsewhere must have in the same version
+
+    @cached_property
+    def chain(self) -> Chain:
+        """Built once per process; a forked one inherits it."""
+        check_versions(self.versions)
+        with threadpool_limits(1):
+            return Chain(self.experiment)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "chain"}
+
+
+@numerical_repetition()
+def repeat_numbers(common: SeededExperiment, numbers: range) -> list[Repetition]:
+    """Repetitions of some numbers."""
+    P = np.eye(common.experiment.base.rank) if common.chain.change is None else common.chain.change
+    solved = common.chain.repetitions(common.seed, numbers)
+    return [Repetition(P @ error, np.linalg.norm(P @ half, axis=1), noise) for error, half, noise in solved]
+
+
+def repeat_in_one_thread(common: SeededExperiment, numbers: range) -> list[Repetition]:
+    """The same where linear algebra may have more threads, which add in another order."""
+    with threadpool_limits(1):
+        return repeat_numbers(common, numbers)
+
+
+def executor_of_repetitions(
+    given: str | UnitExecutor, workers: int | None, experiment: Experiment, count: int
+) -> UnitExecutor:
+    """What runs the repetitions of an experiment; memory is checked for the processes that it has here."""
+    executor = unit_executor(given, workers)
+    experiment_prediction(experiment).check()
+    if given == "process" and isinstance(executor, InProcesses):
+        most = fitting_workers(experiment) if workers is None else executor.count
+        executor = InProcesses(max(1, min(executor.count, most, count)))
+        if executor.count == 1 or has_gpu() or repetition_seconds(experiment, count) < SHORT:
+            return InThisProcess()
+    experiment_prediction(experiment, processes_here(executor)).check()
+    return executor
+
+
+def processes_here(executor: UnitExecutor) -> int:
+    """Worker processes that an executor starts on this machine."""
+    if isinstance(executor, DaskCluster):
+        return executor.processes_here
+    return executor.count if isinstance(executor, InProcesses) else 0
+
+
+def common_of(executor: UnitExecutor, experiment: Experiment, seed: int) -> SeededExperiment:
+    """What an executor's processes need; those elsewhere must have this one's versions."""
+    versions = {} if executor.shares_disk else {name: version(name) for name in PACKAGES}
+    return SeededExperiment(experiment, seed, versions)
+
+
+def units_of(executor: UnitExecutor, common: SeededExperiment, numbers: Sequence[int]) -> list[range]:
+    """Ranges of ascending numbers: here what is computed at once, elsewhere about `_UNIT` seconds of work each."""
+    at_once = common.chain.batch  # built, and its errors raised, before processes start, which inherit it if forked
+    elsewhere = max(1, int(_UNIT / repetition_seconds(common.experiment, 1)))
+    size = at_once if isinstance(executor, InThisProcess) else elsewhere
+    gaps = np.flatnonzero(np.diff(numbers) > 1) + 1
+    return [
+        range(first, min(first + size, run[-1] + 1))
+        for run in np.split(np.asarray(numbers, dtype=int), gaps)
+        for first in range(run[0], run[-1] + 1, size)
+    ]
+
+
+_ENDED = "Ctrl-C ends them, and what was identified is saved"
+_FEWEST = 2  # repetitions that have a scatter
+_log = logging.getLogger(__name__)
+
+
+@numerical_repetition()
+def repeat_experiment(
+    experiment: Experiment,
+    count: int,
+    seed: int,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    executor: str | UnitExecutor = "process",
+    workers: int | None = None,
+    kept: str | Path | None = None,
+) -> Repetitions:
+    """Estimates from repetitions with different noise."""
+    check("repeats", count)
+    check("seed", seed)
+    if count < _FEWEST:
+        raise InputError(f"repetitions: expected {_FEWEST} or more, given {count}")
+    units = executor_of_repetitions(executor, workers, experiment, count)
+    repetition_prediction(count, experiment.base.rank).check()
+    announce("the repetitions", repetition_seconds(experiment, count) / max(1, processes_here(units)), _ENDED)
+    common = common_of(units, experiment, seed)
+    here = isinstance(units, InThisProcess)  # a process that limits its threads could not be forked
+    with threadpool_limits(1) if here else nullcontext():
+        running = _Running(count, KeptRepetitions(None if kept is None else Path(kept), common), progress)
+        running.run(units, repeat_numbers if here else repeat_in_one_thread, common)
+    base, beta, found = experiment.base, np.asarray(experiment.beta, dtype=float), running.found
+    error, deviation, noise = (np.array(part) for part in zip(*(found[k] for k in sorted(found)), strict=True))
+    freedom = common.chain.rows - base.rank
+    return Repetitions(base.names, base.units, beta, beta + error, deviation, noise, freedom, seed, running.interrupted)
+
+
+class _Running:
+    """Repetitions that are there, and those that are to come."""
+
+    def __init__(self, count: int, kept: KeptRepetitions, progress: Callable[[int, int], None] | None) -> None:
+        self.count, self._kept, self._progress = count, kept, progress or (lambda *_: None)
+        self.found, self.interrupted = kept.read(count), False
+
+    def run(self, executor: UnitExecutor, work: Work, common: SeededExperiment) -> None:
+        """Compute what is left, until Ctrl-C."""
+        left = [number for number in range(self.count) if number not in self.found]
+        units = units_of(executor, common, left) if left else []
+        try:
+            with closing(executor.run(work, common, units)) as results:
+                for index, result in results:
+                    self._take(units[index], result)
+        except KeyboardInterrupt:
+            self._kept.save(self.found, now=True)
+            if len(self.found) < _FEWEST:
+                raise
+            self.interrupted = True
+            if (answered := current_interruption()) is not None:
+                answered.caught()
+        except LostWorkersError as error:
+            raise LostWorkersError(error.args[0], self._remedy()) from error
+        if len(self.found) < _FEWEST:
+            raise InputError(
+                f"repetitions: {len(self.found)} of {self.count} are left, since workers ended; repeat with fewer "
+                "`workers`, or with another `executor`"
+            )
+        if not self.interrupted:
+            self._kept.remove()
+
+    def _take(self, numbers: range, result: list[Repetition] | LostUnit) -> None:
+        if isinstance(result, LostUnit):
+            several = len(numbers) > 1
+            which = f"repetitions {numbers[0]} to {numbers[-1]} are" if several else f"repetition {numbers[0]} is"
+            _log.warning("%s left out: %s", which, result.reason)
+            return
+        self.found.update(zip(numbers, result, strict=True))
+        self._kept.save(self.found)
+        self._progress(len(self.found), self.count)
+
+    def _remedy(self) -> str:
+        if self._kept.save(self.found, now=True):
+            done = f"{len(self.found)} of {self.count} repetitions"
+            return f"{done} are kept in {self._kept.path}, and the same call computes the rest"
+        return "repeat with fewer `workers`, or with another `executor`"
+
+
+_EVERY = 5.0  # seconds between two writes
+
+_UNREADABLE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+
+
+class KeptRepetitions:
+    """A file with the repetitions of an experiment that are computed; without a path none are kept."""
+
+    def __init__(self, path: Path | None, common: SeededExperiment) -> None:
+        self.path, self._identity = path, "" if path is None else _identity(common)
+        self._next = time.monotonic() + _EVERY
+
+    def read(self, count: int) -> dict[int, Repetition]:
+        """Repetitions of numbers below ``count`` that are in the file; none where there is no file."""
+        if self.path is None or not self._identity or not self.path.exists():
+            return {}
+        try:
+            with opened(self.path, LOG) as stream, np.load(stream, allow_pickle=False) as content:
+                identity, numbers = str(content["identity"]), content["number"].tolist()
+                rows = zip(content["error"], content["deviation"], content["noise"], strict=True)
+                found = {number: Repetition(*row) for number, row in zip(numbers, rows, strict=True)}
+        except _UNREADABLE:
+            _log.warning("%s cannot be read; its repetitions are computed again", self.path)
+            return {}
+        if identity != self._identity:
+            _log.warning("%s is of another experiment, and is replaced", self.path)
+            return {}
+        found = {number: one for number, one in found.items() if number < count}
+        _log.info("%d of %d repetitions are already done in %s", len(found), count, self.path)
+        return found
+
+    def save(self, repetitions: Mapping[int, Repetition], *, now: bool = False) -> bool:
+        """Write them, not more often than every few seconds if not ``now``; say whether they can be used later."""
+        if self.path is None or not self._identity or not repetitions:
+            return False
+        if now or time.monotonic() >= self._next:
+            error, deviation, noise = (np.array(part) for part in zip(*repetitions.values(), strict=True))
+            identity, number = np.array(self._identity), np.array(list(repetitions))
+            with replacing(self.path, "wb") as stream:
+                np.savez(stream, identity=identity, number=number, error=error, deviation=deviation, noise=noise)
+            self._next = time.monotonic() + _EVERY
+        return True
+
+    def remove(self) -> None:
+        """Remove the file."""
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)
+
+
+def _identity(common: SeededExperiment) -> str:
+    """Hash of what repetitions depend on; empty where a later process could not tell whether it is the same."""
+    try:
+        content = [plain_value(common.experiment), common.seed, {name: version(name) for name in PACKAGES}]
+    except NotComparable:
+        return ""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 class Repetition(NamedTuple):

@@ -8,24 +8,27 @@ from pathlib import Path
 import numpy as np
 import scipy.stats
 
-from excite.estimates.work_prediction import announce
 from excite.identification.estimators.standard import StandardProblem, problem_of_factor
-from excite.identification.identification import Identification
-from excite.identification.torque_target import stated_covariance, torque_target, unconstrained_estimate
+from excite.identification.identification import (
+    Identification,
+    stated_covariance,
+    torque_target,
+    unconstrained_estimate,
+)
+from excite.identification.result_json import load_result
 from excite.information.target import IdentificationTarget
-from excite.registry import built_in
 from excite.storage.manifest import sha256_of
+from excite.storage.work_prediction import announce
 from excite.study.chains import (
     CHAINS,
-    InnerPoint,
     PosteriorCoordinates,
     coordinates_inside,
+    described_prior,
     draws,
     inner_point,
     path_count,
     posterior_coordinates,
 )
-from excite.study.described_prior import described_prior
 from excite.study.posterior_samples import LEVEL, PosteriorSamples
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -85,7 +88,7 @@ def sample_posterior(
     ------
     InputError
         A result of a load, without a covariance, or of other parameters than its model's; numbers out of range.
-    ConicSolverError
+    excite.errors.ConicSolverError
         No possible robot is near the identified one.
     """
     check("samples", samples)
@@ -95,13 +98,13 @@ def sample_posterior(
     target = torque_target(known)
     standard, coordinates = posterior_of(known, target, prior)
     possible = coordinates_inside(standard, coordinates)
-    start = inner_point(possible)
+    start, closest = inner_point(possible)
     announce("sampling", _SECONDS * CHAINS * path_count(samples) * (3 + len(standard.bodies)) * coordinates.size)
-    theta = coordinates.theta(draws(coordinates, possible, start.z, max(samples, _FEWEST), seed, progress))
+    theta = coordinates.theta(draws(coordinates, possible, start, max(samples, _FEWEST), seed, progress))
     values = theta.reshape(-1, len(standard.names))[:samples]
     free = np.ptp(theta, axis=(0, 1)) > 0
     spread = float(split_deviation(theta[..., free]).max(initial=1.0))
-    distance = float(np.linalg.norm(start.nearest))
+    distance = float(np.linalg.norm(closest))
     return PosteriorSamples(
         robot=known.robot.name,
         result_sha256=None if known.folder is None else sha256_of(known.folder / "result.json"),
@@ -116,14 +119,13 @@ def sample_posterior(
         distance=distance,
         effective=float(min(effective_draws(theta[..., free]).min(initial=np.inf), samples)),
         split_deviation=spread,
-        notes=_notes(known, target, coordinates, start, spread),
+        notes=_notes(known, target, coordinates, closest, spread),
     )
 
 
 def _result(given: Identification | str | Path) -> Identification:
     if isinstance(given, str | Path):
-        loaded: Identification = built_in("reader", "result")(given)
-        return loaded
+        return load_result(given)
     if not isinstance(given, Identification):
         raise InputError(f"expected a result of `identify` or its folder, given {shortened(repr(given))}")
     return given
@@ -152,13 +154,14 @@ def _notes(
     result: Identification,
     target: IdentificationTarget,
     coordinates: PosteriorCoordinates,
-    start: InnerPoint,
+    closest: Array,
     spread: float,
 ) -> tuple[str, ...]:
     notes = []
     p = coordinates.determined
-    own = float(np.linalg.norm(start.nearest[:p]))
-    bound = scipy.stats.chi2.ppf(LEVEL, p) if np.isinf(coordinates.freedom) else _fisher(p, coordinates.freedom)
+    own = float(np.linalg.norm(closest[:p]))
+    normal = np.isinf(coordinates.freedom)
+    bound = scipy.stats.chi2.ppf(LEVEL, p) if normal else p * scipy.stats.f.ppf(LEVEL, p, coordinates.freedom)
     if own > np.sqrt(bound):
         notes.append(
             f"no possible robot is within the 99 % region of the estimate: the nearest is {own:.3g} deviations away, "
@@ -184,10 +187,6 @@ def _notes(
             "from a motion that shows more of the parameters"
         )
     return tuple(notes)
-
-
-def _fisher(p: int, freedom: float) -> float:
-    return float(p * scipy.stats.f.ppf(LEVEL, p, freedom))
 
 
 def split_deviation(draws: Array) -> Array:

@@ -69,7 +69,7 @@ class TimeStudy:
         ]
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write ``study.json`` with its curves; `excite.plots.write_time_study_figure` draws it.
+        """Write ``study.json`` with its curves; `excite.write_figures` draws it.
 
         Parameters
         ----------

@@ -82,7 +82,7 @@ class MeasuredNoise(TorqueNoise):
 
     def draw(self, time: Array, joints: int, rng: np.random.Generator) -> Array:
         """See `TorqueNoise.draw`."""
-        rate = _rate(time)
+        rate = rate_of(time)
         if abs(rate / self.rate - 1) > _SAME_RATE or joints != len(self.joints):
             raise InputError(
                 f"noise was measured of {len(self.joints)} joints at {self.rate:.4g} Hz, and the motion has {joints} "
@@ -136,8 +136,9 @@ def measured_noise(result: Identification, log: int = 0) -> MeasuredNoise:
             e = residual[own]
             fitted = float(np.sqrt(np.mean(e**2)))  # less than the noise by what the parameters take up
             joints.append(noise_of_residuals(e * deviation[group % r] / fitted if fitted > 0 else e))
-    return MeasuredNoise(_rate(result.prepared[log].samples.time), tuple(joints))
+    return MeasuredNoise(rate_of(result.prepared[log].samples.time), tuple(joints))
 
 
-def _rate(time: Array) -> float:
+def rate_of(time: Array) -> float:
+    """Samples per second [Hz]."""
     return (time.size - 1) / float(time[-1] - time[0])

@@ -8,10 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import option
 from excite.tasks.stored_files import UnopenedFile
-from excite.tasks.values import strict
+from excite.tasks.values import MOUNTS, strict
 from regressors.errors import InputError
 
 if TYPE_CHECKING:  # what describes options must be imported in no time
@@ -46,7 +45,7 @@ class Installation:
     """
 
     gravity: Triple | None = option(
-        None, "triple", "Gravity in the axes of the base [m/s^2], such as 0,0,-9.81.", metavar="X,Y,Z"
+        None, "triple", "Gravity in the axes of the base, such as 0,0,-9.81.", metavar="X,Y,Z"
     )
     mount: str | Triple | None = option(
         None,
@@ -121,10 +120,10 @@ def _payload_of(file: str) -> tuple[float, ...]:
 
     import numpy as np
 
-    from excite.registry import built_in
+    from excite.tasks.payload import read_load
     from regressors.robot.inertia import inertia_tensor, skew
 
-    theta = built_in("reader", "load")(Path(file)).parameters
+    theta = read_load(Path(file)).parameters
     centre = theta[1:4] / theta[0]
     tensor = inertia_tensor(theta) + theta[0] * skew(centre) @ skew(centre)
     return (float(theta[0]), *map(float, centre), *map(float, tensor[np.triu_indices(3)]))

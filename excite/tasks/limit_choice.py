@@ -18,7 +18,7 @@ from regressors.errors import InputError
 if TYPE_CHECKING:  # what describes options must be imported in no time
     from constraints.collision.geometry import World
     from constraints.limit import Limit
-    from regressors.friction.curves import FrictionCurves
+    from regressors.robot.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
 
 Side = tuple[float | None, float | None]
@@ -70,21 +70,19 @@ class LimitChoice:
     """
 
     position: tuple[tuple[float, float], ...] | None = option(
-        None, "ranges", "Position limits per joint [rad or m].", metavar="L:U,...", flag="position-limit"
+        None, "ranges", "Position limits per joint.", metavar="L:U,...", flag="position-limit"
     )
     velocity: tuple[float, ...] | None = essential(
         None,
         "numbers",
-        "Velocity limits [rad/s]; one for all joints, or one each.",
+        "Velocity limits; one for all joints, or one each.",
         metavar="V,...",
         flag="velocity-limit",
     )
     acceleration: tuple[float, ...] | None = essential(
-        None, "numbers", "Acceleration limits [rad/s^2].", metavar="A,...", flag="acceleration-limit"
+        None, "numbers", "Acceleration limits.", metavar="A,...", flag="acceleration-limit"
     )
-    jerk: tuple[float, ...] | None = option(
-        None, "numbers", "Jerk limits [rad/s^3].", metavar="J,...", flag="jerk-limit"
-    )
+    jerk: tuple[float, ...] | None = option(None, "numbers", "Jerk limits.", metavar="J,...", flag="jerk-limit")
     torque_margin: float | str | None = essential(
         AUTO,
         "margin",
@@ -100,16 +98,16 @@ class LimitChoice:
         late=True,
     )
     tool_box: tuple[Side, Side, Side] | None = option(
-        None, "box", "Box in which the tool must stay, x,y,z [m], such as -1:1,:,0:.", metavar="L:U,L:U,L:U"
+        None, "box", "Box in which the tool must stay, x,y,z, such as -1:1,:,0:.", metavar="L:U,L:U,L:U"
     )
-    tool_speed: float | None = option(None, "number", "Largest speed of the tool [m/s].", metavar="V")
+    tool_speed: float | None = option(None, "number", "Largest speed of the tool.", metavar="V")
     tool_point: tuple[float, float, float] = option(
-        (0.0, 0.0, 0.0), "triple", "Position of the tool in the last link's frame [m].", metavar="X,Y,Z"
+        (0.0, 0.0, 0.0), "triple", "Position of the tool in the last link's frame.", metavar="X,Y,Z"
     )
     floor: float | str | None = option(
         AUTO,
         "margin",
-        "Height above the base's origin of the surface that the robot is mounted on, from which it keeps 2 cm [m]; "
+        "Height above the base's origin of the surface that the robot is mounted on, from which it keeps 2 cm; "
         "auto: that of the base's lowest point; none: not checked.",
         metavar="HEIGHT|auto|none",
     )

@@ -10,25 +10,24 @@ from dataclasses import dataclass, replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import WINDOWS, OwnPart, built_in, check_part, part
-from excite.tasks.drive_choice import DriveChoice, check_choice, numbers_of
+from excite.registry import WINDOWS, OwnPart, check_part, part
+from excite.tasks.model_options import FURTHER_TERMS, DriveChoice, check_choice, numbers_of, options_of_model
 from excite.tasks.option import essential, option
-from excite.tasks.options_of_model import options_of_model
 from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
 
 if TYPE_CHECKING:  # modules that describe options must import quickly
-    from regressors.friction.curves import FrictionCurves
     from regressors.models.columns import Terms
     from regressors.models.load import Sensor
     from regressors.models.model import RegressorModel
     from regressors.models.windows import Window
+    from regressors.robot.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
 
 Triple = tuple[float, float, float]
 
-FURTHER_FRICTION = ("offset", "load_share", "root_friction", "asymmetric_friction", "stribeck")
+FURTHER_FRICTION = tuple(FURTHER_TERMS.values())
 FRICTION = ("friction", *FURTHER_FRICTION)
 
 
@@ -99,16 +98,17 @@ class ModelChoice:
         "differential", "name", "Equations that identify the parameters.", part="model"
     )
     window: str = option("short", "name", "Time windows of energy and load-integral.", choices=WINDOWS)
-    window_length: float = option(0.005, "number", "Length of the short windows [s].", metavar="S")
+    window_length: float = option(0.005, "number", "Length of the short windows.", metavar="S")
     sensor: str | None = option(
-        None, "text", "Link with the force/torque sensor (load models).  [default: the last]", metavar="LINK"
+        None, "text", "Link with the force/torque sensor (load models).", metavar="LINK", unset="the last"
     )
-    sensor_xyz: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's origin in that link's frame [m].", metavar="X,Y,Z")
-    sensor_rpy: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's axes: roll, pitch, yaw [rad].", metavar="R,P,Y")
+    sensor_xyz: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's origin in that link's frame.", metavar="X,Y,Z")
+    sensor_rpy: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's axes: roll, pitch, yaw.", metavar="R,P,Y")
     equations: tuple[str, ...] | None = option(
         None,
         "names",
-        "Equations to use: components of the wrench, or torques of joints.  [default: all]",
+        "Equations to use: components of the wrench, or torques of joints.",
+        unset="all",
         metavar="fx,nz",
     )
     friction: DriveChoice = essential(
@@ -162,7 +162,7 @@ class ModelChoice:
         late=True,
     )
     stribeck_speed: float = option(
-        0.1, "number", "Speed at which that friction has fallen to 1/e [rad/s or m/s].", metavar="V", late=True
+        0.1, "number", "Speed at which that friction has fallen to 1/e.", metavar="V", late=True
     )
     carried: Mapping[str, float] | None = option(
         None,
@@ -189,8 +189,9 @@ class ModelChoice:
             if self.channel == "wrench":
                 raise InputError("`friction_curves` is for models of joint torques; a wrench does not contain friction")
             if not isinstance(self.friction_curves, UnopenedFile):
-                kept = built_in("reader", "kept friction")(self.friction_curves)
-                object.__setattr__(self, "friction_curves", kept)
+                from excite.tasks.friction_file import kept_curves
+
+                object.__setattr__(self, "friction_curves", kept_curves(self.friction_curves))
 
     @property
     def kind(self) -> Any:
@@ -237,13 +238,9 @@ class ModelChoice:
             rotor=self.rotor,
             coulomb=friction,
             viscous=friction,
-            offset=numbers(self.offset),
             reflected=self.reflected_rotors,
-            load_share=numbers(self.load_share),
-            root=numbers(self.root_friction),
-            asymmetry=numbers(self.asymmetric_friction),
-            stribeck=numbers(self.stribeck),
             stribeck_speed=self.stribeck_speed,
+            **{term: numbers(getattr(self, option)) for term, option in FURTHER_TERMS.items()},
         )
 
     def check_drives(self, robot: Robot) -> None:

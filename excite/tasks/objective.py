@@ -14,7 +14,7 @@ from regressors.errors import InputError, UnknownName
 from regressors.quantities import check
 
 if TYPE_CHECKING:
-    from excite.information.criteria import Criterion
+    from excite.tasks.criteria import Criterion
 
 
 @checked
@@ -57,7 +57,7 @@ class Objective:
         Prior knowledge of the parameters: the relative uncertainty of the values in the robot's description, or values
         with deviations. It is added to M; the rows of W are then divided by their noise, see
         `excite.information.weighting`.
-    after : tuple of path, Identification, DesignedMotion or EarlierInformation
+    after : tuple of path, Identification, Design or EarlierInformation
         Earlier results, or designs that are going to be played once, or their folders: the information in hand, which
         is added to M as prior knowledge is. A design that is played twice is given twice. Where no `noise` is given, it
         is the one that the results have measured.
@@ -68,10 +68,10 @@ class Objective:
         Parameters that the motion must identify individually.
     interest : tuple of str
         Base parameters, or groups of them, that the criterion is for; the others are nuisance parameters, estimated
-        too. All count alike if none is given. See `excite.information.interest`.
+        too. All count alike if none is given. See `excite.information.goal`.
     task_motion : str, TaskMotion or Design, optional
         Motion whose torques the criteria of predicted torques are for: a design, its folder, or a file like
-        trajectory.csv; if not given, states within the limits, see `excite.information.task_torques`.
+        trajectory.csv; if not given, states within the limits, see `excite.information.goal`.
     plausible_robots : int, optional
         Number of robots, drawn from the prior, of which the worst counts beside the described one; for ``scale`` value,
         see `excite.information.goal`.
@@ -98,7 +98,8 @@ class Objective:
     noise: tuple[float, ...] | None = essential(
         None,
         "numbers",
-        "Standard deviation of the noise; one for all equations or each, in their units.  [default: 1]",
+        "Standard deviation of the noise; one for all equations or each, in their units.",
+        unset="1",
         metavar="S,...",
     )
     weighted: bool = option(False, "flag", "Divide rows by their noise in the criterion.", flag="weighted/no-weighted")
@@ -151,7 +152,7 @@ class Objective:
         late=True,
     )
     max_time: float = option(
-        600.0, "number", "Robot time beyond which a precision is out of reach [s].", metavar="S", late=True
+        600.0, "number", "Robot time beyond which a precision is out of reach.", metavar="S", late=True
     )
 
     def __post_init__(self) -> None:

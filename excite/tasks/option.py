@@ -7,15 +7,24 @@ the quantity of its name in `regressors.quantities.QUANTITIES`.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
+
+from regressors.quantities import QUANTITIES
 
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
     "prior", "margin", "count", "mount", "payload", "drives", "parameters",
-    "folders", "precision", "size", "time", "distance", "impacts", "percent",
+    "folders", "precision", "size", "time", "distance", "impacts", "percent", "frame", "sides",
 ]  # fmt: skip
+
+NUMERIC = frozenset(
+    ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "count", "margin", "size", "time",
+     "distance", "percent", "sides")
+)  # fmt: skip
+_QUANTITIES: Mapping[Kind, str] = {"ranges": "position", "box": "tool_box", "sides": "tool_box", "pose": "home"}
 
 
 @dataclass(frozen=True)
@@ -23,7 +32,7 @@ class Option:
     """Description of one field of settings, in addition to its type and default."""
 
     kind: Kind  # kind of values that it accepts
-    help: str  # one line, with the unit
+    help: str  # one sentence, without the unit, which is that of the quantity
     metavar: str | None = None  # placeholder of its value in the help
     part: str | None = None  # kind of parts in the registry: the option accepts their names, or objects
     choices: tuple[str, ...] = ()  # all values that it accepts, where these are few
@@ -35,6 +44,18 @@ class Option:
     # default that the command line shows where it is not the field's, since what is not given is chosen
     unset: str | None = None
     essential: bool = False  # in the short help too, as most uses need it
+    word: str | None = None  # typed for a value that is not given, such as ``found``
+
+    def unit(self, name: str) -> str:
+        """Unit of its numbers, by the quantity of a field's name if it has none of its own; empty for plain ones."""
+        quantity = self.quantity or _QUANTITIES.get(self.kind, name)
+        return QUANTITIES[quantity].unit if self.kind in NUMERIC and quantity in QUANTITIES else ""
+
+    def described(self, name: str) -> str:
+        """The sentence, with the unit at the end of its first clause."""
+        if not (unit := self.unit(name)):
+            return self.help
+        return re.sub(r"(?=; |\. |\.$)", f" [{unit}]", self.help, count=1)
 
 
 _KEY = "option"

@@ -39,12 +39,12 @@ class Output:
 
     rate: float = essential(100.0, "number", "Samples per second of the file.", metavar="HZ")
     home: tuple[float, ...] | Literal["robot"] | None = option(
-        None, "pose", "Home pose, before and after the motion [rad]; robot: that of its file.", metavar="Q,..."
+        None, "pose", "Home pose, before and after the motion; robot: that of its file.", metavar="Q,..."
     )
     via: tuple[tuple[float, ...], ...] = option(
         (), "poses", "Waypoint between home and the motion; repeatable.", metavar="Q,..."
     )
-    settle: float = option(1.0, "number", "Rest before and after the exciting motion [s].", metavar="S")
+    settle: float = option(1.0, "number", "Rest before and after the exciting motion.", metavar="S")
     speed: tuple[float, ...] = option(
         (), "numbers", "Write slower rehearsals too: 0.1 for a tenth of speed.", metavar="V,..."
     )

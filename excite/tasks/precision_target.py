@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from excite.tasks.task_motion import TaskMotion
+from excite.tasks.stored_files import TaskMotion
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 
@@ -68,7 +68,7 @@ class PrecisionTarget:
         a column's kind, such as ``coulomb``, which goes before its group.
     scales : mapping of str to float
         Value that stands for the described one of a base parameter, above zero, in its unit: for parameters that are
-        described as about zero, or not at all. See `excite.information.allowed_half_widths` for the default.
+        described as about zero, or not at all. See `excite.information.half_widths` for the default.
     torques : TaskTorques, optional
         A motion along which torques are to be predicted that well, beside what is asked of parameters; give ``share``
         None for the torques alone.

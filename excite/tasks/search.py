@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from excite.registry import STARTS, check_part
 from excite.tasks.option import essential, option
 from excite.tasks.values import strict
 from regressors.errors import UnknownName
-
-if TYPE_CHECKING:
-    from excite.design.solvers.solver import Solver
-
 
 Executor = Callable[..., None]
 RANDOM_STARTS = 4  # of a search that adapts their number
@@ -57,18 +53,20 @@ class Search:
     starts: int | None = essential(
         None,
         "integer",
-        "Random starts; nothing else, and the best one is taken.  [default: as many as pay, and combinations of them]",
+        "Random starts; nothing else, and the best one is taken.",
+        unset="as many as pay, and combinations of them",
         metavar="N",
     )
     rounds: int | None = option(
         None,
         "integer",
-        "Rounds that combine the best motions after the random starts.  [default: as many as pay; 0 with starts]",
+        "Rounds that combine the best motions after the random starts.",
+        unset="as many as pay; 0 with starts",
         metavar="N",
         late=True,
     )
     budget: float | None = option(
-        None, "number", "Processor time after which no further round begins [s].", metavar="S", late=True
+        None, "number", "Processor time after which no further round begins.", metavar="S", late=True
     )
     seed: int = essential(
         0, "integer", "Seed of the starts; the same seed on the same machine gives the same motion.", metavar="N"
@@ -80,17 +78,17 @@ class Search:
         metavar="KIND,...",
     )
     begin: Any = option(None, "text", "Start the search from the motion of this design, of any family.", metavar="DIR")
-    solver: str | Solver = option("sqp", "name", "sqp is fast; ipopt, slsqp are cross-checks.", part="solver")
+    solver: Any = option("sqp", "name", "sqp is fast; ipopt, slsqp are cross-checks.", part="solver")
     executor: str | Executor = option("process", "name", "Where the starts run.", part="executor")
-    workers: int | None = option(None, "integer", "Number of processes.  [default: one per core]", metavar="N")
+    workers: int | None = option(None, "integer", "Number of processes.", metavar="N", unset="one per core")
 
     def __post_init__(self) -> None:
         strict(self)
         check_part("solver", self.solver)
         check_part("executor", self.executor)
         for name in self.start:
-            if name not in STARTS:
-                raise UnknownName("start", name, STARTS)
+            if not isinstance(name, str) or name not in STARTS:
+                raise UnknownName("start", str(name), STARTS)
 
     @property
     def first(self) -> int:

@@ -9,11 +9,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from regressors.arguments import checked
 from regressors.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from constraints.collision.geometry import World
     from regressors.robot.robot import Robot
+    from regressors.samples import Array
 
 
 @dataclass(frozen=True)
@@ -76,3 +81,176 @@ class InitialDesign:
 
 def _short(text: str) -> str:
     return ascii(text if len(text) <= 60 else f"{text[:57]}...")
+
+
+STATES = ("q", "dq", "ddq")
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class TaskMotion:
+    """Instants of a motion.
+
+    Parameters
+    ----------
+    name : str
+        Of its file or folder.
+    joints : tuple of str
+        Names of the joints that it has.
+    q, dq, ddq : ndarray, shape (N, n)
+        Position, velocity and acceleration of these joints [rad, rad/s, rad/s^2, or with m].
+
+    Raises
+    ------
+    InputError
+        No instants, shapes that do not match, or values that are not finite.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    q: Array
+    dq: Array
+    ddq: Array
+
+    def __post_init__(self) -> None:
+        import numpy as np
+
+        for state in STATES:
+            values = np.array(getattr(self, state), dtype=float)
+            if values.ndim != 2 or values.shape != (len(self.q), len(self.joints)) or not values.size:
+                raise InputError(
+                    f"task_motion {self.name}: {state} has shape {values.shape}, expected one row per instant with "
+                    f"{len(self.joints)} values"
+                )
+            if not np.all(np.isfinite(values)):
+                raise InputError(f"task_motion {self.name}: {state} has values that are not finite")
+            object.__setattr__(self, state, values)
+
+    def __str__(self) -> str:
+        """Its name."""
+        return self.name
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both have the same instants, and come from the same place."""
+        return isinstance(other, TaskMotion) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        """Of its name and joints."""
+        return hash((self.name, self.joints))
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        states = {state: getattr(self, state).tolist() for state in STATES}
+        return {"name": self.name, "joints": list(self.joints), **states}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> TaskMotion:
+        """From what `to_dict` returned.
+
+        Raises
+        ------
+        InputError
+            Entries that are missing or of another type.
+        """
+        try:
+            rows = {state: [[float(x) for x in row] for row in content[state]] for state in STATES}
+            return cls(str(content["name"]), tuple(map(str, content["joints"])), **rows)  # type: ignore[arg-type]
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                "task_motion: expected a mapping with name, joints, q, dq and ddq, the latter with a list of numbers "
+                f"per instant; {error} is missing or wrong"
+            ) from error
+
+
+RESULT, DESIGN = "result", "design"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EarlierInformation:
+    """Information of one earlier result, or of one run of a design that is going to be played.
+
+    It is about the combinations ``A u`` of standard parameters u. That of a result is the inverse of the covariance
+    that it states; that of a design is ``sum_j F_j' F_j / n_j^2`` over its equations j, with the density n_j of their
+    noise: the standard deviation of a row times the root of the time between rows, which does not depend on the rate.
+
+    Parameters
+    ----------
+    name : str
+        Folder, or name of the object.
+    kind : {"result", "design"}
+    sha256 : str
+        Hash of its file, or of the information itself.
+    robot, robot_sha256 : str
+        Name and hash of the description.
+    geometry : str
+        Hash of what defines the parameters, see `excite.information.earlier_precision.geometry`.
+    payload : str or None
+        What the robot carried.
+    logs : tuple of str
+        Hashes of the logs of a result.
+    parameters : tuple of str, length s
+        Names of u.
+    A : ndarray, shape (b, s)
+    factors : tuple of ndarray, shape (k, b)
+        Of a result one, R with the information ``R'R``; of a design F_j for each equation.
+    equations : tuple of (str, str)
+        Name and unit of each equation.
+    density : tuple of float, optional
+        Density of the noise of each equation, measured by a result or stated by a design [unit times root of s].
+    seconds : float
+        Duration of the motion, or of the logs [s].
+    degrees_of_freedom : int
+        Of the noise that a result has estimated, or that one run of a design lets estimate.
+    values : ndarray, shape (b,), optional
+        Estimate of ``A u`` by a result; NaN where it is not identifiable.
+    """
+
+    name: str
+    kind: str
+    sha256: str
+    robot: str
+    robot_sha256: str
+    geometry: str
+    payload: str | None
+    logs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    A: NDArray[np.float64]
+    factors: tuple[NDArray[np.float64], ...]
+    equations: tuple[tuple[str, str], ...]
+    density: tuple[float, ...] | None
+    seconds: float
+    degrees_of_freedom: int
+    values: NDArray[np.float64] | None = None
+
+    def __str__(self) -> str:
+        """Its folder."""
+        return self.name
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<EarlierInformation of the {self.kind} {self.name}: {len(self.A)} parameters of {self.robot}>"
+
+    def rows(self, densities: Mapping[str, float]) -> list[NDArray[np.float64]]:
+        """Rows R, in parts, with the information ``R'R`` about ``A u``.
+
+        Parameters
+        ----------
+        densities : mapping of str to float
+            Density of the noise of the equations of the model that is designed for, by their names.
+
+        Raises
+        ------
+        InputError
+            The noise of an equation of a design is not known.
+        """
+        if self.kind == RESULT:
+            return list(self.factors)
+        names = [name for name, _ in self.equations]
+        known = dict(zip(names, self.density or (), strict=False))
+        given = densities if all(name in densities for name in names) else known
+        if not given:
+            raise InputError(
+                f"`after`: {self.name} has the equations {', '.join(names)}, whose noise is not known here; "
+                "design it with `noise`, or with the model of this task"
+            )
+        return [F / given[name] for F, name in zip(self.factors, names, strict=True)]

@@ -20,7 +20,7 @@ from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 
 if TYPE_CHECKING:
-    from regressors.friction.curves import FrictionCurves
+    from regressors.robot.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
 
 PARTS: Mapping[str, type] = {

@@ -44,7 +44,7 @@ class TrajectoryChoice:
     """
 
     trajectory: str | Family = essential("fourier", "name", "Family of motions; see below.", part="trajectory")
-    period: float = essential(10.0, "number", "Duration of the motion [s].", metavar="S")
+    period: float = essential(10.0, "number", "Duration of the motion.", metavar="S")
     harmonics: int | str = essential(
         FEWEST,
         "count",
@@ -54,7 +54,7 @@ class TrajectoryChoice:
     bandwidth: float | None = option(
         None,
         "number",
-        "Highest frequency that the controller follows, which bounds automatic harmonics [Hz].",
+        "Highest frequency that the controller follows, which bounds automatic harmonics.",
         metavar="HZ",
         late=True,
     )

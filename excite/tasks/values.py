@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
-from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import Kind, options_of
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.stored_files import UnopenedFile
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check, number_of, shown
+
+MOUNTS: dict[str, tuple[float, float, float]] = {  # roll, pitch and yaw of the base [rad]
+    "floor": (0.0, 0.0, 0.0),
+    "wall": (0.0, math.pi / 2, 0.0),
+    "ceiling": (math.pi, 0.0, 0.0),
+}
+
 
 AUTO, NONE, ALL = "auto", "none", "all"
 MARGINS = (AUTO, NONE)
@@ -33,7 +38,7 @@ def strict(part: Any) -> None:
                 raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given nothing")
             continue
         try:
-            plain = _CONVERSIONS[option.kind](value)
+            plain = _KINDS[option.kind][0](value)
             if option.kind == "name" and option.part is None and not isinstance(plain, str):
                 raise _Unfit
         except _Unfit as error:
@@ -205,61 +210,35 @@ def share_of(text: str) -> float:
     return number_of(text.removesuffix("%").rstrip()) / 100.0 if text.endswith("%") else number_of(text)
 
 
-_CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
-    "flag": _flag,
-    "integer": _integer,
-    "number": _number,
-    "numbers": _numbers,
-    "ranges": _ranges,
-    "box": _box,
-    "triple": _triple,
-    "pose": _pose,
-    "poses": _poses,
-    "names": _names,
-    "name": _name,
-    "text": _name,
-    "file": _any,
-    "prior": _prior,
-    "margin": _margin,
-    "count": _count,
-    "mount": _mount,
-    "payload": _payload,
-    "drives": _drives,
-    "parameters": _parameters,
-    "folders": _folders,
-    "precision": _precision,
+_KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what is expected
+    "flag": (_flag, "true or false"),
+    "integer": (_integer, "a whole number"),
+    "number": (_number, "a number"),
+    "numbers": (_numbers, "a number, or a list of numbers"),
+    "frame": (_any, "three numbers, or six"),
+    "sides": (_any, "one side, three, or a pair [lower, upper] for each of x, y, z"),
+    "ranges": (_ranges, "a list of pairs [lower, upper]"),
+    "box": (_box, "a pair [lower, upper] for each of x, y, z"),
+    "triple": (_triple, "three numbers"),
+    "pose": (_pose, "a list of numbers, one per joint"),
+    "poses": (_poses, "a list of poses"),
+    "names": (_names, "a list of names"),
+    "name": (_name, "a name"),
+    "text": (_name, "a name"),
+    "file": (_any, "the name of a file, or its content"),
+    "prior": (_prior, "a relative uncertainty, or parameters with value and deviation"),
+    "margin": (_margin, f"a number, {' or '.join(MARGINS)}"),
+    "count": (_count, f"a whole number, or {AUTO}"),
+    "mount": (_mount, f"{', '.join(MOUNTS)}, or roll, pitch and yaw"),
+    "payload": (_payload, "a list of numbers, or the name of a file"),
+    "drives": (_drives, "all, none, or names or numbers of drives"),
+    "parameters": (_parameters, "standard parameters, each with a finite number"),
+    "folders": (_folders, "results or designs, or their folders"),
+    "precision": (_precision, "a share such as 0.05, or a precision target"),
+    "size": (_any, f"{AUTO}, a number, or a list of numbers"),
+    "time": (_any, f"{AUTO}, or a number"),
+    "distance": (_any, f"{AUTO}, or a number"),
+    "impacts": (_any, "a list of impacts"),
+    "percent": (_any, "a share, on the command line in per cent"),
 }
-EXPECTED: dict[Kind, str] = {
-    "flag": "true or false",
-    "integer": "a whole number",
-    "number": "a number",
-    "numbers": "a number, or a list of numbers",
-    "ranges": "a list of pairs [lower, upper]",
-    "box": "a pair [lower, upper] for each of x, y, z",
-    "triple": "three numbers",
-    "pose": "a list of numbers, one per joint",
-    "poses": "a list of poses",
-    "names": "a list of names",
-    "name": "a name",
-    "text": "a name",
-    "file": "the name of a file, or its content",
-    "prior": "a relative uncertainty, or parameters with value and deviation",
-    "margin": f"a number, {' or '.join(MARGINS)}",
-    "count": f"a whole number, or {AUTO}",
-    "mount": f"{', '.join(MOUNTS)}, or roll, pitch and yaw",
-    "payload": "a list of numbers, or the name of a file",
-    "drives": "all, none, or names or numbers of drives",
-    "parameters": "standard parameters, each with a finite number",
-    "folders": "results or designs, or their folders",
-    "precision": "a share such as 0.05, or a precision target",
-    "size": f"{AUTO}, a number, or a list of numbers",
-    "time": f"{AUTO}, or a number",
-    "distance": f"{AUTO}, or a number",
-    "impacts": "a list of impacts",
-    "percent": "a share, on the command line in per cent",
-}
-
-
-def plain_options(part: Any) -> dict[str, Any]:
-    """Options of a part by name, unconverted."""
-    return {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+EXPECTED: dict[Kind, str] = {kind: expected for kind, (_, expected) in _KINDS.items()}

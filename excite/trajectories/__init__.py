@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from excite.trajectories.families import stored_trajectory
-from excite.trajectories.family import Trajectory
+from excite.trajectories.family import Trajectory, stored_trajectory
 from excite.trajectories.fourier import Fourier
 from excite.trajectories.linear import LinearFamily
 

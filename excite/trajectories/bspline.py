@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.interpolate
 
+from constraints.bounds.certificate import Extrema
 from constraints.bounds.enclosure import chebyshev_nodes, node_factor, piecewise_extrema
-from constraints.bounds.extrema import Extrema
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.arguments import checked
@@ -45,6 +45,7 @@ class BSpline(LinearFamily):
     richness_option = "intervals"
     samples_per_term = 1
     parts = ("control",)
+    form = "q(t) = sum_i control_i B_i(t), clamped B-splines on equal intervals of [0, period]"
 
     def __init__(self, period: float, intervals: int, order: int = 6) -> None:
         if order not in ORDERS:
@@ -116,14 +117,3 @@ class BSpline(LinearFamily):
         inside = np.flatnonzero(np.diff(pieces[0].x) > 0)
         breaks = np.append(pieces[0].x[inside], self.duration)
         return piecewise_extrema(breaks, np.stack([piece.c[:, inside] for piece in pieces], axis=2))
-
-    def to_dict(self, x: Array) -> dict[str, object]:
-        """Family, period, intervals, order and control points per joint."""
-        return {
-            "family": self.name,
-            "period": self.duration,
-            "intervals": self.intervals,
-            "order": self.order,
-            "form": "q(t) = sum_i control_i B_i(t), clamped B-splines on equal intervals of [0, period]",
-            "control": self.coefficients(x).tolist(),
-        }

@@ -9,10 +9,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.bounds.extrema import Extrema
+from constraints.bounds.certificate import Extrema
 from constraints.constraint import Constraint
 from constraints.linear import LinearConstraint
-from regressors.errors import InputError
+from excite.registry import BUILT_IN, OwnPart, built_in
+from regressors.errors import InputError, UnknownName
 from regressors.models.partial import PartialMotion
 from regressors.quantities import check
 from regressors.samples import Array, Index, Samples
@@ -255,3 +256,16 @@ class GridMotion(ABC):
     @abstractmethod
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
         """Some derivatives of the motion at some instants, linearised about x."""
+
+
+def stored_trajectory(series: Mapping[str, Any], joints: int, family: Family | None = None) -> Trajectory:
+    """Motion from the entries of a design's file."""
+    name = str(series.get("family", "fourier"))
+    if family is None:
+        if ":" in name:
+            raise OwnPart("trajectory", name).missing()
+        if name not in BUILT_IN["trajectory"]:
+            raise UnknownName("trajectory family", name, BUILT_IN["trajectory"])
+        kind = built_in("trajectory", name)
+        family = kind(series["period"], *(series[option] for option in kind.options))
+    return family.stored(series, joints)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from constraints.bounds.extrema import Extrema, trigonometric_extrema
+from constraints.bounds.certificate import Extrema, trigonometric_extrema
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.arguments import checked
@@ -36,6 +36,7 @@ class Fourier(LinearFamily):
 
     name = "fourier"
     parts = ("offset", "cosine", "sine")
+    form = "q(t) = offset + sum_k cosine_k cos(2 pi k t / period) + sine_k sin(2 pi k t / period)"
 
     def __init__(self, period: float, harmonics: int) -> None:
         if harmonics < 2:
@@ -87,11 +88,6 @@ class Fourier(LinearFamily):
         """Values of the free basis functions, shape (N, size)."""
         return np.asarray(self._series(np.asarray(time, dtype=float), derivative) @ self._Z)
 
-    @property
-    def constant(self) -> Array:
-        """Coefficients of the motion that rests at position 1."""
-        return self.from_coefficients(np.eye(1, 2 * self.harmonics + 1)[0])
-
     def grid_factor(self, count: int, derivative: int) -> float:
         """``cos(pi K / count)``: the bound of Ehlich and Zeller (1964) for trigonometric polynomials of degree K."""
         if count <= 2 * self.harmonics:
@@ -99,7 +95,7 @@ class Fourier(LinearFamily):
         return float(np.cos(np.pi * self.harmonics / count))
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
-        """Extrema from the roots of the derivative, see `constraints.bounds.extrema.trigonometric_extrema`."""
+        """Extrema from the roots of the derivative, see `constraints.bounds.certificate.trigonometric_extrema`."""
         K = self.harmonics
         series = self.coefficients(x)
         scale = (self.omega * np.arange(1, K + 1)) ** derivative
@@ -109,15 +105,6 @@ class Fourier(LinearFamily):
         constant = series[:, 0] if derivative == 0 else np.zeros(len(series))
         return trigonometric_extrema(constant, cosine, sine, self.omega)
 
-    def to_dict(self, x: Array) -> dict[str, object]:
-        """Family, period, harmonics and physical coefficients per joint."""
-        K, series = self.harmonics, self.coefficients(x)
-        return {
-            "family": self.name,
-            "period": self.duration,
-            "harmonics": K,
-            "form": "q(t) = offset + sum_k cosine_k cos(2 pi k t / period) + sine_k sin(2 pi k t / period)",
-            "offset": series[:, 0].tolist(),
-            "cosine": series[:, 1 : K + 1].tolist(),
-            "sine": series[:, K + 1 :].tolist(),
-        }
+    def _split(self, coefficients: Array) -> list[Array]:
+        offset, cosine, sine = np.split(coefficients, [1, 1 + self.harmonics], axis=1)
+        return [offset[:, 0], cosine, sine]

@@ -7,14 +7,15 @@ the ends: ``dq = ddq = 0`` at 0 and T, and ``q(0) = q(T)``, so that the motion c
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 import scipy.linalg
 
+from constraints.bounds.certificate import Extrema
 from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
-from constraints.bounds.extrema import Extrema
-from excite.trajectories.family import check_size
+from excite.trajectories.family import Family, check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -22,11 +23,31 @@ from regressors.samples import Array
 
 _QUINTIC = 5
 _TAIL = 40  # degrees above pi K beyond which the Chebyshev coefficients of cos(K w t) vanish
-_MORE = 4  # nodes per requested instant: they bound less tightly than equal steps do for a Fourier series
+
+
+class WavesAndQuintic(Family):
+    """Waves of at most K periods plus a polynomial of fifth order: a polynomial of high degree, to rounding."""
+
+    harmonics: int  # K
+    nodes_per_instant: ClassVar[int]
+
+    @property
+    def degree(self) -> int:
+        """Degree of a polynomial that equals any motion of the family to rounding."""
+        return math.ceil(np.pi * self.harmonics) + _TAIL
+
+    @property
+    def richness(self) -> int:
+        """Number of waves, plus two for the polynomial."""
+        return self.harmonics + 2
+
+    def grid_factor(self, count: int, derivative: int) -> float:
+        """See `constraints.bounds.enclosure.chebyshev_nodes`."""
+        return node_factor(self.degree, self.nodes_per_instant * count)
 
 
 @checked
-class FourierQuintic(LinearFamily):
+class FourierQuintic(WavesAndQuintic, LinearFamily):
     """Fourier series of ``harmonics`` terms plus a quintic.
 
     Parameters
@@ -43,7 +64,12 @@ class FourierQuintic(LinearFamily):
     """
 
     name = "fourier-quintic"
+    nodes_per_instant = 4  # they bound less tightly than equal steps do for a Fourier series
     parts = ("cosine", "sine", "chebyshev")
+    form = (
+        "q(t) = sum_k cosine_k cos(2 pi k t / period) + sine_k sin(2 pi k t / period) "
+        "+ sum_i chebyshev_i T_i(2 t / period - 1)"
+    )
 
     def __init__(self, period: float, harmonics: int) -> None:
         if harmonics < 1:
@@ -54,11 +80,6 @@ class FourierQuintic(LinearFamily):
         self.omega = 2 * np.pi / self.duration
         self._Z = self._rest_basis()
 
-    @property
-    def degree(self) -> int:
-        """Degree of a polynomial that equals any motion of the family to rounding."""
-        return math.ceil(np.pi * self.harmonics) + _TAIL
-
     def _terms(self, time: Array, derivative: int) -> Array:
         """Cosines, sines and Chebyshev's polynomials of degree 0 to 5 on [0, T], shape (N, 2K + 6)."""
         order = self.omega * np.arange(1, self.harmonics + 1)
@@ -67,11 +88,6 @@ class FourierQuintic(LinearFamily):
         polynomials = chebyshev.chebder(np.eye(_QUINTIC + 1), m=derivative) if derivative else np.eye(_QUINTIC + 1)
         values = chebyshev.chebval(rate * time - 1.0, polynomials).T * rate**derivative
         return np.hstack([order**derivative * np.cos(phase), order**derivative * np.sin(phase), values])
-
-    @property
-    def richness(self) -> int:
-        """Number of harmonics, plus two for the polynomial."""
-        return self.harmonics + 2
 
     @property
     def described(self) -> str:
@@ -99,27 +115,12 @@ class FourierQuintic(LinearFamily):
 
     def grid(self, count: int) -> Array:
         """Zeros of a Chebyshev polynomial, four per requested instant."""
-        return chebyshev_nodes(_MORE * count, 0.0, self.duration)
-
-    def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.enclosure.chebyshev_nodes`."""
-        return node_factor(self.degree, _MORE * count)
+        return chebyshev_nodes(self.nodes_per_instant * count, 0.0, self.duration)
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
         """Extrema from the roots of the derivative of the polynomial that equals the motion to rounding."""
         points = chebyshev_points(self.degree + 1, self.duration)
         return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
 
-    def to_dict(self, x: Array) -> dict[str, object]:
-        """Family, period, harmonics and physical coefficients per joint."""
-        K, series = self.harmonics, self.coefficients(x)
-        return {
-            "family": self.name,
-            "period": self.duration,
-            "harmonics": K,
-            "form": "q(t) = sum_k cosine_k cos(2 pi k t / period) + sine_k sin(2 pi k t / period) "
-            "+ sum_i chebyshev_i T_i(2 t / period - 1)",
-            "cosine": series[:, :K].tolist(),
-            "sine": series[:, K : 2 * K].tolist(),
-            "chebyshev": series[:, 2 * K :].tolist(),
-        }
+    def _split(self, coefficients: Array) -> list[Array]:
+        return np.split(coefficients, [self.harmonics, 2 * self.harmonics], axis=1)

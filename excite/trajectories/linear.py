@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.bounds.extrema import Extrema
+from constraints.bounds.certificate import Extrema
 from excite.trajectories.family import Family, GridMotion, JointMotion, MotionTangent, Trajectory
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
@@ -24,10 +24,13 @@ class LinearFamily(Family):
     ----------
     parts : tuple of str
         Entries of a file that hold the physical coefficients, concatenated in this order.
+    form : str
+        The motion as a formula of these entries, for whoever reads the file.
     """
 
     linear = True
     parts: ClassVar[tuple[str, ...]] = ("coefficients",)
+    form: ClassVar[str] = ""
     _Z: Array  # maps free to physical coefficients, (physical, size)
 
     def coefficients(self, x: Array) -> Array:
@@ -41,7 +44,19 @@ class LinearFamily(Family):
     def to_dict(self, x: Array) -> dict[str, object]:
         """Family, period, options, and the physical coefficients of each joint."""
         options = {name: getattr(self, name) for name in self.options}
-        return {"family": self.name, "period": self.duration, **options, "coefficients": self.coefficients(x).tolist()}
+        form = {"form": self.form} if self.form else {}
+        parts = zip(self.parts, self._split(self.coefficients(x)), strict=True)
+        series = {name: part.tolist() for name, part in parts}
+        return {"family": self.name, "period": self.duration, **options, **form, **series}
+
+    def _split(self, coefficients: Array) -> list[Array]:
+        """Physical coefficients by the `parts` of a file."""
+        return [coefficients]
+
+    @property
+    def constant(self) -> Array:
+        """Coefficients of the motion that rests at position 1; the first physical one is the mean."""
+        return self.from_coefficients(np.eye(1, len(self._Z))[0])
 
     def stored(self, series: Mapping[str, Any], joints: int) -> Trajectory:
         """The motion of ``joints`` joints, from its physical coefficients."""

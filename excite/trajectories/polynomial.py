@@ -11,8 +11,8 @@ import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 import scipy.linalg
 
+from constraints.bounds.certificate import Extrema
 from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
-from constraints.bounds.extrema import Extrema
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.errors import InputError
@@ -36,6 +36,7 @@ class Polynomial(LinearFamily):
     """
 
     name = "polynomial"
+    form = "q(t) = sum_k coefficients_k T_k(2 t / period - 1), T_k Chebyshev's polynomials"
     samples_per_term = 4
 
     def __init__(self, period: float, harmonics: int) -> None:
@@ -81,11 +82,6 @@ class Polynomial(LinearFamily):
         """Values of the free basis functions, shape (N, size)."""
         return np.asarray(self._series(np.asarray(time, dtype=float), derivative) @ self._Z)
 
-    @property
-    def constant(self) -> Array:
-        """Coefficients of the motion that rests at position 1."""
-        return self.from_coefficients(np.eye(1, self.degree + 1)[0])
-
     def grid(self, count: int) -> Array:
         """Zeros of a Chebyshev polynomial."""
         return chebyshev_nodes(count, 0.0, self.duration)
@@ -98,11 +94,6 @@ class Polynomial(LinearFamily):
         """Extrema from the roots of the derivative, see `constraints.bounds.enclosure.chebyshev_extrema`."""
         points = chebyshev_points(self.degree + 1, self.duration)
         return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
-
-    def to_dict(self, x: Array) -> dict[str, object]:
-        """Family, period, harmonics and physical coefficients per joint."""
-        form = "q(t) = sum_k coefficients_k T_k(2 t / period - 1), T_k Chebyshev's polynomials"
-        return {**super().to_dict(x), "form": form}
 
 
 QUINTIC = np.array(  # coefficients of 1, u ... u^5; value, slope, second derivative at 0, then the same at 1

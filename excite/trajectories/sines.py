@@ -7,15 +7,15 @@ the ends, ``dy = ddy = 0`` at 0 and T and ``y(0) = y(T)``. Frequencies stay betw
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
-from constraints.bounds.extrema import Extrema
+from constraints.bounds.certificate import Extrema
+from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points
 from excite.trajectories.family import check_size
+from excite.trajectories.fourier_quintic import WavesAndQuintic
 from excite.trajectories.nonlinear import NonlinearFamily
 from excite.trajectories.polynomial import quintic_hermite
 from regressors.arguments import checked
@@ -23,12 +23,10 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 _LOWEST = 0.5  # periods in T
-_TAIL = 40  # degrees above pi K beyond which the Chebyshev coefficients of cos(K w t) vanish
-_MORE = 2  # nodes per requested instant
 
 
 @checked
-class Sines(NonlinearFamily):
+class Sines(WavesAndQuintic, NonlinearFamily):
     """Sums of ``harmonics`` sines of free frequencies, plus a quintic.
 
     Parameters
@@ -45,6 +43,7 @@ class Sines(NonlinearFamily):
     """
 
     name = "sines"
+    nodes_per_instant = 2
 
     def __init__(self, period: float, harmonics: int) -> None:
         if harmonics < 1:
@@ -56,16 +55,6 @@ class Sines(NonlinearFamily):
         self.lowest, self.highest = _LOWEST * unit, harmonics * unit
         self._turn = 0.5 * self.duration * (self.highest - self.lowest)  # phase shift of a sine per unit of s
         self._weight = 1.0 / np.arange(1, harmonics + 1)  # equal coefficients mean about equal velocities
-
-    @property
-    def degree(self) -> int:
-        """Degree of a polynomial that equals any motion of the family to rounding."""
-        return math.ceil(np.pi * self.harmonics) + _TAIL
-
-    @property
-    def richness(self) -> int:
-        """Number of sines, plus two for the polynomial."""
-        return self.harmonics + 2
 
     @property
     def described(self) -> str:
@@ -152,11 +141,7 @@ class Sines(NonlinearFamily):
 
     def nodes(self, x: Array, count: int) -> tuple[Array, None]:
         """Zeros of a Chebyshev polynomial, two per requested instant."""
-        return chebyshev_nodes(_MORE * count, 0.0, self.duration), None
-
-    def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.enclosure.chebyshev_nodes`."""
-        return node_factor(self.degree, _MORE * count)
+        return chebyshev_nodes(self.nodes_per_instant * count, 0.0, self.duration), None
 
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
         """Extrema from the roots of the derivative of the polynomial that equals the motion to rounding."""

@@ -11,14 +11,15 @@ constant jerk; Ruckig finds their durations [Berscheid, Kroeger 2021].
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from ruckig import InputParameter, Result, Ruckig, Trajectory
 
+from constraints.bounds.certificate import Extrema
 from constraints.bounds.enclosure import piecewise_extrema
-from constraints.bounds.extrema import Extrema
 from constraints.constraint import Constraint
 from constraints.linear import LinearConstraint, spanned
 from constraints.nonlinear import NonlinearConstraint
@@ -48,6 +49,15 @@ class Transfer:
     shortest: float  # least duration of all legs together; the transfer may be slower [s]
     # per quantity, ``acceleration`` or ``jerk``: the joints for which no limit is known and one was assumed
     assumed: dict[str, tuple[str, ...]]
+
+    @classmethod
+    def of(cls, content: Mapping[str, Any]) -> Transfer:
+        """One that `to_dict` has described."""
+        legs = []
+        for leg in content["legs"]:
+            start, end = (np.array(leg[name], dtype=float) for name in ("start", "end"))
+            legs.append(Leg(start, end, SCurve.of_jerks(leg["breaks"], leg["jerk"])))
+        return cls(tuple(legs), float(content["shortest"]), {"acceleration": (), "jerk": ()})
 
     @property
     def poses(self) -> tuple[Array, ...]:

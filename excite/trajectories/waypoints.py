@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from constraints.bounds.certificate import Extrema
 from constraints.bounds.enclosure import chebyshev_nodes, node_factor, piecewise_extrema
-from constraints.bounds.extrema import Extrema
 from excite.trajectories.family import check_size
 from excite.trajectories.nonlinear import NonlinearFamily
 from excite.trajectories.polynomial import ORDERS, QUINTIC, quintic_hermite

@@ -1,4 +1,4 @@
-"""A verdict in words on a result, with its reasons."""
+"""Errors of predicted torques, less the noise of the measurement [KD96] section 7, and a verdict in words."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from excite.verification.predicted_torques import CorrectedError, TorqueError
+import numpy as np
+import scipy.signal
+
+from excite.logs.signals.periods import MeasurementNoise
 from excite.verification.simulated_motion import MotionError
 from excite.verification.tolerances import Tolerances
+from regressors.samples import Array
 
 MORE_THAN_TRAINING = 2.0
 _NOISY = 0.9  # of the raw error: noise is mentioned where the error without it is less
@@ -44,20 +48,18 @@ class Verdict:
 
 def verdict(
     torques: Sequence[TorqueError],
+    corrected: Sequence[CorrectedError],
     total: float,
+    whole: CorrectedError,
     training: float | None,
     motions: Sequence[MotionError] | None,
     failed: str | None,
     tolerances: Tolerances,
-    corrected: Sequence[CorrectedError] = (),
-    corrected_total: CorrectedError | None = None,
 ) -> Verdict:
-    """Judge the errors of a result, less the noise of the measurement where that is known."""
-    whole = corrected_total if corrected_total is not None else without_noise(total)
-    parts = corrected or [without_noise(t.relative, t.error) for t in torques]
+    """Judge the errors of each equation and over all of them, as measured and less the noise of the measurement."""
     of_total, remarks = _of_total(whole, total, training, tolerances)
     against, noisy = list(of_total), list[str]()
-    for t, part in zip(torques, parts, strict=True):
+    for t, part in zip(torques, corrected, strict=True):
         if not part.least < 1.0:
             against.append(f"{t.name} is predicted no better than by zero torque ({100 * t.relative:.0f} %)")
         elif part.least > 2 * tolerances.torque:
@@ -75,11 +77,6 @@ def verdict(
                 f"travel, more than {100 * tolerances.motion:g} %"
             )
     return Verdict(tuple(against), tuple(remarks))
-
-
-def without_noise(relative: float, error: float = math.nan) -> CorrectedError:
-    """An error of measurements without noise."""
-    return CorrectedError(0.0, error, relative, relative)
 
 
 def _of_total(
@@ -121,3 +118,178 @@ def _poor(t: TorqueError, part: CorrectedError) -> str:
         f"{t.name} is predicted within {100 * t.relative:.0f} % only ({t.error:.2g} {t.unit} of "
         f"{t.measured:.2g} {t.unit}{without}), most of it from {t.limited_by}"
     )
+
+
+NOISE_ABOVE = 10.0  # frequency above which the motion itself has no content [Hz]
+STANDSTILL = 0.02  # of the largest speed of a joint: below, its static friction is undetermined
+
+
+@dataclass(frozen=True)
+class TorqueError:
+    """How well one equation is predicted.
+
+    Parameters
+    ----------
+    name, unit : str
+    measured : float
+        Root mean square of the measurements [unit].
+    error : float
+        Root mean square of the difference [unit].
+    relative : float
+        The ratio of the two; infinite where nothing was measured.
+    worst : float
+        Largest difference [unit].
+    worst_time : float
+        When [s].
+    noise, standstill, systematic : float
+        Shares of the squared error: fast changes that no model of the motion explains; the rest of it while the joint
+        is at standstill; and the remainder, an error of the model. Their sum is 1.
+    """
+
+    name: str
+    unit: str
+    measured: float
+    error: float
+    relative: float
+    worst: float
+    worst_time: float
+    noise: float
+    standstill: float
+    systematic: float
+
+    @property
+    def limited_by(self) -> str:
+        """Name of the largest part of the error."""
+        parts = {
+            "noise of the measurement": self.noise,
+            "static friction at standstill": self.standstill,
+            "the model (friction, gains, flexibility)": self.systematic,
+        }
+        return max(parts, key=lambda name: parts[name])
+
+
+def torque_errors(
+    time: Array, measured: Array, predicted: Array, speed: Array, equations: tuple[tuple[str, str], ...]
+) -> tuple[TorqueError, ...]:
+    """Errors of every equation over a motion."""  # time (N,); measured, predicted (N, r); speed (N, r)
+    difference = measured - predicted
+    slow = _slow(time, difference)
+    return tuple(
+        _torque_error(name, unit, time, measured[:, j], difference[:, j], slow[:, j], speed[:, j])
+        for j, (name, unit) in enumerate(equations)
+    )
+
+
+def _slow(time: Array, values: Array) -> Array:
+    rate = (time.size - 1) / (time[-1] - time[0])
+    if rate <= 2.5 * NOISE_ABOVE or time.size < 50:
+        return values
+    sos = scipy.signal.butter(4, NOISE_ABOVE, output="sos", fs=rate)
+    return np.asarray(scipy.signal.sosfiltfilt(sos, values, axis=0))
+
+
+def _torque_error(
+    name: str, unit: str, time: Array, measured: Array, difference: Array, slow: Array, speed: Array
+) -> TorqueError:
+    total = float(np.mean(difference**2))
+    worst = int(np.argmax(np.abs(difference)))
+    size = float(np.sqrt(np.mean(measured**2)))
+    fast = min(float(np.mean((difference - slow) ** 2)), total)
+    with np.errstate(invalid="ignore"):
+        still = np.abs(speed) < STANDSTILL * np.abs(speed).max(initial=0.0)
+    resting = float(np.sum(slow[still] ** 2)) / float(np.sum(slow**2)) if np.any(slow) else 0.0
+    noise = fast / total if total > 0 else 0.0
+    return TorqueError(
+        name=name,
+        unit=unit,
+        measured=size,
+        error=float(np.sqrt(total)),
+        relative=float(np.sqrt(total)) / size if size > 0 else np.inf,
+        worst=float(np.abs(difference[worst])),
+        worst_time=float(time[worst]),
+        noise=noise,
+        standstill=(1 - noise) * resting,
+        systematic=(1 - noise) * (1 - resting),
+    )
+
+
+_QUANTILE = 2.326  # one-sided, 99 %
+
+
+@dataclass(frozen=True)
+class CorrectedError:
+    """Error of predictions without the noise of what was measured.
+
+    Parameters
+    ----------
+    noise : float
+        Root mean square of the measurement's noise [unit].
+    error : float
+        ``sqrt(max(0, e^2 - noise^2))``, with the root mean square e of the difference [unit].
+    relative : float
+        Of the measurements without their noise, ``error / sqrt(y^2 - noise^2)``; infinite where those are nothing but
+        noise.
+    least : float
+        As `relative`, but what it is at least with a confidence of 99 %: noise is random, and known from one log.
+    """
+
+    noise: float
+    error: float
+    relative: float
+    least: float
+
+
+def corrected_errors(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[CorrectedError, ...]:
+    """Corrected error of each equation.
+
+    Of the difference's power below the motion's highest frequency f, ``f S`` is noise of density S; of that above it,
+    what the measurements have too. Only frequencies of the motion can show an error of the model, so that there is
+    much less noise in them than in all.
+    """  # measured, predicted (N, r)
+    parts = zip(*_squares(measured, predicted, noise), noise.slow_deviation**2, noise.level, strict=True)
+    return tuple(
+        _corrected(float(e), float(y), float(n), float(v), float(S), noise.duration) for e, y, n, v, S in parts
+    )
+
+
+def corrected_total(measured: Array, predicted: Array, noise: MeasurementNoise) -> CorrectedError:
+    """Corrected error over all equations, in their units."""
+    error, size, square = (float(part.sum()) for part in _squares(measured, predicted, noise))
+    variance, level = float(np.sum(noise.slow_deviation**2)), float(noise.level.max(initial=0.0))
+    return _corrected(error, size, square, variance, level, noise.duration)
+
+
+def _squares(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[Array, Array, Array]:
+    """Mean squares of the difference, of the measurements, and of the noise in the difference, shape (r,) each."""
+    difference = measured - predicted
+    error = np.mean(difference**2, axis=0)
+    fast = np.maximum(error - _slow_square(difference, noise), 0.0)
+    return error, np.mean(measured**2, axis=0), noise.fast_share * fast + noise.above * noise.level
+
+
+def _slow_square(x: Array, noise: MeasurementNoise) -> Array:
+    """Mean square of what lies below the motion's highest frequency, by Parseval's theorem."""
+    power = np.abs(np.fft.rfft(x, axis=0)) ** 2
+    power[1 : (len(x) + 1) // 2] *= 2
+    frequency = np.arange(len(power)) / noise.duration
+    return np.asarray(power[frequency <= noise.above].sum(axis=0) / len(x) ** 2)
+
+
+def _corrected(
+    error: float, size: float, noise: float, variance: float, level: float, duration: float
+) -> CorrectedError:
+    """From mean squares; `level / duration` is the noise in one frequency, with which an error of the model mixes."""
+    left, signal = max(error - noise, 0.0), max(size - noise, 0.0)
+    chance = _QUANTILE * float(np.sqrt(variance + 2 * left * level / duration))
+    return CorrectedError(
+        float(np.sqrt(noise)),
+        float(np.sqrt(left)),
+        _root_ratio(left, signal),
+        _root_ratio(max(left - chance, 0.0), signal + chance),
+    )
+
+
+def _root_ratio(part: float, whole: float) -> float:
+    if whole > 0:
+        return float(np.sqrt(part / whole))
+    return np.inf if part > 0 else 0.0

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from excite.estimates.work_prediction import announce
 from excite.identification.given_logs import log_of
 from excite.identification.identification import Identification
 from excite.identification.identify import rows_prediction
@@ -21,13 +20,20 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
-from excite.signals.measurement_noise import MeasurementNoise, measurement_noise, motion_ends
+from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from excite.simulation.replay import Replay, windowed_motion
-from excite.verification.judged_motion import JudgedMotion, judged_motion
-from excite.verification.predicted_torques import corrected_errors, corrected_total, noise_of_log, torque_errors
-from excite.verification.simulated_motion import SAMPLE, WHOLE, failure, most_windows, sampling_remark
+from excite.storage.work_prediction import announce
+from excite.verification.simulated_motion import (
+    SAMPLE,
+    WHOLE,
+    JudgedMotion,
+    failure,
+    judged_motion,
+    most_windows,
+    sampling_remark,
+)
 from excite.verification.tolerances import Tolerances
-from excite.verification.verdict import verdict
+from excite.verification.verdict import corrected_errors, corrected_total, torque_errors, verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -60,8 +66,8 @@ def verify(
 ) -> Verification:
     """Verify a result on a log.
 
-    Torques are predicted in all rows. The motion is simulated as a whole up to `simulated_windows.WHOLE`; of longer
-    logs, in windows that are spread evenly over the log, see `simulated_windows.most_windows`.
+    Torques are predicted in all rows. The motion of a log of up to 60 s is simulated as a whole; of longer logs, in
+    windows that are spread evenly over the log, see `excite.verification.simulated_motion.most_windows`.
 
     Parameters
     ----------
@@ -106,33 +112,23 @@ def verify(
     predicted = prediction(target, part, recipe, result.coefficients, result.friction)
     tolerances = tolerances if tolerances is not None else Tolerances()
     motion = _judged_motion(target, result, part, horizon, tolerances)
-    return _judged(result, target, part, recipe, predicted, motion, tolerances)
-
-
-def _judged(
-    result: Identification,
-    target: IdentificationTarget,
-    part: PreparedLog,
-    recipe: Recipe,
-    predicted: LogPrediction,
-    motion: JudgedMotion | None,
-    tolerances: Tolerances,
-) -> Verification:
-    """The verification by predicted torques and a simulated motion."""
-    measured, torques, equations = predicted.measured, predicted.predicted, target.model.row_labels
-    errors = torque_errors(predicted.time, measured, torques, predicted.speed, equations)
-    noise = _noise(part, predicted)
+    measured, torques = predicted.measured, predicted.predicted
+    errors = torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels)
+    above = motion_ends(part.samples.q, mean_rate(part.samples.time))
+    noise = measurement_noise(measured, measured - torques, mean_rate(predicted.time), above)
     corrected, whole = corrected_errors(measured, torques, noise), corrected_total(measured, torques, noise)
-    total, event_free = relative_error(measured, torques), _event_free_error(predicted)
+    free = ~predicted.left_out  # rows about which nothing happened
+    total, event_free = relative_error(measured, torques), relative_error(measured[free], torques[free])
     replay, motions = (None, None) if motion is None else (motion.replay, motion.motions)
     counts = motion is not None and motion.decided
     failed = failure(replay) if replay is not None and counts else None
-    judged_motions = motions if counts else None
-    judged = verdict(errors, total, result.training_error, judged_motions, failed, tolerances, corrected, whole)
+    judged = verdict(
+        errors, corrected, total, whole, result.training_error, motions if counts else None, failed, tolerances
+    )
     further = (
         *_motion_remarks(motion),
         *_friction_remarks(result, target, part, recipe),
-        *_event_remarks(part, predicted),
+        *_event_remarks(part, predicted, event_free),
     )
     return Verification(
         robot=result.robot,
@@ -163,12 +159,6 @@ def _motion_remarks(motion: JudgedMotion | None) -> tuple[str, ...]:
     return tuple(remark for remark in remarks if remark is not None)
 
 
-def _event_free_error(predicted: LogPrediction) -> float:
-    """Relative error over the rows about which nothing happened."""
-    free = ~predicted.left_out
-    return relative_error(predicted.measured[free], predicted.predicted[free])
-
-
 def _friction_remarks(
     result: Identification, target: IdentificationTarget, part: PreparedLog, recipe: Recipe
 ) -> tuple[str, ...]:
@@ -179,14 +169,14 @@ def _friction_remarks(
     return (*temperatures, *result.friction.speed_notes(target.robot, part.samples.dq))
 
 
-def _event_remarks(part: PreparedLog, predicted: LogPrediction) -> tuple[str, ...]:
+def _event_remarks(part: PreparedLog, predicted: LogPrediction, event_free: float) -> tuple[str, ...]:
     """Which rows events leave out, and the error without them."""
     if not part.left_out:
         return ()
     found = tuple(note for note in part.notes if note.startswith(LEFT_OUT))
     if not np.any(predicted.left_out):
         return found
-    return (*found, f"without these rows predictions differ by {100 * _event_free_error(predicted):.3g} %")
+    return (*found, f"without these rows predictions differ by {100 * event_free:.3g} %")
 
 
 def judging_target(result: Identification) -> IdentificationTarget:
@@ -215,12 +205,6 @@ def _recipe(
         velocities = recipe.measured_velocity and not recipe.signals_chosen
         recipe = replace(recipe, signals=signals, cutoff=None, measured_velocity=velocities, signals_chosen=False)
     return recipe if temperature is None else replace(recipe, temperature=temperature)
-
-
-def _noise(part: PreparedLog, predicted: LogPrediction) -> MeasurementNoise:
-    samples = part.samples
-    rate = (samples.time.size - 1) / float(samples.time[-1] - samples.time[0])
-    return noise_of_log(predicted.time, samples.q, predicted.measured, predicted.predicted, rate)
 
 
 def _judged_motion(
@@ -252,7 +236,7 @@ def _judged_motion(
         except InputError:  # so sharp a sign change takes too many steps: use the sharpest that does not
             return replayed(torque, length, None)
 
-    rate = (samples.time.size - 1) / duration
+    rate = mean_rate(samples.time)
     noise = measurement_noise(part.measured, part.measured, rate, motion_ends(samples.q, rate))
     units = {j.name: j.unit for j in target.robot.joints}
     return judged_motion(simulate, part.measured, np.sqrt(noise.square), samples, units, horizon, tolerances)

@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 from excite.design.campaign import Campaign, Step
-from excite.design.designed_motion import DesignedMotion
+from excite.design.design import Design
+from excite.design.sweeps.sweep_table import DESIGNED, KIND, SweepRow, SweepTable
 from excite.registry import name_of
-from excite.sweeps.sweep_table import DESIGNED, SweepRow, SweepTable
-from excite.views.view import Column, Format, View, ViewTable
+from excite.views.view import Column, Drawing, Format, View, ViewTable, numbers, percents, texts
 from regressors.models.partial import drive_names
 
 _LEADING = 12  # rows of a summary
@@ -25,6 +25,7 @@ def cells_view(table: SweepTable) -> View:
     alike = "all have the same robot, model and parameters"
     apart = f"{groups} groups; only cells of the same group have comparable numbers, at the top the best of each"
     return View(
+        kind="campaign",
         title=f"{len(table.rows)} cells of a sweep",
         verdict=f"{counts.get(DESIGNED, 0)} of {len(table.rows)} cells have a design within their limits{others}.",
         holds=table.holds,
@@ -37,8 +38,8 @@ def cells_view(table: SweepTable) -> View:
             "design when the table was made; criteria and other limits are those that the file of each design states",
         ),
         tables=(_best(table), _cells(table)),
-        figures={"Condition numbers by each option": lambda: _drawn(table)},
-        endings=("campaign",),
+        figures=(Drawing("Condition numbers by each option", "campaign", "sweep_plot.sweep_figure", (table,)),),
+        filed=KIND,
     )
 
 
@@ -49,20 +50,8 @@ def leading_cells(table: SweepTable) -> ViewTable:
     return replace(_cells(table), rows=tuple(_cell(row, table.varied) for row in chosen))
 
 
-def _drawn(table: SweepTable) -> Any:
-    from excite.plots.sweep_plot import sweep_figure
-
-    return sweep_figure(table)
-
-
 def _best(table: SweepTable) -> ViewTable:
-    columns = (
-        Column("group"),
-        Column("best cell", Format.TEXT),
-        Column("its condition number"),
-        Column("that of the worst"),
-        Column("cells"),
-    )
+    columns = (*numbers("group"), *texts("best cell"), *numbers("its condition number", "that of the worst", "cells"))
     rows = tuple(
         (group, rows[0].cell, rows[0].condition, rows[-1].condition, len(rows)) for group, rows in table.groups.items()
     )
@@ -72,17 +61,16 @@ def _best(table: SweepTable) -> ViewTable:
 def _cells(table: SweepTable) -> ViewTable:
     often = table.often_varied if len(table.often_varied) <= _MOST_OPTIONS else ()
     columns = (
-        Column("cell", Format.TEXT, brief=not often),
+        *texts("cell", brief=not often),
         *(Column(name, Format.TEXT, brief=name in often) for name in table.varied),
-        Column("status", Format.TEXT, brief=True),
-        Column("group", brief=True),
-        Column("cond(W)", brief=True, digits=4),
-        Column("criterion", brief=True, digits=4),
-        Column("lasts [s]", brief=True),
-        Column("tightest limit", Format.TEXT),
-        Column("limit used", Format.PERCENT, brief=True),
-        Column("CPU [s]"),
-        Column("reason", Format.TEXT),
+        *texts("status", brief=True),
+        *numbers("group", brief=True),
+        *numbers("cond(W)", "criterion", brief=True, digits=4),
+        *numbers("lasts [s]", brief=True),
+        *texts("tightest limit"),
+        *percents("limit used", brief=True),
+        *numbers("CPU [s]"),
+        *texts("reason"),
     )
     return ViewTable("campaign-cells", "All cells", columns, tuple(_cell(row, table.varied) for row in table.rows))
 
@@ -98,13 +86,14 @@ def _cell(row: SweepRow, varied: Sequence[str]) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def campaign_view(campaign: Campaign, designs: Sequence[DesignedMotion] = ()) -> View:
+def campaign_view(campaign: Campaign, designs: Sequence[Design] = ()) -> View:
     """View of a campaign of partial motions, and of those designs that move the drives of one of them."""
     made = [[each for each in designs if _is_of(each, campaign, step)] for step in campaign.steps]
     count, joints = len(campaign.steps), ", ".join(campaign.joints)
     most = max(len(step.drives) for step in campaign.steps)
     motions = f"{count} motion{'s' * (count != 1)} of at most {most} drive{'s' * (most != 1)}"
     return View(
+        kind="campaign",
         title=f"campaign for {campaign.robot}",
         verdict=f"{motions} identif{'y' if count != 1 else 'ies'} all {campaign.rank} parameters of "
         f"{campaign.robot} ({campaign.model} model).{_designed(made) if designs else ''}",
@@ -116,29 +105,29 @@ def campaign_view(campaign: Campaign, designs: Sequence[DesignedMotion] = ()) ->
     )
 
 
-def designs_of(campaign: Campaign, designs: Sequence[DesignedMotion]) -> list[DesignedMotion]:
+def designs_of(campaign: Campaign, designs: Sequence[Design]) -> list[Design]:
     """Designs of the motions of a campaign."""
     return [each for each in designs if any(_is_of(each, campaign, step) for step in campaign.steps)]
 
 
-def _is_of(design: DesignedMotion, campaign: Campaign, step: Step) -> bool:
+def _is_of(design: Design, campaign: Campaign, step: Step) -> bool:
     """Whether a design is for the robot, the model and the drives of a motion."""
     model = design.task.model
     alike = design.robot.name == campaign.robot and name_of(model.model) == campaign.model
     return alike and {_drive(design, each) for each in model.drives or ()} == set(step.drives)
 
 
-def _drive(design: DesignedMotion, given: str) -> str:
+def _drive(design: Design, given: str) -> str:
     """Name of a drive that is given by its name or its number."""
     names = drive_names(design.robot)
     return names[int(given) - 1] if given not in names and given.isdigit() and 0 < int(given) <= len(names) else given
 
 
-def _holds(designs: Sequence[DesignedMotion]) -> bool:
+def _holds(designs: Sequence[Design]) -> bool:
     return any(not design.broken for design in designs)
 
 
-def _designed(made: Sequence[Sequence[DesignedMotion]]) -> str:
+def _designed(made: Sequence[Sequence[Design]]) -> str:
     count = sum(bool(each) for each in made)
     broken = sum(not _holds(each) for each in made if each)
     end = f", of which {broken} break{'s' * (broken == 1)} limits" if broken else ""
@@ -147,11 +136,11 @@ def _designed(made: Sequence[Sequence[DesignedMotion]]) -> str:
 
 def _steps(campaign: Campaign) -> ViewTable:
     columns = (
-        Column("motion", brief=True),
-        Column("drives that move", Format.TEXT, brief=True),
-        Column("combinations", brief=True),
-        Column("identifies", Format.TEXT),
-        Column("newly identified individually", Format.TEXT, brief=True),
+        *numbers("motion", brief=True),
+        *texts("drives that move", brief=True),
+        *numbers("combinations", brief=True),
+        *texts("identifies"),
+        *texts("newly identified individually", brief=True),
     )
     rows = tuple(
         (k, ", ".join(step.drives), step.rank, "; ".join(step.expressions), ", ".join(step.parameters))
@@ -160,13 +149,11 @@ def _steps(campaign: Campaign) -> ViewTable:
     return ViewTable("steps", "Motions", columns, rows)
 
 
-def _designs(campaign: Campaign, made: Sequence[Sequence[DesignedMotion]]) -> tuple[ViewTable, ...]:
+def _designs(campaign: Campaign, made: Sequence[Sequence[Design]]) -> tuple[ViewTable, ...]:
     columns = (
-        Column("motion"),
-        Column("drives that move", Format.TEXT),
-        Column("design", Format.TEXT),
-        Column("condition number"),
-        Column("duration [s]"),
+        *numbers("motion"),
+        *texts("drives that move", "design"),
+        *numbers("condition number", "duration [s]"),
         Column("limits hold", Format.KEPT),
     )
     rows = tuple(
@@ -178,6 +165,6 @@ def _designs(campaign: Campaign, made: Sequence[Sequence[DesignedMotion]]) -> tu
 
 
 def _selections(campaign: Campaign) -> ViewTable:
-    columns = (Column("drives", Format.TEXT), Column("combinations"))
+    columns = (*texts("drives"), *numbers("combinations"))
     rows = tuple((", ".join(drives), rank) for drives, rank in campaign.subsets)
     return ViewTable("subsets", "What each selection of drives identifies", columns, rows)

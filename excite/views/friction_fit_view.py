@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
 
-from excite.friction.fit.characteristics import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.friction_fit import FIGURE, FrictionFit
-from excite.views.view import Column, Format, View, ViewTable
+from excite.friction.fit.friction_fit import FIGURE, KIND, Characteristic, FrictionFit
+from excite.views.view import UNIT, Drawing, View, ViewTable, numbers, texts
 
 _GRAVITY = {"model": "subtracted by a model", "symmetric": "cancelled by both directions", "none": "none"}
 _SCATTER = 1.5  # of the points over their noise: what is more is said
@@ -19,6 +18,7 @@ def friction_fit_view(fit: FrictionFit) -> View:
     """View of a fit of friction curves."""
     drives = fit.characteristics
     return View(
+        kind="friction",
         title=f"friction of {fit.robot}",
         verdict=_verdict(drives),
         summary=("coulomb and viscous friction with 99 % intervals; scatter: of the points, over what noise explains",),
@@ -30,20 +30,15 @@ def friction_fit_view(fit: FrictionFit) -> View:
         ),
         asked=(("robot", fit.robot), *_settings(fit.settings)),
         tables=(_drives(drives), _parameters(drives), _compared(drives), *_break_aways(drives), _points(drives)),
-        figures={"Friction over speed": lambda: _drawn(fit)},
-        endings=(FIGURE,),
+        figures=(Drawing("Friction over speed", FIGURE, "friction_plots.friction_figure", (fit.robot, drives)),),
+        filed=KIND,
         facts={
             "robot": fit.robot,
             "robot_sha256": fit.sha256,
             **{f"log {log.file} sha256": log.sha256 for log in fit.logs},
+            **fit.provenance,
         },
     )
-
-
-def _drawn(fit: FrictionFit) -> Any:
-    from excite.plots.friction_plot import friction_figure
-
-    return friction_figure(fit.robot, fit.characteristics)
 
 
 def _verdict(drives: tuple[Characteristic, ...]) -> str:
@@ -85,12 +80,10 @@ def _units(unit: str) -> dict[str, str]:
 
 def _drives(drives: tuple[Characteristic, ...]) -> ViewTable:
     columns = (
-        Column("drive", Format.TEXT, brief=True),
-        Column("equation", Format.TEXT, brief=True),
-        Column("points", brief=True),
-        Column("Coulomb", Format.TEXT, brief=True),
-        Column("viscous", Format.TEXT, brief=True),
-        Column("scatter", brief=True),
+        *texts("drive", "equation", brief=True),
+        *numbers("points", brief=True),
+        *texts("Coulomb", "viscous", brief=True),
+        *numbers("scatter", brief=True),
     )
     rows = tuple(
         (
@@ -118,13 +111,11 @@ def _value(d: Characteristic, parameter: str) -> str:
 
 def _parameters(drives: tuple[Characteristic, ...]) -> ViewTable:
     columns = (
-        Column("drive", Format.TEXT),
-        Column("parameter", Format.TEXT),
-        Column("value"),
-        Column("lower", missing="held"),
-        Column("upper", missing="held"),
-        Column("unit", Format.UNIT),
-        Column("curve", Format.TEXT),
+        *texts("drive", "parameter"),
+        *numbers("value"),
+        *numbers("lower", "upper", missing="held"),
+        UNIT,
+        *texts("curve"),
     )
     title = "Parameters of the curves with their 99 % intervals; held: the points bound it but do not determine it"
     return ViewTable("friction", title, columns, tuple(row for d in drives for row in _parameter_rows(d)))
@@ -141,14 +132,7 @@ def _parameter_rows(d: Characteristic) -> Iterator[tuple[Any, ...]]:
 
 
 def _compared(drives: tuple[Characteristic, ...]) -> ViewTable:
-    columns = (
-        Column("drive", Format.TEXT),
-        Column("curve", Format.TEXT),
-        Column("BIC"),
-        Column("AICc"),
-        Column("scatter over noise"),
-        Column("taken", Format.TEXT),
-    )
+    columns = (*texts("drive", "curve"), *numbers("BIC", "AICc", "scatter over noise"), *texts("taken"))
     rows = tuple(
         (d.drive, fit.form.name, fit.bic, fit.aicc, fit.scatter, "yes" if fit.form == d.fit.form else "no")
         for d in drives
@@ -159,14 +143,7 @@ def _compared(drives: tuple[Characteristic, ...]) -> ViewTable:
 
 
 def _break_aways(drives: tuple[Characteristic, ...]) -> tuple[ViewTable, ...]:
-    columns = (
-        Column("drive", Format.TEXT),
-        Column("direction", Format.TEXT),
-        Column("torque"),
-        Column("half of its interval"),
-        Column("unit", Format.UNIT),
-        Column("tests"),
-    )
+    columns = (*texts("drive", "direction"), *numbers("torque", "half of its interval"), UNIT, *numbers("tests"))
     rows = tuple(
         (d.drive, "forward" if mean.direction > 0 else "backward", mean.torque, mean.interval99, d.unit, mean.count)
         for d in drives
@@ -176,10 +153,7 @@ def _break_aways(drives: tuple[Characteristic, ...]) -> tuple[ViewTable, ...]:
 
 
 def _points(drives: tuple[Characteristic, ...]) -> ViewTable:
-    columns = (
-        Column("drive", Format.TEXT),
-        *map(Column, ("speed", "torque", "deviation", "begins [s]", "lasts [s]", "temperature [°C]")),
-    )
+    columns = (*texts("drive"), *numbers("speed", "torque", "deviation", "begins [s]", "lasts [s]", "temperature [°C]"))
     rows = tuple(
         (d.drive, p.speed, p.torque, p.deviation, p.time, p.duration, p.temperature) for d in drives for p in d.points
     )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
-from excite.friction.plan.friction_plan import FIGURE, ORDER, UNITS, CoordinatePlan, FrictionPlan
+from excite.friction.plan.friction_plan import FIGURE, KIND, ORDER, UNITS, CoordinatePlan, FrictionPlan
 from excite.friction.plan.schedule import LONGEST, Schedule
-from excite.views.view import Column, Format, View, ViewTable
+from excite.views.view import BRIEF_UNIT, UNIT, Column, Drawing, Format, View, ViewTable, numbers, percents, texts
 
 _LONG = 600.0  # total duration that counts as long [s]
 _MOVES = 1e-9  # of a limit, that is used
@@ -35,6 +34,7 @@ def friction_plan_view(plan: FrictionPlan) -> View:
     first, *others = _environment(plan)
     each = ", ".join(f"{percent:g}" for percent in coordinates[0].order)
     return View(
+        kind="friction plan",
         title=f"friction measurements of {plan.robot.name}",
         verdict=_verdict(plan),
         holds=plan.holds,
@@ -54,16 +54,10 @@ def friction_plan_view(plan: FrictionPlan) -> View:
             *_ramps(coordinates),
             _windows(coordinates),
         ),
-        figures={"Runs": lambda: _drawn(plan)},
-        endings=(FIGURE,),
+        figures=(Drawing("Runs", FIGURE, "friction_plots.friction_plan_figure", (plan,)),),
+        filed=KIND,
         facts={"robot": plan.robot.name, "robot_sha256": plan.robot.sha256(), "order": ORDER, "units": UNITS},
     )
-
-
-def _drawn(plan: FrictionPlan) -> Any:
-    from excite.plots.friction_plan_plot import friction_plan_figure
-
-    return friction_plan_figure(plan)
 
 
 def _asked(schedule: Schedule) -> tuple[tuple[str, str], ...]:
@@ -188,20 +182,18 @@ def _ramp_notes(plan: FrictionPlan) -> Iterator[str]:
 
 def _coordinates(coordinates: tuple[CoordinatePlan, ...]) -> ViewTable:
     columns = (
-        Column("moves", Format.TEXT, brief=True),
-        Column("gravity", Format.TEXT, brief=True),
-        Column("to each side", brief=True),
-        Column("unit", Format.UNIT, brief=True),
-        Column("top speed", brief=True),
-        Column("unit", Format.UNIT, brief=True),
-        Column("gravity torque", brief=True),
-        Column("unit", Format.UNIT, brief=True),
-        Column("drives that turn", Format.TEXT),
-        Column("pose of the joints", Format.TEXT),
-        Column("windows"),
-        Column("lasts [s]", brief=True),
-        Column("limits", Format.TEXT, brief=True),
-        Column("file", Format.TEXT),
+        *texts("moves", "gravity", brief=True),
+        *numbers("to each side", brief=True),
+        BRIEF_UNIT,
+        *numbers("top speed", brief=True),
+        BRIEF_UNIT,
+        *numbers("gravity torque", brief=True),
+        BRIEF_UNIT,
+        *texts("drives that turn", "pose of the joints"),
+        *numbers("windows"),
+        *numbers("lasts [s]", brief=True),
+        *texts("limits", brief=True),
+        *texts("file"),
     )
     rows = tuple(
         (
@@ -225,12 +217,11 @@ def _held(c: CoordinatePlan) -> str:
 
 def _limits(coordinates: tuple[CoordinatePlan, ...]) -> ViewTable:
     columns = (
-        Column("coordinate", Format.TEXT),
-        Column("limit", Format.TEXT),
-        Column("used", Format.PERCENT),
-        *map(Column, ("margin", "extreme", "bound")),
-        Column("unit", Format.UNIT),
-        Column("at [s]"),
+        *texts("coordinate", "limit"),
+        *percents("used"),
+        *numbers("margin", "extreme", "bound"),
+        UNIT,
+        *numbers("at [s]"),
         Column("holds", Format.KEPT),
     )
     rows = tuple(
@@ -244,9 +235,8 @@ def _limits(coordinates: tuple[CoordinatePlan, ...]) -> ViewTable:
 
 def _distances(coordinates: tuple[CoordinatePlan, ...]) -> tuple[ViewTable, ...]:
     columns = (
-        Column("coordinate", Format.TEXT),
-        Column("bodies", Format.TEXT),
-        *map(Column, ("least distance [m]", "clearance [m]", "margin [m]", "at position")),
+        *texts("coordinate", "bodies"),
+        *numbers("least distance [m]", "clearance [m]", "margin [m]", "at position"),
         Column("holds", Format.KEPT),
     )
     rows = tuple(
@@ -259,14 +249,11 @@ def _distances(coordinates: tuple[CoordinatePlan, ...]) -> tuple[ViewTable, ...]
 
 def _ramps(coordinates: tuple[CoordinatePlan, ...]) -> tuple[ViewTable, ...]:
     columns = (
-        Column("coordinate", Format.TEXT),
-        Column("drive", Format.TEXT),
-        Column("up to"),
-        Column("unit", Format.UNIT),
-        Column("ramps"),
-        Column("lasts [s]"),
-        Column("source of the torque", Format.TEXT),
-        Column("file", Format.TEXT),
+        *texts("coordinate", "drive"),
+        *numbers("up to"),
+        UNIT,
+        *numbers("ramps", "lasts [s]"),
+        *texts("source of the torque", "file"),
     )
     known = [(c.label, c.ramps) for c in coordinates if c.ramps is not None]
     rows = tuple((label, r.drive, r.largest, r.unit, len(r.ramps), r.duration, r.origin, r.file) for label, r in known)
@@ -277,5 +264,5 @@ def _ramps(coordinates: tuple[CoordinatePlan, ...]) -> tuple[ViewTable, ...]:
 def _windows(coordinates: tuple[CoordinatePlan, ...]) -> ViewTable:
     numbers = ("part of the largest speed [%]", "speed", "from [s]", "to [s]", "from position", "to position")
     rows = tuple((c.label, w.percent, w.speed, w.start, w.end, w.first, w.last) for c in coordinates for w in c.windows)
-    columns = (Column("coordinate", Format.TEXT), *map(Column, numbers))
+    columns = (*texts("coordinate"), *map(Column, numbers))
     return ViewTable("windows", "Windows of constant speed", columns, rows, folded=True)

@@ -3,23 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
+from excite.design.task_file import task_content
 from excite.identification.between_logs import interval_scope, scatter_warning
 from excite.identification.identification import Identification
-from excite.views.view import Column, Format, View, ViewTable
+from excite.identification.recipe import Recipe
+from excite.identification.result_json import KIND
+from excite.study.repetitions import Repetitions
+from excite.views.view import (
+    BRIEF_UNIT,
+    UNIT,
+    Column,
+    Drawing,
+    Format,
+    View,
+    ViewTable,
+    asked,
+    numbers,
+    percents,
+    some_of,
+    text_of,
+    texts,
+)
 
-TITLES = {
-    "parameters": "Parameters with their 99 % intervals",
-    "torques": "Measured and predicted",
-    "residuals": "Residuals",
-    "estimates": "Estimates over time",
-    "repetitions": "Repetitions in simulation and predicted intervals",
+_DRAWN = {
+    ending: Drawing(title, ending, function)
+    for ending, title, function in (
+        ("parameters", "Parameters with their 99 % intervals", "parameters_plot.parameters_figure"),
+        ("torques", "Measured and predicted", "identification_plots.torques_figure"),
+        ("residuals", "Residuals", "identification_plots.residuals_figure"),
+        ("estimates", "Estimates over time", "estimates_plot.estimates_figure"),
+        ("repetitions", "Repetitions in simulation and predicted intervals", "parameters_plot.repetitions_figure"),
+    )
 }
+TITLES = {name: each.title for name, each in _DRAWN.items()}
+_SHOWN, _NAMED = 5, 8  # parameters that are least certain, and not identifiable
 _WELL = 0.05  # relative deviation of a parameter that is well known
 _WHITE = 0.01  # least probability of residuals that are taken for white
 _RARE = 0.01  # probability of a scatter between logs that noise hardly makes
@@ -30,26 +51,38 @@ def identification_view(result: Identification) -> View:
     logs = result.facts.logs
     several = len(logs) > 1
     return View(
+        kind="identification",
         title=result.name,
         verdict=_verdict(result),
         holds=False if result.doubts else None,
-        summary=(_known(result), *_repeated(result)),
+        summary=(_data(result), _condition(result), _known(result), *_unseen(result), *_repeated(result)),
         against=_against(result),
         remarks=(
             interval_scope(len(logs)),
             *result.estimate.notes,
             *(f"{log.file}: {note}" if several else note for log in logs for note in log.notes),
+            *(f"chosen: {choice.reason}" for choice in result.choices),
         ),
         tables=(
+            *_least_certain(result),
             _parameters(result),
             *_each_log(result),
             *_standard(result),
             *_repetitions(result),
             _residuals(result),
             _conditions(result),
+            _logs(result),
         ),
-        figures=_figures(result),
-        endings=tuple(TITLES),
+        asked=(*asked(task_content(result.task), ("robot", "model")), *_recipe(result.recipe)),
+        figures=identification_figures(result),
+        filed=KIND,
+        facts={
+            "robot": result.robot.name,
+            "robot_sha256": result.robot.sha256(),
+            "design": None if result.design is None else result.design.file,
+            **{f"log {log.file} sha256": log.sha256 for log in logs},
+            **result.provenance,
+        },
     )
 
 
@@ -73,6 +106,25 @@ def _against(result: Identification) -> tuple[str, ...]:
     )
 
 
+def _data(result: Identification) -> str:
+    facts = result.facts
+    log, model = facts.logs[0], task_content(result.task)["model"]
+    named = f"{log.file}, {log.start:.2f} s to {log.end:.2f} s" if len(facts.logs) == 1 else f"{len(facts.logs)} logs"
+    return f"{model} model, {facts.rows} equations of {named}; estimator {result.estimate.method}"
+
+
+def _condition(result: Identification) -> str:
+    measured = result.condition_number
+    text = "condition number of the measured W: " + (f"{measured:.4g}" if math.isfinite(measured) else "infinite")
+    designed = math.inf if result.design is None else result.design.condition_number
+    return text + (f" (designed: {designed:.4g})" if math.isfinite(designed) else "")
+
+
+def _unseen(result: Identification) -> tuple[str, ...]:
+    unseen = result.estimate.unseen
+    return (f"not identifiable from these logs: {some_of(unseen, _NAMED)}",) if unseen else ()
+
+
 def _known(result: Identification) -> str:
     known = int(np.sum(result.estimate.relative_deviation < _WELL))
     share = f"{100 * _WELL:g} %"
@@ -90,28 +142,52 @@ def _repeated(result: Identification) -> tuple[str, ...]:
     )
 
 
+def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
+    """The parameters with the widest intervals beside their size."""
+    estimate = result.estimate
+    sized = np.where(np.isfinite(estimate.relative_deviation), estimate.relative_deviation, -1.0)
+    columns = (
+        *texts("least certain", brief=True),
+        *numbers("value", brief=True, digits=4),
+        *texts("99 %", brief=True),
+        BRIEF_UNIT,
+        *percents("std. dev.", brief=True),
+    )
+    rows = tuple(
+        (estimate.names[k], estimate.values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], sized[k])
+        for k in np.argsort(-sized, kind="stable")[:_SHOWN]
+        if sized[k] >= 0.0
+    )
+    return (ViewTable("least-certain", "Parameters that are least certain", columns, rows),) if rows else ()
+
+
+def _logs(result: Identification) -> ViewTable:
+    rows = tuple((log.file, log.rows, log.start, log.end) for log in result.facts.logs)
+    columns = (*texts("log"), *numbers("rows", "from [s]", "to [s]"))
+    return ViewTable("logs", "Logs", columns, rows)
+
+
 def _parameters(result: Identification) -> ViewTable:
     """Marked: ends of the intervals that contain zero."""
     estimate, facts = result.estimate, result.facts
     reference = result.reference
     values = np.full(len(estimate.names), np.nan) if reference is None else reference.values
     columns = (
-        Column("parameter", Format.TEXT),
-        Column("value", missing="not identifiable"),
-        Column("lower"),
-        Column("upper"),
-        Column("unit", Format.UNIT),
-        Column("std. dev."),
-        Column("relative", Format.PERCENT),
+        *texts("parameter"),
+        *numbers("value", missing="not identifiable"),
+        *numbers("lower", "upper"),
+        UNIT,
+        *numbers("std. dev."),
+        *percents("relative"),
         *((Column("truth" if reference.kind == "truth" else "described"),) if reference is not None else ()),
         *((Column("at the motor", Format.TEXT),) if facts.motor_sides else ()),
         Column("combination", Format.UNIT, wide=True),
     )
-    rows, marked = [], set()
+    rows, marked = [], dict[tuple[int, int], str]()
     for k, name in enumerate(estimate.names):
         low, high = estimate.interval[k].tolist()
         if low <= 0 <= high and math.isfinite(high - low):
-            marked |= {(k, 2), (k, 3)}
+            marked |= {(k, 2): "bad", (k, 3): "bad"}
         rows.append(
             (
                 name, float(estimate.values[k]), low, high, estimate.units[k], float(estimate.deviation[k]),
@@ -120,7 +196,7 @@ def _parameters(result: Identification) -> ViewTable:
             )
         )  # fmt: skip
     note = "Marked: intervals that contain zero. A dash stands for what the logs do not determine on its own."
-    return ViewTable("parameters", TITLES["parameters"], columns, tuple(rows), note=note, marked=frozenset(marked))
+    return ViewTable("parameters", TITLES["parameters"], columns, tuple(rows), note=note, marked=marked)
 
 
 def _at_the_motor(result: Identification, k: int) -> str:
@@ -167,7 +243,7 @@ def _ratio(ratio: float, probability: float) -> str:
 def _standard(result: Identification) -> tuple[ViewTable, ...]:
     """Standard parameters, where the estimator has them."""
     rows = tuple(result.estimate.standard.items())
-    columns = (Column("parameter", Format.TEXT), Column("value"))
+    columns = (*texts("parameter"), *numbers("value"))
     return (ViewTable("standard", "Standard parameters, SI", columns, rows),) if rows else ()
 
 
@@ -177,13 +253,10 @@ def _repetitions(result: Identification) -> tuple[ViewTable, ...]:
     if repeated is None:
         return ()
     columns = (
-        Column("parameter", Format.TEXT),
-        Column("scatter"),
-        Column("predicted"),
-        Column("bias"),
-        Column("its deviation"),
-        Column("unit", Format.UNIT),
-        Column("truth in its 99 % interval", Format.PERCENT),
+        *texts("parameter"),
+        *numbers("scatter", "predicted", "bias", "its deviation"),
+        UNIT,
+        *percents("truth in its 99 % interval"),
     )
     rows = tuple(
         (p.name, p.deviation, p.predicted_deviation, p.bias, p.bias_error, p.unit, p.coverage)
@@ -196,14 +269,12 @@ def _repetitions(result: Identification) -> tuple[ViewTable, ...]:
 
 def _residuals(result: Identification) -> ViewTable:
     columns = (
-        Column("log", Format.TEXT),
-        Column("equation", Format.TEXT),
-        Column("rms"),
-        Column("worst"),
-        Column("unit", Format.UNIT),
-        Column("of measured", Format.PERCENT),
-        Column("correlation of neighbours"),
-        Column("white", Format.TEXT),
+        *texts("log", "equation"),
+        *numbers("rms", "worst"),
+        UNIT,
+        *percents("of measured"),
+        *numbers("correlation of neighbours"),
+        *texts("white"),
     )
     rows = tuple(
         (r.log, r.equation, r.rms, r.worst, r.unit, r.relative, r.lag_one, "yes" if r.whiteness > _WHITE else "no")
@@ -216,21 +287,27 @@ def _conditions(result: Identification) -> ViewTable:
     designed = None if result.design is None else result.design.condition_number
     rows = (("measured", result.condition_number), ("designed", designed))
     note = "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled."
-    columns = (Column("equations", Format.TEXT), Column("value"))
+    columns = (*texts("equations"), *numbers("value"))
     return ViewTable("condition", "Condition of the equations", columns, rows, note=note)
 
 
-def _figures(result: Identification) -> dict[str, Callable[[], Any]]:
+def repetitions_view(result: Identification, repeated: Repetitions) -> View:
+    """View of an identification whose figure is that of its repetitions, which it keeps a summary of."""
+    figure = _DRAWN["repetitions"].of(repeated, result.robot.name)
+    return replace(identification_view(result), figures=(figure,))
+
+
+def _recipe(recipe: Recipe) -> tuple[tuple[str, str], ...]:
+    default = Recipe().to_dict()
+    return tuple(
+        (name.replace("_", " "), text_of(value))
+        for name, value in recipe.to_dict().items()
+        if value is not None and value != default.get(name)
+    )
+
+
+def identification_figures(result: Identification) -> tuple[Drawing, ...]:
     """Figures that its estimate and its curves can draw."""
     drawable = ["parameters", *(("torques", "residuals") if result.curves.time.size else ())]
     drawable += ["estimates"] if result.estimate.history is not None else []
-    return {TITLES[name]: partial(_drawn, result, name) for name in drawable}
-
-
-def _drawn(result: Identification, name: str) -> Any:
-    from excite.plots import estimates_figure, parameters_figure, residuals_figure, torques_figure
-
-    if name in ("parameters", "estimates"):
-        draw = parameters_figure if name == "parameters" else estimates_figure
-        return draw(result, result.reference)
-    return (torques_figure if name == "torques" else residuals_figure)(result)
+    return tuple(_DRAWN[name].of(result) for name in drawable)

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from excite.payload.payload_motion import PayloadMotion
 from excite.payload.payload_result import PayloadResult
-from excite.views.view import Column, Format, View, ViewTable
+from excite.views.design_view import design_view
+from excite.views.view import BRIEF_UNIT, View, ViewTable, numbers, texts
 
 _ROWS = (
     ("mass", 1.0, "kg"),
     *((f"centre {axis}", 1e3, "mm") for axis in "xyz"),
     *((f"inertia {pair}", 1.0, "kg m^2") for pair in ("xx", "xy", "xz", "yy", "yz", "zz")),
 )
+
+
+def payload_motion_view(motion: PayloadMotion) -> View:
+    """View of a motion that identifies a payload: of its design, with its own remarks."""
+    view = design_view(motion.design)
+    return replace(view, remarks=(*motion.notes, *view.remarks))
 
 
 def payload_view(payload: PayloadResult) -> View:
@@ -30,11 +40,10 @@ def payload_view(payload: PayloadResult) -> View:
 
 def _numbers(payload: PayloadResult) -> ViewTable:
     columns = (
-        Column(f"payload, by its {payload.source}", Format.TEXT, brief=True),
-        Column("value", brief=True, digits=4),
-        Column("unit", Format.UNIT, brief=True),
-        Column("from", brief=True, digits=4),
-        Column("to", brief=True, digits=4),
+        *texts(f"payload, by its {payload.source}", brief=True),
+        *numbers("value", brief=True, digits=4),
+        BRIEF_UNIT,
+        *numbers("from", "to", brief=True, digits=4),
     )
     rows = tuple(
         (name, factor * value, unit, factor * low, factor * high)

@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from excite.study.time_study import FIGURE, TimeCourse, TimeStudy
-from excite.views.view import Column, Format, View, ViewTable
+from excite.study.time_study import FIGURE, KIND, TimeCourse, TimeStudy
+from excite.views.view import UNIT, Column, Drawing, View, ViewTable, numbers, percents, texts
 
 
 def study_view(study: TimeStudy) -> View:
     """View of a study."""
     verdict, known = _verdict(study)
     return View(
+        kind="study",
         title=f"study of {study.robot}",
         verdict=verdict,
         holds=known,
@@ -27,16 +28,10 @@ def study_view(study: TimeStudy) -> View:
             ("deviation to fall below", f"{100 * study.below:g} %"),
         ),
         tables=(_motions(study), *(_parameters(course, study.below) for course in study.courses)),
-        figures={"Estimates over time": lambda: _drawn(study)},
-        endings=(FIGURE,),
+        figures=(Drawing("Estimates over time", FIGURE, "estimates_plot.estimates_over_time_figure", (study,)),),
+        filed=KIND,
         facts={"robot": study.robot, "robot_sha256": study.sha256},
     )
-
-
-def _drawn(study: TimeStudy) -> Any:
-    from excite.plots.time_course_plot import estimates_over_time_figure
-
-    return estimates_over_time_figure(study)
 
 
 def _verdict(study: TimeStudy) -> tuple[str, bool]:
@@ -79,14 +74,14 @@ def _scatter(course: TimeCourse) -> tuple[str, ...]:
 def _motions(study: TimeStudy) -> ViewTable:
     share = f"{100 * study.below:g} %"
     columns = (
-        Column("motion", Format.TEXT, brief=True),
-        Column("lasts [s]", brief=True),
+        *texts("motion", brief=True),
+        *numbers("lasts [s]", brief=True),
         Column("cond(W)", brief=True, missing="rank too low"),
         Column(f"all below {share} [s]", brief=True, missing="never"),
         Column("half [s]", brief=True, missing="never"),
-        Column("still above", brief=True),
-        Column("parameters"),
-        Column("last", Format.TEXT, brief=True),
+        *numbers("still above", brief=True),
+        *numbers("parameters"),
+        *texts("last", brief=True),
     )
     return ViewTable("courses", "Motions", columns, tuple(_motion(course, study.below) for course in study.courses))
 
@@ -120,15 +115,16 @@ def _last(course: TimeCourse, k: int) -> str:
 def _parameters(course: TimeCourse, below: float) -> ViewTable:
     times = course.time_below(below)
     columns = (
-        Column("parameter", Format.TEXT),
-        Column("final value"),
-        Column("half of its interval"),
-        Column("unit", Format.UNIT),
-        Column("relative deviation", Format.PERCENT),
-        Column(f"within {100 * below:g} % from [s]", missing="never"),
-        Column("true value" if course.reference_kind == "truth" else "description"),
-        Column("scatter of repetitions"),
-        Column("deviation as stated"),
+        *texts("parameter"),
+        *numbers("final value", "half of its interval"),
+        UNIT,
+        *percents("relative deviation"),
+        *numbers(f"within {100 * below:g} % from [s]", missing="never"),
+        *numbers(
+            "true value" if course.reference_kind == "truth" else "description",
+            "scatter of repetitions",
+            "deviation as stated",
+        ),
     )
     rows = tuple(_parameter(course, k, float(times[k])) for k in range(len(course.names)))
     return ViewTable("course", f"Parameters by {course.name}", columns, rows)

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import Any
+from collections.abc import Sequence
+from pathlib import PurePath
 
 from excite.verification.verification import Verification
-from excite.views.view import Column, Format, View, ViewTable
+from excite.views.view import BRIEF_UNIT, UNIT, Drawing, View, ViewTable, numbers, percents, texts
 
 TITLES = {
     "torques": "Predicted and measured",
     "motion": "Simulated and measured motion",
     "parts": "What the errors are made of",
 }
+_FUNCTIONS = {"torques": "predicted_torques_figure", "motion": "simulated_motion_figure", "parts": "error_parts_figure"}
 
 
-def verification_view(verification: Verification) -> View:
-    """View of a verification."""
+def verification_view(verification: Verification, name: str = "") -> View:
+    """View of a verification, whose files begin with a name."""
     v, log = verification, verification.log
+    name = name or f"verification-{PurePath(log.file).stem}"
     tolerances = {"torque": v.tolerances.torque, "motion": v.tolerances.motion}
     robot = {} if v.robot is None else {"robot": v.robot.name, "robot_sha256": v.robot.sha256()}
     return View(
+        kind="verification",
         title=f"verification on {log.file}",
         verdict=v.verdict.text,
         holds=v.holds,
@@ -32,7 +34,8 @@ def verification_view(verification: Verification) -> View:
         asked=tuple((f"tolerance of the {name}", f"{100 * value:g} %") for name, value in tolerances.items()),
         tables=(_torques(v), _parts(v), *_motions(v), _errors(v)),
         figures=_figures(v),
-        endings=tuple(TITLES),
+        filed=name,
+        stem=f"{name}_",
         facts={**robot, "log": log.file, "log_sha256": log.sha256},
     )
 
@@ -53,15 +56,14 @@ def _torques(v: Verification) -> ViewTable:
     moved = {motion.name: motion.relative for motion in v.motions or ()}
     less: Sequence[float | None] = [part.relative for part in v.corrected] or [None] * len(v.torques)
     columns = (
-        Column("equation", Format.TEXT, brief=True),
-        Column("measured"),
-        Column("torque error", brief=True),
-        Column("unit", Format.UNIT, brief=True),
-        Column("of measured", Format.PERCENT, brief=True),
-        Column("less noise", Format.PERCENT),
-        Column("simulated motion", Format.PERCENT, brief=True),
-        Column("worst"),
-        Column("at [s]"),
+        *texts("equation", brief=True),
+        *numbers("measured"),
+        *numbers("torque error", brief=True),
+        BRIEF_UNIT,
+        *percents("of measured", brief=True),
+        *percents("less noise"),
+        *percents("simulated motion", brief=True),
+        *numbers("worst", "at [s]"),
     )
     rows = tuple(
         (t.name, t.measured, t.error, t.unit, t.relative, part, moved.get(t.name), t.worst, t.worst_time)
@@ -71,13 +73,7 @@ def _torques(v: Verification) -> ViewTable:
 
 
 def _parts(v: Verification) -> ViewTable:
-    columns = (
-        Column("equation", Format.TEXT),
-        Column("noise", Format.PERCENT),
-        Column("standstill", Format.PERCENT),
-        Column("model", Format.PERCENT),
-        Column("limited by", Format.TEXT),
-    )
+    columns = (*texts("equation"), *percents("noise", "standstill", "model"), *texts("limited by"))
     rows = tuple((t.name, t.noise, t.standstill, t.systematic, t.limited_by) for t in v.torques)
     return ViewTable("parts", "What the errors are made of", columns, rows)
 
@@ -85,15 +81,7 @@ def _parts(v: Verification) -> ViewTable:
 def _motions(v: Verification) -> tuple[ViewTable, ...]:
     if v.motions is None:
         return ()
-    columns = (
-        Column("joint", Format.TEXT),
-        Column("travel"),
-        Column("error"),
-        Column("unit", Format.UNIT),
-        Column("of travel", Format.PERCENT),
-        Column("worst"),
-        Column("at [s]"),
-    )
+    columns = (*texts("joint"), *numbers("travel", "error"), UNIT, *percents("of travel"), *numbers("worst", "at [s]"))
     rows = tuple((m.name, m.travel, m.error, m.unit, m.relative, m.worst, m.worst_time) for m in v.motions)
     return (ViewTable("motions", "Simulated against measured motion", columns, rows),)
 
@@ -105,18 +93,14 @@ def _errors(v: Verification) -> ViewTable:
         ("on this log, without the noise of the measurement", None if whole is None else whole.relative),
         ("on the logs of the identification", v.training_error),
     )
-    columns = (Column("", Format.TEXT), Column("relative error", Format.PERCENT))
+    columns = (*texts(""), *percents("relative error"))
     return ViewTable("errors", "Error of the predicted torques over all equations", columns, rows)
 
 
-def _figures(v: Verification) -> dict[str, Callable[[], Any]]:
+def _figures(v: Verification) -> tuple[Drawing, ...]:
     """Figures that its curves can draw."""
-    drawable = [name for name in TITLES if len(v.time) and (name != "motion" or v.replay is not None)]
-    return {TITLES[name]: partial(_drawn, v, name) for name in drawable}
-
-
-def _drawn(v: Verification, name: str) -> Any:
-    from excite.plots import error_parts_figure, predicted_torques_figure, simulated_motion_figure
-
-    draw = {"torques": predicted_torques_figure, "motion": simulated_motion_figure, "parts": error_parts_figure}
-    return draw[name](v)
+    return tuple(
+        Drawing(title, ending, f"verification_plots.{_FUNCTIONS[ending]}", (v,))
+        for ending, title in TITLES.items()
+        if len(v.time) and (ending != "motion" or v.replay is not None)
+    )

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, replace
 from enum import Enum
+from importlib import import_module
 from typing import Any
+
+from excite.tasks.option import options_of
+from excite.tasks.task import PARTS
 
 
 class Format(Enum):
-    """How the values of a column are written."""
+    """How the values of a column are written; a text stands for itself in every column."""
 
     TEXT = "text"
     UNIT = "unit"  # of the numbers beside it
@@ -40,14 +44,36 @@ class ViewTable:
     rows: tuple[tuple[Any, ...], ...]  # text, or numbers in SI units
     folded: bool = False  # whether a page shows it only when it is asked for, and a terminal not at all
     note: str = ""  # stands below it
-    marked: frozenset[tuple[int, int]] = frozenset()  # row and column of the values that a reader should see
+    # ``bad`` or ``best`` by the row and the column of the values that a reader should see
+    marked: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    most: int = 8  # rows of a short summary
 
     @property
     def brief(self) -> ViewTable:
         """The columns of a short summary."""
         kept = [k for k, column in enumerate(self.columns) if column.brief]
         columns = tuple(self.columns[k] for k in kept)
-        return ViewTable(self.name, self.title, columns, tuple(tuple(row[k] for k in kept) for row in self.rows))
+        rows = tuple(tuple(row[k] for k in kept) for row in self.rows)
+        return replace(self, columns=columns, rows=rows, marked={})
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that is drawn when it is asked for."""
+
+    title: str
+    ending: str  # the name of its file, or its end
+    function: str  # ``module.function`` of `excite.views`, which imports matplotlib
+    arguments: tuple[Any, ...] = ()
+
+    def of(self, *arguments: Any) -> Drawing:
+        """The figure of something."""
+        return replace(self, arguments=arguments)
+
+    def draw(self) -> Any:
+        """The matplotlib figure."""
+        module, name = self.function.split(".")
+        return getattr(import_module(f"excite.views.{module}"), name)(*self.arguments)
 
 
 @dataclass(frozen=True)
@@ -56,13 +82,86 @@ class View:
 
     title: str
     verdict: str  # in a sentence
+    kind: str = ""  # of result, in one or two words
     holds: bool | None = None  # whether what was asked holds; None where nothing was judged
+    caution: bool = False  # whether something that may break the robot was not checked
     summary: tuple[str, ...] = ()  # the sentences with the numbers that matter most
     against: tuple[str, ...] = ()  # reasons against the result
     remarks: tuple[str, ...] = ()  # what was assumed, what was not checked, and what does not affect the verdict
     asked: tuple[tuple[str, str], ...] = ()  # what was asked, as names and values
     tables: tuple[ViewTable, ...] = ()
-    # what draws each figure, by its title; the order is that of `endings`
-    figures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
-    endings: tuple[str, ...] = ()  # of the stems of the figures' files
-    facts: Mapping[str, str] = field(default_factory=dict)  # provenance
+    figures: tuple[Drawing, ...] = ()
+    filed: str = ""  # the kind of result, as a folder's manifest has it, beside which figures are written
+    stem: str = ""  # what the names of its figures' files begin with
+    facts: Mapping[str, Any] = field(default_factory=dict)  # provenance
+
+
+def some_of(names: Sequence[str], most: int = 3) -> str:
+    """The first of some names, and how many there are beside them."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def number(count: int, what: str) -> str:
+    """So many things, such as ``2 starts``."""
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
+def text_of(value: Any) -> str:
+    """A value of a task or a recipe in words."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, Mapping):
+        return "; ".join(f"{name}: {text_of(each)}" for name, each in value.items() if each is not None)
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        return ", ".join(text_of(each) for each in value) or "none"
+    return "none" if value is None else str(value)
+
+
+_LIMITS = "limits"
+_BESIDE = ("executor", "workers")  # change nothing in the result
+_LONG = 200  # letters
+
+
+def asked(task: Mapping[str, Any], always: Collection[str]) -> tuple[tuple[str, str], ...]:
+    """Some options of a task, and every other one that is not the default, as names and texts."""
+    limits = {f"{name}_limit": value for name, value in (task.get(_LIMITS) or {}).items()}
+    given = {**{name: value for name, value in task.items() if name not in (_LIMITS, *_BESIDE)}, **limits}
+    usual = {
+        each.name: None if each.default is MISSING else each.default
+        for part in PARTS.values()
+        for each, _ in options_of(part)
+    }
+    texts = {
+        name.replace("_", " "): text_of(value)
+        for name, value in given.items()
+        if name in always or not _is_default(name, value, usual.get(name))
+    }
+    cut = f"{{:.{_LONG - 1}}}\N{HORIZONTAL ELLIPSIS}".format
+    return tuple((name, text if len(text) <= _LONG else cut(text)) for name, text in texts.items())
+
+
+def _is_default(name: str, value: Any, usual: Any) -> bool:
+    if name == "snap_angles":
+        return bool(value)
+    return value is None or value == usual or (isinstance(value, list) and tuple(value) == usual)
+
+
+UNIT, BRIEF_UNIT = Column("unit", Format.UNIT), Column("unit", Format.UNIT, brief=True)
+
+
+def texts(*headings: str, **how: Any) -> tuple[Column, ...]:
+    """Columns of texts."""
+    return tuple(Column(heading, Format.TEXT, **how) for heading in headings)
+
+
+def numbers(*headings: str, **how: Any) -> tuple[Column, ...]:
+    """Columns of numbers."""
+    return tuple(Column(heading, **how) for heading in headings)
+
+
+def percents(*headings: str, **how: Any) -> tuple[Column, ...]:
+    """Columns of fractions in percent."""
+    return tuple(Column(heading, Format.PERCENT, **how) for heading in headings)

@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from regressors.friction.load_share import torques_at_drives
 from regressors.jax_models.jax_bodies import effort, energy_regressor, momentum, torque_regressor, tree_motion, tree_of
 from regressors.jax_models.jax_drives import cross, drives_of, path_lengths
 from regressors.jax_models.jax_model import RegressorBlock, WindowPart, part_of, reduced, spacing
@@ -16,6 +15,7 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import PartialModel
+from regressors.robot.friction.load_share import torques_at_drives
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
 

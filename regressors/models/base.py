@@ -240,32 +240,19 @@ def expressions(model: RegressorModel, D: Array) -> tuple[str, ...]:
     return tuple(_sum(row, standard, monomials) for row in D @ model.composition.definition)
 
 
-@dataclass(frozen=True)
-class _Monomial:
-    """A constant or the product of two constants, optionally doubled."""
-
-    text: str
-    value: float
-    constants: tuple[str, ...]
-
-    def belongs_to(self, owner: int | None) -> bool:
-        """True if each constant bears the owner's number or none, such as n3 of Ia3, whose owner is drive 3."""
-        numbers = {"".join(filter(str.isdigit, constant)) for constant in self.constants}
-        return numbers <= {"", str(owner)}
+Monomial = tuple[str, float, set[str]]  # text and value of a constant or a product, the numbers in its constants' names
 
 
-def _monomials(constants: dict[str, float]) -> list[_Monomial]:
-    single = [_Monomial(name, value, (name,)) for name, value in constants.items() if value != 0.0]
+def _monomials(constants: dict[str, float]) -> list[Monomial]:
+    """Constants and products of two constants, then the same doubled."""
+    single = [(name, x, {"".join(filter(str.isdigit, name))}) for name, x in constants.items() if x != 0.0]
     pairs = combinations_with_replacement(single, 2)
-    products = [
-        _Monomial(f"{a.text}^2" if a == b else f"{a.text} {b.text}", a.value * b.value, (a.text, b.text))
-        for a, b in pairs
-    ]
+    products = [(f"{a}^2" if a == b else f"{a} {b}", x * y, of_a | of_b) for (a, x, of_a), (b, y, of_b) in pairs]
     once = [*single, *products]
-    return [*once, *(_Monomial(f"2 {m.text}", 2 * m.value, m.constants) for m in once)]
+    return [*once, *((f"2 {text}", 2 * value, numbers) for text, value, numbers in once)]
 
 
-def _sum(row: Array, standard: tuple[Column, ...], monomials: list[_Monomial]) -> str:
+def _sum(row: Array, standard: tuple[Column, ...], monomials: list[Monomial]) -> str:
     text = ""
     scale = float(np.abs(row).max(initial=0.0))
     for k in np.flatnonzero(np.abs(row) > 1e-9 * scale):
@@ -276,8 +263,8 @@ def _sum(row: Array, standard: tuple[Column, ...], monomials: list[_Monomial]) -
     return text
 
 
-def _factor(size: float, column: Column, monomials: list[_Monomial]) -> str:
-    """Text of a coefficient; among equal constants those of the column's owner are preferred."""
-    equal = [monomial for monomial in monomials if abs(monomial.value - size) <= 1e-9 * size]
-    own = [monomial for monomial in equal if monomial.belongs_to(column.owner)]
-    return next((monomial.text for monomial in (*own, *equal)), f"{size:.6g}")
+def _factor(size: float, column: Column, monomials: list[Monomial]) -> str:
+    """Text of a coefficient; of equal constants one whose names bear the column's owner's number, or none, is taken."""
+    equal = [(text, numbers) for text, value, numbers in monomials if abs(value - size) <= 1e-9 * size]
+    own = (text for text, numbers in equal if numbers <= {"", str(column.owner)})
+    return [*own, *(text for text, _ in equal), f"{size:.6g}"][0]

@@ -1,7 +1,7 @@
 """Torque that each drive carries, of bodies and rotors with fixed parameters: what friction grows with.
 
-As for the friction curves with load shares [`regressors.friction.load_share`], a drive carries the torque that moves
-the robot without friction, at the drive coordinate, ``tau_z = C'^-1 tau_q``, with its own rotor.
+As for the friction curves with load shares [`regressors.robot.friction.load_share`], a drive carries the torque that
+moves the robot without friction, at the drive coordinate, ``tau_z = C'^-1 tau_q``, with its own rotor.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
-from regressors.friction.load_share import torques_at_drives
 from regressors.models.base import Base
 from regressors.models.columns import BODY_KINDS, ROTOR
 from regressors.models.drives import DriveMotion, drive_column, drive_rows, rotor_torque
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values
-from regressors.models.standard_columns import inertial_columns, standard_columns
+from regressors.models.reduction import inertial_columns, standard_columns
+from regressors.robot.friction.load_share import torques_at_drives
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
-from regressors.symbolic.kinematics import sparse
 
 RIGID = ("inertial", "rotor")
 

@@ -89,8 +89,9 @@ class Terms:
         Rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia``, with the gear's reference ratio n;
         else the motors' own, ``Ia``, whose columns are n^2 times as large as those of links.
     load_share : bool or tuple of int
-        ``F.l``, friction per torque that the drive carries [Nm/Nm], see `regressors.friction.load_share.Loaded`. The
-        carried torque is that of bodies and rotors with known parameters, see `DifferentialModel`.
+        ``F.l``, friction per torque that the drive carries [Nm/Nm], see
+        `regressors.robot.friction.load_share.Loaded`. The carried torque is that of bodies and rotors with known
+        parameters, see `DifferentialModel`.
     root : bool or tuple of int
         ``F.r``, friction that grows with the root of the speed, as that of lubricants [Nm (s/rad)^0.5].
     asymmetry : bool or tuple of int

@@ -10,26 +10,23 @@ import casadi as ca
 import numpy as np
 
 from regressors.arguments import checked
-from regressors.friction.load_share import torques_at_drives
 from regressors.models.carried_torque import carried_at_drives, carried_bodies
 from regressors.models.columns import DIRECTED_KINDS, LOAD_SHARE, Terms
 from regressors.models.drives import (
     DriveMotion,
-    check_drives,
-    column_list,
     drive_columns,
     drive_motions,
     friction_magnitude,
     friction_terms,
 )
 from regressors.models.model import RegressorModel
-from regressors.models.reduction import Reduction
-from regressors.models.standard_columns import inertial_columns
+from regressors.models.reduction import Reduction, reduction_by
+from regressors.robot.friction.load_share import torques_at_drives
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import bodies, body_regressor, sparse
+from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Samples
-from regressors.symbolic.kinematics import bodies, body_regressor, sparse
-from regressors.symbolic.vectorised import VectorisedFunction
 
 
 def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
@@ -102,14 +99,11 @@ class DifferentialModel(RegressorModel):
         self.terms = terms if terms is not None else Terms()
         self.sign_width = sign_width
         self.carried = None if carried is None else dict(carried)
-        check_drives(robot, self.terms)
-        drives = drive_motions(robot, *(ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")))
-        extra = column_list(drives, self.terms)
+        self.reduction = reduction_by(robot, self.terms)
         self.carried_bodies = None
-        if any(column.kind == LOAD_SHARE for column in extra):
+        if any(column.kind == LOAD_SHARE for column in self.reduction.standard):
             self.carried_bodies = carried_bodies(robot, self.carried)
             torques_at_drives(robot)  # refuses what has no load of each drive
-        self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra), reflected=self.terms.reflected)
         self.columns = self.reduction.columns
         units = ("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
         self.row_labels = tuple(zip(robot.joint_names, units, strict=True))

@@ -27,8 +27,8 @@ from regressors.models.columns import (
     Terms,
 )
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
-from regressors.symbolic.kinematics import sparse
 
 
 @dataclass(frozen=True)

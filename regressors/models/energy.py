@@ -16,19 +16,16 @@ from regressors.errors import InputError
 from regressors.models.columns import COULOMB, OFFSET, Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.drives import (
-    check_drives,
-    column_list,
     drive_motions,
     drive_rows,
     friction_terms,
     friction_torque,
 )
-from regressors.models.reduction import Reduction
-from regressors.models.standard_columns import inertial_columns
+from regressors.models.reduction import Reduction, reduction_by
 from regressors.models.windows import Mask, Window, WindowModel
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import LinkMotion, bodies
 from regressors.samples import Array, Index, Samples
-from regressors.symbolic.kinematics import LinkMotion, bodies
 
 
 def body_energy(body: LinkMotion, gravity: ca.SX) -> ca.SX:
@@ -82,11 +79,7 @@ class EnergyModel(WindowModel):
                 "friction that grows with the load depends on the acceleration, which the energy model does without; "
                 "set `load_share` to false, or take the differential model"
             )
-        check_drives(robot, self.terms)
-        extra = column_list(
-            drive_motions(robot, *(ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq"))), self.terms
-        )
-        self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra), reflected=self.terms.reflected)
+        self.reduction = reduction_by(robot, self.terms)
         self.columns = self.reduction.columns
 
     @property

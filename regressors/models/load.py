@@ -16,8 +16,8 @@ from regressors.models.model import RegressorModel
 from regressors.models.windows import Window, WindowModel
 from regressors.quantities import place_of
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import LinkMotion, body_regressor, chain, sparse, times_inertia
 from regressors.samples import Array, Samples
-from regressors.symbolic.kinematics import LinkMotion, body_regressor, chain, sparse, times_inertia
 
 EQUATIONS = ("fx", "fy", "fz", "nx", "ny", "nz")
 LOAD_PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")

@@ -17,22 +17,24 @@ import scipy.sparse
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.columns import DIRECTED_KINDS, Column, Terms
-from regressors.models.coulomb_friction import CoulombFriction, coulomb_friction
 from regressors.models.drives import drive_rows
 from regressors.models.partial import PartialMotion, of_joints
-from regressors.models.reduction import Reduction
-from regressors.models.torque_equations import TorqueEquations
+from regressors.models.reduction import CoulombFriction, Reduction, coulomb_friction
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import sparse
+from regressors.robot.symbolic.vectorised import (
+    VectorisedFunction,
+    entries_at_samples,
+    evaluate_samples,
+    interpret_samples,
+)
 from regressors.samples import Array, Index, Samples
-from regressors.symbolic.kinematics import sparse
-from regressors.symbolic.vectorised import VectorisedFunction
 
 if TYPE_CHECKING:
     from regressors.models.windows import Window
 
 Channel = Literal["effort", "wrench"]
 
-_CHUNK = 4096
 _FEW = 500  # instants that take CasADi's machine less time than the translation for many
 
 
@@ -173,7 +175,7 @@ class RegressorModel(ABC):
         ndarray, shape (N * r, p)
             The r rows of the first instant, then of the second, and so on.
         """
-        evaluate = _interpret_samples if samples.time.size <= _FEW else evaluate_samples
+        evaluate = interpret_samples if samples.time.size <= _FEW else evaluate_samples
         return evaluate(self.function, samples).reshape(-1, len(self.columns))
 
     def selected(self, samples: Samples, columns: Index) -> Array:
@@ -339,8 +341,6 @@ class RegressorModel(ABC):
         UnknownName
             No such coordinate.
         """
-        from regressors.models.model import PartialModel  # imports this module
-
         if not self.rows_are_joint_torques or (motion.complete and equations is None):
             return self
         return PartialModel(self, motion, equations)
@@ -384,47 +384,51 @@ class RegressorModel(ABC):
         return np.ones((samples.time.size, sum(c.kind in DIRECTED_KINDS for c in self.standard_columns)))
 
 
-def evaluate_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
-    """Values of a matrix expression at every sample, shape (N, rows, columns); of some columns, or of all."""
-    width = function.shape[1] if columns is None else columns.size
-    values = np.empty((samples.time.size, function.shape[0], width))
-    for start in range(0, samples.time.size, _CHUNK):
-        part = slice(start, start + _CHUNK)
-        values[part] = entries_at_samples(function, samples.rows(part), columns).transpose(2, 0, 1)
-    return values
-
-
-def entries_at_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
-    """As `evaluate_samples`, shape (rows, columns, N): the entries of the matrix, each at every sample."""
-    rows, width = function.shape
-    place = np.arange(width)
-    if columns is not None:
-        place, width = np.full(width, -1), columns.size
-        place[columns] = np.arange(width)
-    column = place[np.asarray(function.column)]
-    used = np.flatnonzero(column >= 0)
-    row, column = np.asarray(function.row)[used], column[used]
-    values = np.zeros((rows, width, samples.time.size))
-    for start in range(0, samples.time.size, _CHUNK):
-        part = slice(start, start + _CHUNK)
-        motion = [np.ascontiguousarray(x[part].T) for x in (samples.q, samples.dq, samples.ddq)]
-        found = function(*motion)
-        values[row, column, part] = found if used.size == len(found) else found[used]
-    return values
-
-
-def _interpret_samples(function: VectorisedFunction, samples: Samples) -> Array:
-    values = np.zeros((samples.time.size, *function.shape))
-    motion = [np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)]
-    values[:, function.row, function.column] = function.interpreted(*motion).T
-    return values
-
-
 def _index(name: str, labels: Sequence[str], numbers: Sequence[str]) -> int:
     for names in (labels, numbers):
         if name in names:
             return names.index(name)
     raise UnknownName("equation", name, (f"{k} ({label})" for k, label in zip(numbers, labels, strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueEquations:
+    """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``, from which equations of motion are built.
+
+    Parameters
+    ----------
+    model : RegressorModel
+        Model of the torques of all joints, one row each.
+    motion : PartialMotion
+        N and q0.
+    used : tuple of int
+        Moving coordinates whose torques are equations.
+    """
+
+    model: RegressorModel
+    motion: PartialMotion
+    used: tuple[int, ...]
+
+    @property
+    def directions(self) -> Array:
+        """Columns of N that are used, shape (n, r)."""
+        return self.motion.matrix[:, self.used]
+
+    @property
+    def every_joint(self) -> bool:
+        """True if the equations are the torques of all joints themselves."""
+        return np.array_equal(self.directions, np.eye(len(self.motion.offset)))
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Moving coordinates without an equation; if there are any, the torques do not determine the motion."""
+        return tuple(label for k, label in enumerate(self.motion.labels) if k not in self.used)
+
+    def speeds(self, dq: Array) -> Array:
+        """Velocity of each equation's coordinate, shape (N, r), from the joints', shape (N, n) [rad/s or m/s]."""
+        if self.motion.complete:
+            return dq[:, self.used]
+        return np.asarray(dq @ np.linalg.pinv(self.motion.matrix)[list(self.used)].T)
 
 
 class PartialModel(RegressorModel):

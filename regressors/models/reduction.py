@@ -6,7 +6,7 @@ written in; then ``Y S = Y_X B`` and the columns in X are ``Y S R`` with any R t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -14,13 +14,25 @@ import numpy as np
 import scipy.linalg
 
 from regressors.errors import UnknownName
-from regressors.models.columns import COMBINATION, ROTOR, Column
-from regressors.models.drives import reflections
+from regressors.models.columns import COMBINATION, DIRECTED_KINDS, FRICTION_KINDS, ROTOR, Column, Terms, body_columns
+from regressors.models.drives import check_drives, column_list, drive_column, drive_motions, drive_rows, reflections
 from regressors.models.independence import independent_columns
-from regressors.models.standard_columns import standard_columns
+from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Aggregates, Robot
-from regressors.samples import Array
-from regressors.symbolic.kinematics import sparse
+from regressors.robot.symbolic.kinematics import sparse
+from regressors.samples import Array, Index, Samples
+
+
+def inertial_columns(robot: Robot) -> tuple[Column, ...]:
+    """Standard inertial parameters of every body: links, then branches."""
+    return tuple(column for number in robot.body_numbers for column in body_columns(parameter_names(number), number))
+
+
+def standard_columns(robot: Robot) -> tuple[Column, ...]:
+    """Every standard parameter that a robot can have, with all terms and all drives, moving or locked."""
+    kinds = (ROTOR, *FRICTION_KINDS)
+    drives = (drive_column(number, kind) for number in drive_rows(robot) for kind in kinds)
+    return (*inertial_columns(robot), *drives)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,3 +152,56 @@ def _aggregated(form: Aggregates, columns: tuple[Column, ...]) -> tuple[tuple[Co
     R = np.zeros(B.T.shape)
     R[chosen] = np.linalg.inv(B[:, chosen])
     return (*aggregates, *friction), R + 0.0, B
+
+
+Magnitudes = Callable[[Samples], Array]
+
+
+def reduction_by(robot: Robot, terms: Terms) -> Reduction:
+    """Columns of a robot's bodies, and those that terms choose of its drives, reduced by its structure."""
+    check_drives(robot, terms)
+    drives = drive_motions(robot, *(ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")))
+    return Reduction.of(robot, (*inertial_columns(robot), *column_list(drives, terms)), reflected=terms.reflected)
+
+
+@dataclass(frozen=True, eq=False)
+class CoulombFriction:
+    """Directed friction of a model of torques: each column is the sum of ``magnitude_k direction_k rows_k`` over its k.
+
+    Coulomb friction has the magnitude 1; load shares, roots and Stribeck friction have others, see
+    `regressors.models.columns.Terms`.
+
+    Parameters
+    ----------
+    columns : ndarray of int, shape (k,)
+        Columns of the model, in ascending order; one that several drives share is repeated for each of them.
+    coupling : ndarray, shape (k, n)
+        Row of C of each column's drive, whose velocity is ``coupling @ dq`` [rad/s or m/s].
+    rows : ndarray, shape (k, r)
+        Contribution of a unit torque of the drive to each equation.
+    magnitudes : callable
+        From N samples to the friction per unit parameter, shape (N, k) [Nm or N per unit].
+    """
+
+    columns: Index
+    coupling: Array
+    rows: Array
+    magnitudes: Magnitudes
+
+
+def coulomb_friction(
+    robot: Robot, composition: Reduction, directions: Array, magnitudes: Magnitudes
+) -> CoulombFriction:
+    """Columns of directed friction of equations along some directions, ``N' C' tau_z``."""
+    # directions (n, r); magnitudes (N, standard columns)
+    drives = drive_rows(robot)
+    directed = [
+        (k, drives[column.owner])
+        for k, column in enumerate(composition.standard)
+        if column.kind in DIRECTED_KINDS and column.owner is not None
+    ]
+    shares = composition.matrix[[k for k, _ in directed]].T  # of each drive in each column
+    columns, drive = np.nonzero(shares)
+    C = np.array([row for _, row in directed]).reshape(-1, robot.n)[drive]
+    rows = shares[columns, drive][:, None] * (C @ directions)
+    return CoulombFriction(columns, C, rows, lambda samples: magnitudes(samples)[:, drive])

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.models.model import Combination, RegressorModel
+from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index, Samples
-from regressors.symbolic.vectorised import VectorisedFunction
 
 Mask = NDArray[np.bool_]
 

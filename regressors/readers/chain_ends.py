@@ -43,6 +43,11 @@ class Chain:
         """Joints that are not fixed."""
         return [joint for joint in self.path if joint.kind != "fixed"]
 
+    @property
+    def moving_names(self) -> set[str]:
+        """Names of these joints."""
+        return {joint.name for joint in self.moving}
+
 
 def chain_of(tree: UrdfTree, base: str | None, tip: str | None) -> Chain:
     """The chain between two links, or below the base, checked.
@@ -86,9 +91,14 @@ def _without_gripper(tree: UrdfTree, base: str) -> Chain:
     tips = _moving_tips(tree, base)
     if not tips:
         raise InputError(f"{tree.source}: no moving joint below link {base!r}")
-    fork = tips[0] if len(tips) == 1 else _fork(tree, base, tips)
-    fingers = [] if len(tips) == 1 else _first_of_fingers(tree, fork, tips)
-    notes = (_fingers(fork, fingers),) if fingers else ()
+    fork, fingers = tips[0], list[str]()
+    notes: tuple[Finding, ...] = ()
+    if len(tips) > 1:
+        fork = _fork(tree, base, tips)
+        below = [[joint.name for joint in tree.path(fork, tip) or () if joint.kind != "fixed"] for tip in tips]
+        fingers = list(dict.fromkeys(names[0] for names in below))
+        what = f"the chain ends here, where fingers part; {', '.join(listing(fingers))} are held at zero"
+        notes = (Finding("assumed", f"link {fork!r}", what, "`tip` chooses another end"),)
     chain = _between(tree, base, fork)
     moving = chain.moving
     held: list[TreeJoint] = []
@@ -114,25 +124,10 @@ def _moves_gripper(joint: TreeJoint) -> bool:
 def _held(tree: UrdfTree, held: Sequence[TreeJoint], tip: str) -> tuple[Finding, ...]:
     where = f"joint {', '.join(joint.name for joint in held)}"
     note = Finding("assumed", where, "moves a gripper: held at zero and left out", f"`tip={tip!r}` includes it")
-    outside = [joint.name for joint in held if not _allows(joint, rest(tree, joint)[0])]
-    if not outside:
-        return (note,)
-    return (note, Finding("suspicious", f"joint {', '.join(outside)}", "held where its limits do not allow it"))
-
-
-def _allows(joint: TreeJoint, position: float) -> bool:
-    lower, upper = range_of(joint)
-    return lower <= position <= upper
-
-
-def _first_of_fingers(tree: UrdfTree, fork: str, tips: Sequence[str]) -> list[str]:
-    first = (next(joint.name for joint in tree.path(fork, tip) or () if joint.kind != "fixed") for tip in tips)
-    return list(dict.fromkeys(first))
-
-
-def _fingers(fork: str, fingers: Sequence[str]) -> Finding:
-    what = f"the chain ends here, where fingers part; {', '.join(listing(fingers))} are held at zero"
-    return Finding("assumed", f"link {fork!r}", what, "`tip` chooses another end")
+    ranges = ((joint.name, rest(tree, joint)[0], range_of(joint)) for joint in held)
+    if outside := [name for name, position, (lower, upper) in ranges if not lower <= position <= upper]:
+        return (note, Finding("suspicious", f"joint {', '.join(outside)}", "held where its limits do not allow it"))
+    return (note,)
 
 
 def _moving_tips(tree: UrdfTree, base: str) -> list[str]:
@@ -276,7 +271,7 @@ def _check(tree: UrdfTree, chain: Chain, *, advise: bool = True) -> None:
                 _around(tree, chain, joint, joint.mimic.joint),
                 _UNTIE,
             )
-    moving = {joint.name for joint in chain.moving}
+    moving = chain.moving_names
     for joint in tree.above.values():
         leader = rest(tree, joint)[1]
         if joint.name not in moving and leader in moving:
@@ -319,6 +314,14 @@ def resting_pose(tree: UrdfTree, joint: TreeJoint) -> Array:
     if position == 0.0:
         return joint.pose
     return Joint(joint.name, kind_of(joint), joint.pose[:3, :3], joint.pose[:3, 3], joint.axis).motion(position)
+
+
+def resting_rotation(tree: UrdfTree, link: str) -> Array:
+    """Axes of a link in the root's frame, with all joints above it at rest, shape (3, 3)."""
+    R = np.eye(3)
+    for joint in tree.path(tree.root, link) or ():
+        R = R @ resting_pose(tree, joint)[:3, :3]
+    return R
 
 
 def kind_of(joint: TreeJoint) -> JointKind:

@@ -5,10 +5,11 @@ Lengths are in metres, angles in radians or as text such as ``90 deg``. Fields t
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable
-from dataclasses import replace
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
@@ -23,16 +24,59 @@ from pydantic import (
     model_validator,
 )
 
+from regressors.errors import InputError, UnknownName
 from regressors.quoting import long_name, shortened
-from regressors.readers.coefficients import Coefficient
 from regressors.readers.documents import described
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
+from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, rotation_from_rpy, transport
 from regressors.robot.robot import Branch, Drive, Joint, JointKind, Limits, Link
 from regressors.robot.shapes import Capsule, Part
 
 _ROUNDING = 1e-15
 _DEGREES = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*deg(\S*)")
+
+
+_NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_POWER = re.compile(r"([A-Za-z][A-Za-z0-9_]*)(?:\^(-?[0-9]{1,2}))?")
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A number times powers of named constants."""
+
+    number: float
+    powers: tuple[tuple[str, int], ...] = ()  # name and exponent of each constant
+
+    @classmethod
+    def parse(cls, text: str) -> Coefficient:
+        """Coefficient from its text: ``[+-] factor * factor * ...`` with factors ``2.5``, ``l2`` or ``n1^2``."""
+        unsigned = text.strip()
+        number = -1.0 if unsigned.startswith("-") else 1.0
+        powers = []
+        for factor in unsigned.removeprefix("-" if number < 0 else "+").split("*"):
+            if _NUMBER.fullmatch(factor.strip()):
+                number *= float(factor)
+            elif power := _POWER.fullmatch(factor.strip()):
+                powers.append((power[1], int(power[2] or 1)))
+            else:
+                raise InputError(f"expected a number or a product such as '-2*l2*n1^2', given {text!r}")
+        if not math.isfinite(number):
+            raise InputError(f"coefficient must be finite, given {text!r}")
+        return cls(number, tuple(powers))
+
+    def value(self, constants: Mapping[str, float]) -> float:
+        """Value of the product for given values of the constants."""
+        value = self.number
+        for name, exponent in self.powers:
+            if name not in constants:
+                raise UnknownName("constant", name, constants)
+            try:
+                value *= constants[name] ** exponent
+            except (OverflowError, ZeroDivisionError):
+                value = math.nan
+        if not math.isfinite(value):
+            raise InputError(f"coefficient is not a finite number with {dict(constants)}")
+        return value
 
 
 def _radians(per: str) -> Callable[[object], object]:
@@ -143,11 +187,7 @@ class FrameSection(Section):
 
     def rotation(self) -> Array:
         """``R``, shape (3, 3)."""
-        (cr, cp, cy), (sr, sp, sy) = np.cos(self.rpy), np.sin(self.rpy)
-        rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-        ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-        rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-        return np.asarray(rz @ ry @ rx)
+        return rotation_from_rpy(self.rpy)
 
 
 class PoseSection(FrameSection):
@@ -178,20 +218,37 @@ class PoseSection(FrameSection):
         return super().rotation() if self.matrix is None else np.array(self.matrix)
 
 
-def _placed(name: str, kind: JointKind, mdh: MdhSection | None, pose: PoseSection | None) -> Joint:
-    if mdh is not None:
-        return Joint.from_mdh(name, kind, **mdh.model_dump())
-    assert pose is not None
-    return Joint(name, kind, pose.rotation(), np.array(pose.xyz), np.array(pose.axis))
+class PlacedSection(Section):
+    """How a joint moves, and its place in the parent's frame, as ``mdh`` or as ``pose``."""
 
-
-class JointSection(Section):
-    """A joint: its place as ``mdh`` or as ``pose``, and the limits of its coordinate."""
-
-    name: Name
     kind: JointKind = "revolute"
     mdh: MdhSection | None = None
     pose: PoseSection | None = None
+
+    @model_validator(mode="after")
+    def _placed_once(self) -> Self:
+        if (self.mdh is None) == (self.pose is None):
+            what = f"joint {self.name!r}" if isinstance(self, JointSection) else "the joint of a branch"
+            raise ValueError(f"{what} needs mdh or pose, and not both")
+        return self
+
+    def joint_named(self, name: str) -> Joint:
+        """Joint of a robot."""
+        if self.mdh is not None:
+            return Joint.from_mdh(name, self.kind, **self.mdh.model_dump())
+        assert self.pose is not None
+        return Joint(name, self.kind, self.pose.rotation(), np.array(self.pose.xyz), np.array(self.pose.axis))
+
+
+class NamedSection(Section):
+    """A part of a robot with a name, the first of its fields."""
+
+    name: Name
+
+
+class JointSection(PlacedSection, NamedSection):
+    """A joint, and the limits of its coordinate."""
+
     limits: LimitsSection = LimitsSection()
 
     @field_validator("limits", mode="before")
@@ -201,15 +258,9 @@ class JointSection(Section):
             raise ValueError("the limits of a prismatic joint are in metres, not in degrees")
         return given
 
-    @model_validator(mode="after")
-    def _placed_once(self) -> JointSection:
-        if (self.mdh is None) == (self.pose is None):
-            raise ValueError(f"joint {self.name!r} needs mdh or pose, and not both")
-        return self
-
     def joint(self) -> Joint:
         """Joint of a robot."""
-        return _placed(self.name, self.kind, self.mdh, self.pose)
+        return self.joint_named(self.name)
 
 
 class InertiaSection(Section):
@@ -228,10 +279,9 @@ class InertiaSection(Section):
         return [self.xx, self.xy, self.xz, self.yy, self.yz, self.zz]
 
 
-class LinkSection(Section):
+class LinkSection(NamedSection):
     """A link and its inertial parameters, in its own frame or in a ``frame`` given relative to it."""
 
-    name: Name
     mass: NotNegative | None = None
     com: Vector | None = None
     first_moment: Vector | None = None
@@ -273,20 +323,6 @@ class LinkSection(Section):
         return np.asarray(transport(self.frame.rotation(), self.frame.xyz) @ theta)
 
 
-class BranchJointSection(Section):
-    """The joint of a branch: its place in the parent's frame, as ``mdh`` or as ``pose``."""
-
-    kind: JointKind = "revolute"
-    mdh: MdhSection | None = None
-    pose: PoseSection | None = None
-
-    @model_validator(mode="after")
-    def _placed_once(self) -> BranchJointSection:
-        if (self.mdh is None) == (self.pose is None):
-            raise ValueError("the joint of a branch needs mdh or pose, and not both")
-        return self
-
-
 class BranchSection(LinkSection):
     """A body beside the chain: a link with its joint, whose coordinate is ``coupling @ q + offset``.
 
@@ -295,7 +331,7 @@ class BranchSection(LinkSection):
     """
 
     parent: str
-    joint: BranchJointSection
+    joint: PlacedSection
     coupling: list[float]
     offset: Angle = 0.0
     number: Annotated[int, Field(gt=0)] | None = None
@@ -309,9 +345,8 @@ class BranchSection(LinkSection):
 
     def branch(self) -> Branch:
         """Branch of a robot."""
-        joint, link = self.joint, replace(self.link(), number=self.number or 0)
-        placed = _placed(self.name, joint.kind, joint.mdh, joint.pose)
-        return Branch(self.parent, placed, link, np.array(self.coupling), self.offset)
+        link = replace(self.link(), number=self.number or 0)
+        return Branch(self.parent, self.joint.joint_named(self.name), link, np.array(self.coupling), self.offset)
 
 
 class ShapeSection(Section):
@@ -393,14 +428,10 @@ def _motor_speed(value: object) -> object:
     return _radians("/s")(value)
 
 
-class MotorLimitsSection(Section):
+class MotorLimitsSection(LimitsSection):
     """Limits as the motor has them, before its gear [rad, rad/s or rpm, rad/s^2, rad/s^3, Nm]."""
 
-    position: Bounds | None = None
     velocity: Annotated[float, Field(gt=0), BeforeValidator(_motor_speed)] | None = None
-    acceleration: Annotated[float, Field(gt=0), BeforeValidator(_radians("/s^2"))] | None = None
-    jerk: Annotated[float, Field(gt=0), BeforeValidator(_radians("/s^3"))] | None = None
-    torque: Positive | None = None
 
     def at_coordinate(self, ratio: float) -> dict[str, Any]:
         """The limits of the coordinate behind a gear: angles and rates divided by its ratio, the torque times it."""
@@ -412,13 +443,12 @@ class MotorLimitsSection(Section):
         return given | rates | ({"torque": given["torque"] * size} if "torque" in given else {})
 
 
-class DriveSection(Section):
+class DriveSection(NamedSection):
     """A drive: its gear, the inertia of its rotor [kg m^2], its friction and the limits of its coordinate z.
 
     ``motor_limits`` states limits on the motor's side of a constant ratio instead.
     """
 
-    name: Name
     ratio: RatioSection = RatioSection(constant=1.0)
     rotor_inertia: NotNegative | None = None
     friction: FrictionSection = FrictionSection()

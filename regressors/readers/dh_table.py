@@ -185,11 +185,12 @@ def _check_complete(row: _Row, place: str) -> None:
 
 
 def _robot(name: str, rows: list[_Row], convention: str, source: str) -> Robot:
+    bounds = {"lower": -np.inf, **dict.fromkeys(("upper", "velocity", "acceleration", "jerk", "torque"), np.inf)}
     return Robot(
         name=name,
         joints=tuple(_joints(rows, convention)),
         links=tuple(Link(f"link{k}", _parameters(row, convention)) for k, row in enumerate(rows, 1)),
-        limits=_limits(rows),
+        limits=Limits(*(np.array([row.get(name, none) for row in rows]) for name, none in bounds.items())),
         transmission=_transmission(rows),
         source=f"{convention} Denavit-Hartenberg table {source}",
     )
@@ -202,14 +203,9 @@ def _joints(rows: list[_Row], convention: str) -> list[Joint]:
         steps = [np.zeros(2), *steps[:-1]]
     return [
         Joint.from_mdh(
-            row.name,
-            row.kind,
-            alpha=float(alpha),
-            a=float(a),
-            d=row.get("d", 0.0),
-            offset=row.get("theta", 0.0),
+            row.name, row.kind, alpha=float(x), a=float(a), d=row.get("d", 0.0), offset=row.get("theta", 0.0)
         )
-        for row, (alpha, a) in zip(rows, steps, strict=True)
+        for row, (x, a) in zip(rows, steps, strict=True)
     ]
 
 
@@ -225,12 +221,6 @@ def _parameters(row: _Row, convention: str) -> Array | None:
     return transport(step.rotation, step.translation) @ theta
 
 
-def _limits(rows: list[_Row]) -> Limits:
-    bounds = (np.array([row.get(c, np.inf) for row in rows]) for c in ("velocity", "acceleration", "jerk", "torque"))
-    lower, upper = (np.array([row.get(c, none) for row in rows]) for c, none in (("lower", -np.inf), ("upper", np.inf)))
-    return Limits(lower, upper, *bounds)
-
-
 def _transmission(rows: list[_Row]) -> Transmission | None:
     if not any(column in row for row in rows for column in _DRIVE):
         return None
@@ -238,9 +228,9 @@ def _transmission(rows: list[_Row]) -> Transmission | None:
         Drive(
             row.name,
             ConstantRatio(row.get("ratio", 1.0)),
-            rotor_inertia=row.get("rotor_inertia"),
-            coulomb=row.get("coulomb"),
-            viscous=row.get("viscous"),
+            row.get("rotor_inertia"),
+            row.get("coulomb"),
+            row.get("viscous"),
         )
         for row in rows
     )

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -20,6 +22,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
 from regressors.errors import InputError
+from regressors.input_files import read_text
 from regressors.quoting import shortened
 
 FieldPath = tuple[str | int, ...]
@@ -27,6 +30,11 @@ Schema = TypeVar("Schema", bound=BaseModel)
 
 _CORE = "tag:yaml.org,2002:"
 _TEXT = frozenset({"str", "timestamp", "merge", "value"})  # the last three have no meaning in YAML 1.2's core
+
+
+def yaml_float(value: float) -> str:
+    """The shortest text that YAML 1.1 too reads as this float: with a point before the exponent, as in ``1.0e-05``."""
+    return re.sub(r"^(-?\d+)e", r"\1.0e", repr(float(value)))
 
 
 @dataclass(frozen=True)
@@ -45,9 +53,26 @@ class Document:
         sentences = (f"{field} (line {line}): {' '.join(what.split())}" for line, field, what in sorted_problems)
         return InputError(f"{self.source}: {'; '.join(sentences)}")
 
+    @contextmanager
+    def at(self, *place: str | int) -> Iterator[None]:
+        """Name a field and its line in errors of a block that uses it."""
+        try:
+            yield
+        except InputError as error:
+            raise self.error([(place, str(error))]) from error
+
     def _line(self, path: FieldPath) -> int:
         known = (self.lines[path[:n]] for n in range(len(path), -1, -1) if path[:n] in self.lines)
         return next(known, 1)
+
+
+def read_document(path: str | Path, what: str) -> Document:
+    """Content of a YAML file; messages name what it is, such as a ``task file``."""
+    try:
+        text = read_text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read {what} {path}: {getattr(error, 'strerror', None) or error}") from error
+    return parse_document(text, str(path))
 
 
 def parse_document(text: str, source: str) -> Document:

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from regressors.readers.chain_ends import Chain, carried, resting_pose
+from regressors.readers.chain_ends import Chain, carried, resting_rotation
 from regressors.readers.joint_ranges import range_findings, range_of
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, listing
 from regressors.robot.finding import Finding
@@ -25,9 +25,12 @@ _GRAVITY = 9.81
 
 def health(tree: UrdfTree, chain: Chain) -> tuple[Finding, ...]:
     """Findings on a chain of a URDF."""
+    names = ", ".join(listing(joint.name for joint in chain.moving))
+    found = f"{len(chain.moving)} moving joint(s): {names}"
     bodies = list(_bodies(tree, chain))
+    reach = float(sum(np.linalg.norm(joint.pose[:3, 3]) for joint in chain.path))  # of the stretched chain [m]
     return (
-        _chain(chain),
+        Finding("found", f"link {chain.base!r} to {chain.tip!r}", found),
         *_held(tree, chain),
         *chain.notes,
         *tree.notes,
@@ -38,23 +41,16 @@ def health(tree: UrdfTree, chain: Chain) -> tuple[Finding, ...]:
         *_passive(tree, chain),
         *_lengths(chain),
         *_unknown_bodies(chain, bodies),
-        *inertia_findings(bodies, _reach(chain)),
+        *inertia_findings(bodies, reach),
     )
 
 
 def _bodies(tree: UrdfTree, chain: Chain) -> Iterator[Body]:
     """Every body that moves with the chain."""
-    stop = {joint.name for joint in chain.moving}
     for joint in chain.moving:
-        for name, _ in carried(tree, joint.child, stop):
-            theta = tree.links[name]
-            if theta is not None:
+        for name, _ in carried(tree, joint.child, chain.moving_names):
+            if (theta := tree.links[name]) is not None:
                 yield Body(name, joint.child, theta)
-
-
-def _chain(chain: Chain) -> Finding:
-    names = ", ".join(listing(joint.name for joint in chain.moving))
-    return Finding("found", f"link {chain.base!r} to {chain.tip!r}", f"{len(chain.moving)} moving joint(s): {names}")
 
 
 def _labels(tree: UrdfTree, chain: Chain) -> set[str]:
@@ -66,7 +62,7 @@ def _labels(tree: UrdfTree, chain: Chain) -> set[str]:
 
 def _joints_carried(tree: UrdfTree, chain: Chain) -> list[TreeJoint]:
     """Joints beside the chain whose links move with it."""
-    stop = {joint.name for joint in chain.moving}
+    stop = chain.moving_names
     links = [name for joint in chain.moving for name, _ in carried(tree, joint.child, stop)]
     return [joint for link in links for joint in tree.below[link] if joint.name not in stop]
 
@@ -74,8 +70,7 @@ def _joints_carried(tree: UrdfTree, chain: Chain) -> list[TreeJoint]:
 def _held(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
     """Joints beside the chain that would move what it carries."""
     joints = (joint for joint in _joints_carried(tree, chain) if joint.kind != "fixed")
-    names = [joint.name for joint in joints if joint.name not in chain.held]
-    if names:
+    if names := [joint.name for joint in joints if joint.name not in chain.held]:
         yield Finding("found", _listed("joint", names), "off the chain: held at zero, what they carry is merged")
 
 
@@ -84,8 +79,7 @@ def _rates(chain: Chain) -> Iterator[Finding]:
         ("velocity", "", "give `velocity`, or write it into the file"),
         ("effort", ", so torques are not limited", "write it into the file if `torque_margin` is to count"),
     ):
-        free = [joint.name for joint in chain.moving if not joint.bounds.get(key)]
-        if free:
+        if free := [joint.name for joint in chain.moving if not joint.bounds.get(key)]:
             yield Finding("missing", _listed("joint", free), f"no {key} limit{unit}", advice)
 
 
@@ -115,10 +109,8 @@ def _placeholders(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
 
 def _weight(tree: UrdfTree, joint: TreeJoint) -> float:
     """Largest torque about a joint of the weight of all that hangs on it, with joints at zero [Nm]."""
-    R = np.eye(3)
-    for above in tree.path(tree.root, joint.child) or ():
-        R = R @ resting_pose(tree, above)[:3, :3]
-    level = float(np.hypot(*(R @ joint.axis)[:2]))  # an upright axis carries no weight
+    axis = resting_rotation(tree, joint.child) @ joint.axis
+    level = float(np.hypot(*axis[:2]))  # an upright axis carries no weight
     parts = [(tree.links[name], T) for name, T in carried(tree, joint.child, ())]
     moments = [theta[0] * T[:3, 3] + T[:3, :3] @ theta[1:4] for theta, T in parts if theta is not None]
     return _GRAVITY * level * sum(float(np.linalg.norm(np.cross(joint.axis, moment))) for moment in moments)
@@ -148,20 +140,17 @@ def _unknown_bodies(chain: Chain, bodies: Sequence[Body]) -> Iterator[Finding]:
         yield Finding("missing", _listed("link", unknown), what, advice)
 
 
-def _reach(chain: Chain) -> float:
-    """Length of the stretched chain [m]."""
-    return float(sum(np.linalg.norm(joint.pose[:3, 3]) for joint in chain.path))
-
-
-def _listed(what: str, names: Iterable[str]) -> str:
+def _listed(what: str, names: Iterable[str], most: int | None = None) -> str:
     names = list(names)
-    return f"{what}{'s' if len(names) > 1 else ''} {', '.join(listing(names))}"
+    shown = listing(names) if most is None else names[:most]
+    more = "" if most is None or len(names) <= most else f" and {len(names) - most} more"
+    return f"{what}{'s' if len(names) > 1 else ''} {', '.join(shown)}{more}"
 
 
 _HEAVY = 1e5  # kg
 _SMALLEST_REACH = 0.3  # m; of robots whose links carry no lengths
 _SLACK = 1e-3  # part of the largest moment of inertia, for values that were rounded
-_FEWEST_EQUAL = 3
+_FEWEST_EQUAL, _FEW = 3, 6
 _NEGLIGIBLE = 1e-3  # part of all the mass; so light a body may well be a point
 _ADVICE = "parameters known beforehand, torque limits and simulations rest on it; take it from a CAD model"
 
@@ -180,11 +169,6 @@ class Body:
         return float(self.theta[0])
 
     @cached_property
-    def centre(self) -> Array:
-        """Centre of mass in the link's frame [m], shape (3,)."""
-        return np.asarray(self.theta[1:4] / self.mass)
-
-    @cached_property
     def moments(self) -> Array:
         """Principal moments of inertia about the centre of mass, in ascending order [kg m^2], shape (3,)."""
         moments = principal_moments(self.theta)
@@ -197,36 +181,27 @@ def inertia_findings(bodies: Sequence[Body], reach: float) -> Iterator[Finding]:
     bodies = [body for body in bodies if np.all(np.isfinite(body.theta)) and np.any(body.theta)]
     least = _NEGLIGIBLE * sum(abs(body.mass) for body in bodies)
     size = max(reach, _SMALLEST_REACH)
-    faults: Mapping[str, Callable[[Body], bool]] = {
+    faults: Mapping[str, Callable[[Body], object]] = {
         "its mass is not positive": lambda body: body.mass <= 0.0,
         f"its mass is above {_HEAVY:g} kg, so it may be in grams": lambda body: body.mass > _HEAVY,
         "its inertia is zero, as of a point": lambda body: body.mass > least and not np.any(body.moments),
-        "its inertia is not positive definite about the centre of mass": _not_positive,
-        "its inertia violates the triangle inequality: no body has it": _no_triangle,
-        "its inertia is too large for its mass: it would be larger than the arm": lambda body: _too_large(body, size),
-        "its centre of mass is farther away than the arm reaches": lambda body: _too_far(body, size),
+        "its inertia is not positive definite about the centre of mass": lambda body: (
+            bool(np.any(body.moments)) and body.moments[0] <= 0.0
+        ),
+        "its inertia violates the triangle inequality: no body has it": lambda body: (
+            body.moments[0] > 0.0 and body.moments[:2].sum() < body.moments[2] * (1.0 - _SLACK)
+        ),
+        "its inertia is too large for its mass: it would be larger than the arm": lambda body: (
+            body.mass > 0.0 and body.moments[-1] > body.mass * size**2
+        ),
+        "its centre of mass is farther away than the arm reaches": lambda body: (
+            body.mass > 0.0 and np.linalg.norm(body.theta[1:4] / body.mass) > size
+        ),
     }
     for what, has in faults.items():
         if names := [body.name for body in bodies if has(body)]:
-            yield Finding("suspicious", _listed_links(names), what, _ADVICE)
+            yield Finding("suspicious", _listed("link", names, _FEW), what, _ADVICE)
     yield from _equal_bodies(bodies)
-
-
-def _not_positive(body: Body) -> bool:
-    return bool(np.any(body.moments) and body.moments[0] <= 0.0)
-
-
-def _no_triangle(body: Body) -> bool:
-    first, second, third = body.moments
-    return bool(first > 0.0 and first + second < third * (1.0 - _SLACK))
-
-
-def _too_large(body: Body, size: float) -> bool:
-    return bool(body.mass > 0.0 and body.moments[-1] > body.mass * size**2)
-
-
-def _too_far(body: Body, size: float) -> bool:
-    return bool(body.mass > 0.0 and np.linalg.norm(body.centre) > size)
 
 
 def _equal_bodies(bodies: Sequence[Body]) -> Iterator[Finding]:
@@ -238,9 +213,4 @@ def _equal_bodies(bodies: Sequence[Body]) -> Iterator[Finding]:
     for (mass, *_), names in groups.items():
         if len(names) >= _FEWEST_EQUAL:
             what = f"the same {mass:g} kg and the same inertia, so they may be placeholders"
-            yield Finding("suspicious", _listed_links(names), what, _ADVICE)
-
-
-def _listed_links(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-    return f"link{'s' if len(names) > 1 else ''} {shown}"
+            yield Finding("suspicious", _listed("link", names, _FEW), what, _ADVICE)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from contextlib import suppress
 from difflib import get_close_matches
 from functools import cache
-from importlib import resources
+from importlib import import_module, resources
 from pathlib import Path
 
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quoting import shortened
-from regressors.readers.xml_kind import MJCF, XACRO, xml_kind
+from regressors.readers.urdf_elements import MJCF, URDF, XACRO, xml_kind
+from regressors.robot.plausibility import check_sizes
 from regressors.robot.robot import Robot
-from regressors.robot.sizes import check_sizes
 from regressors.robots import built_in_names as built_in_names
 
 _DESCRIPTIONS = "regressors.robots"
@@ -22,6 +22,13 @@ _TABLE = ".csv"
 _XML = (".urdf", ".xml", ".xacro", ".mjcf")
 _OTHER = (".sdf",)  # whose reader says what to do
 _FILES = (*_YAML, _TABLE, *_XML, *_OTHER)
+_READERS = {  # each imported when it is needed: those of XML take their libraries with them
+    **dict.fromkeys(_YAML, ("description", "read_description")),
+    _TABLE: ("dh_table", "read_dh_table"),
+    URDF: ("urdf", "read_urdf"),
+    XACRO: ("xacro_file", "read_xacro"),
+    MJCF: ("mjcf", "read_mjcf"),
+}
 _NEAR = 0.7  # likeness of names that may be meant
 
 
@@ -82,17 +89,13 @@ def _read(spec: str, base: str | None, tip: str | None, *, snap_angles: bool, xa
         raise InputError(
             f"no robot {spec!r}: {_meant(spec)}built-in robots are {names}, and a file of that name does not exist"
         )
-    if suffix in _YAML:
-        from regressors.readers.description import read_description
-
-        return read_description(spec)
-    if suffix == _TABLE:
-        from regressors.readers.dh_table import read_dh_table
-
-        return read_dh_table(spec)
-    if suffix in (*_XML, *_OTHER):
-        return _read_tree(spec, base, tip, snap_angles=snap_angles, xacro=xacro)
-    raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_XML, _TABLE))}")
+    if suffix not in _FILES:
+        raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_XML, _TABLE))}")
+    kind = suffix if suffix in (*_YAML, _TABLE) else XACRO if xacro else xml_kind(spec)
+    module, reader = _READERS[kind]
+    chain = {"base": base, "tip": tip, "snap_angles": snap_angles} if suffix in (*_XML, *_OTHER) else {}
+    robot: Robot = getattr(import_module(f"regressors.readers.{module}"), reader)(spec, **chain)
+    return robot
 
 
 def _meant(spec: str) -> str:
@@ -108,21 +111,6 @@ def _meant(spec: str) -> str:
 def has_tree(spec: str) -> bool:
     """Whether a file is, by its name, one that holds a tree of links: a chain of it is chosen by base and tip."""
     return Path(spec).suffix.lower() in _XML
-
-
-def _read_tree(path: str, base: str | None, tip: str | None, *, snap_angles: bool, xacro: bool) -> Robot:
-    kind = XACRO if xacro else xml_kind(path)
-    if kind == MJCF:
-        from regressors.readers.mjcf import read_mjcf
-
-        return read_mjcf(path, base=base, tip=tip, snap_angles=snap_angles)
-    if kind == XACRO:
-        from regressors.readers.xacro_file import read_xacro
-
-        return read_xacro(path, base=base, tip=tip, snap_angles=snap_angles)
-    from regressors.readers.urdf import read_urdf
-
-    return read_urdf(path, base=base, tip=tip, snap_angles=snap_angles)
 
 
 @cache

@@ -10,11 +10,17 @@ import numpy as np
 
 from regressors.errors import InputError
 from regressors.input_files import regular_size
-from regressors.readers.chain_ends import Chain, resting_pose, working_ends
-from regressors.readers.mjcf_actuators import joint_actuators, reflected
-from regressors.readers.mjcf_equalities import Equalities, Tie, equalities
+from regressors.readers.chain_ends import Chain, resting_rotation, working_ends
 from regressors.readers.mjcf_size import check_mjcf_size
-from regressors.readers.mjcf_tree import names_of, tree_of_model
+from regressors.readers.mjcf_tree import (
+    Equalities,
+    Tie,
+    equalities,
+    joint_actuators,
+    names_of,
+    reflected,
+    tree_of_model,
+)
 from regressors.readers.urdf import robot_of_tree
 from regressors.readers.urdf_tree import UrdfTree
 from regressors.robot.inertia import Array
@@ -171,7 +177,5 @@ def _gravity(model: Any, tree: UrdfTree, base: str | None) -> Array:
 
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
         return np.zeros(3)
-    R = np.eye(3)
-    for joint in tree.path(tree.root, tree.root if base is None else base) or ():
-        R = R @ resting_pose(tree, joint)[:3, :3]
+    R = resting_rotation(tree, tree.root if base is None else base)
     return np.asarray(R.T @ np.array(model.opt.gravity))

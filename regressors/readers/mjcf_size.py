@@ -74,7 +74,11 @@ def _scan_file(scan: _Scan, path: Path, times: float) -> None:
         elif tag in _FOLDERS:
             scan.assets.append((tag, given, path))
         if scan.elements > ELEMENTS:
-            _refuse(scan, path.name, tag, parser.CurrentLineNumber)
+            raise TooLargeError(
+                f"{path.name}, line {parser.CurrentLineNumber}: with this <{tag}> the model has {scan.elements:.3g} "
+                f"elements, more than the {ELEMENTS} that a robot may have; lower the count of what is replicated, or "
+                "remove it from the file"
+            )
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = start
@@ -97,22 +101,13 @@ def _further(scan: _Scan, tag: str, given: Mapping[str, str], source: Path, time
 
 def _count(tag: str, given: Mapping[str, str]) -> float:
     """How many an element stands for."""
-    if tag != "replicate" and tag not in _GRIDS:
-        return 1.0
-    return math.prod(_numbers(given.get("count", "1")) or [1.0])
+    return math.prod(_numbers(given, "count")) if tag == "replicate" or tag in _GRIDS else 1.0
 
 
-def _numbers(text: str) -> list[float]:
+def _numbers(given: Mapping[str, str], name: str) -> list[float]:
     with suppress(ValueError):
-        return [max(1.0, float(word)) for word in text.split()]
+        return [max(1.0, float(word)) for word in given.get(name, "").split()]
     return []
-
-
-def _refuse(scan: _Scan, name: str, tag: str, line: int) -> None:
-    raise TooLargeError(
-        f"{name}, line {line}: with this <{tag}> the model has {scan.elements:.3g} elements, more than the {ELEMENTS} "
-        "that a robot may have; lower the count of what is replicated, or remove it from the file"
-    )
 
 
 def _asset(scan: _Scan, tag: str, given: Mapping[str, str], source: Path) -> tuple[float, str]:
@@ -135,16 +130,14 @@ def _texture(given: Mapping[str, str]) -> tuple[float, str]:
 
 
 def _number(given: Mapping[str, str], name: str) -> float:
-    return next(iter(_numbers(given.get(name, ""))), 0.0)
+    return next(iter(_numbers(given, name)), 0.0)
 
 
 def _place(scan: _Scan, tag: str, name: str, source: Path) -> Path:
     """Where MuJoCo looks for a file."""
     folder = scan.folders.get(_FOLDERS.get(tag, ""), scan.folders.get("assetdir", ""))
-    return next(
-        (place for place in (scan.main.parent / folder / name, source.parent / folder / name) if place.exists()),
-        scan.main.parent / folder / name,
-    )
+    places = [parent / folder / name for parent in (scan.main.parent, source.parent)]
+    return next((place for place in places if place.exists()), places[0])
 
 
 def _of_file(tag: str, path: Path) -> tuple[float, str]:

@@ -1,25 +1,30 @@
-"""A compiled MuJoCo model as the tree of links and joints that a URDF would describe."""
+"""A compiled MuJoCo model as the tree of links and joints that a URDF would describe.
+
+Actuators are taken as their joints feel them: largest torque, reflected inertia and damping. Of equality constraints,
+joints that follow others or are held are part of the tree; what else they tie is only listed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from regressors.readers.angles import QUATERNION, AngleReader
-from regressors.readers.mjcf_actuators import joint_actuators, reflected, torque_limit
-from regressors.readers.mjcf_equalities import Equalities
-from regressors.readers.urdf_tree import TreeJoint, UrdfTree
+from regressors.readers.urdf_tree import Mimic, TreeJoint, UrdfTree
 from regressors.robot.inertia import Array, from_centre_of_mass, transport
 from regressors.robot.robot import Joint
+
+try:
+    import mujoco
+except ImportError:  # said by whoever compiles a model
+    mujoco = None
 
 
 def names_of(model: Any, kind: str) -> list[str]:
     """Names of all bodies or all joints; one without a name is called by its number."""
-    import mujoco
-
     thing, count = {
         "body": (mujoco.mjtObj.mjOBJ_BODY, model.nbody),
         "joint": (mujoco.mjtObj.mjOBJ_JOINT, model.njnt),
@@ -73,8 +78,6 @@ def _joint(
     angles: AngleReader,
 ) -> tuple[TreeJoint, Array]:
     """A joint, and the pose of its body in the frame of the link that it moves."""
-    import mujoco
-
     kind = int(model.jnt_type[number])
     if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
         placed = _fixed(*names, T)
@@ -154,3 +157,118 @@ def _shift(position: Array) -> Array:
 
 def _free_name(name: str, taken: Sequence[str | None]) -> str:
     return _free_name(f"{name}_", taken) if name in taken else name
+
+
+def joint_actuators(model: Any) -> list[list[int]]:
+    """Numbers of the actuators that act on a joint directly, for every joint."""
+    direct = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    of_joint: list[list[int]] = [[] for _ in range(model.njnt)]
+    if len(model.actuator_gear) == len(model.actuator_trntype):  # actuators of several outputs count otherwise
+        for actuator, kind in enumerate(model.actuator_trntype.tolist()):
+            if kind in direct:
+                of_joint[int(model.actuator_trnid[actuator, 0])].append(actuator)
+    return of_joint
+
+
+def torque_limit(model: Any, joint: int, actuators: list[int]) -> float:
+    """Largest torque or force of a joint to both sides [Nm or N]; infinite where the model states none.
+
+    It is the smaller one of ``actuatorfrcrange`` and of what the actuators give together: ``|gear|`` times the limits
+    of their force, or of the control of a plain motor. Of an uneven range the smaller side counts; a range to one side
+    only is not taken for a limit.
+    """
+    of_joint = _reach(model.jnt_actfrcrange[joint]) if model.jnt_actfrclimited[joint] else np.inf
+    given = sum(abs(float(model.actuator_gear[k, 0])) * _force(model, k) for k in actuators) if actuators else np.inf
+    return min(of_joint, given)
+
+
+def reflected(model: Any, values: str, actuators: list[int]) -> float:
+    """Inertia or damping of the actuators as their joint feels it, ``sum gear^2 x value``."""
+    own = getattr(model, values, None)
+    return 0.0 if own is None else float(sum(model.actuator_gear[k, 0] ** 2 * own[k] for k in actuators))
+
+
+def _force(model: Any, actuator: int) -> float:
+    force = _reach(model.actuator_forcerange[actuator]) if model.actuator_forcelimited[actuator] else np.inf
+    plain = (
+        int(model.actuator_gaintype[actuator]) == mujoco.mjtGain.mjGAIN_FIXED
+        and int(model.actuator_biastype[actuator]) == mujoco.mjtBias.mjBIAS_NONE
+        and int(model.actuator_dyntype[actuator]) == mujoco.mjtDyn.mjDYN_NONE
+    )
+    if plain and model.actuator_ctrllimited[actuator]:
+        force = min(force, abs(float(model.actuator_gainprm[actuator, 0])) * _reach(model.actuator_ctrlrange[actuator]))
+    return force
+
+
+def _reach(bounds: Array) -> float:
+    lower, upper = (float(bound) for bound in bounds)
+    return min(-lower, upper) if lower < 0.0 < upper else np.inf
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A constraint between bodies, or between joints, that is no joint of the tree."""
+
+    label: str  # what it is, for messages
+    joints: tuple[int, ...] = ()  # those that it concerns, by their number in the model
+    bodies: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Equalities:
+    """The active equality constraints of a model."""
+
+    mimics: Mapping[int, Mimic]  # joints that follow another one, by their number
+    held: Mapping[int, float]  # position at which a joint is held [rad or m]
+    ties: tuple[Tie, ...]  # all the others
+
+
+def equalities(model: Any, joint_names: Sequence[str]) -> Equalities:
+    """Active equality constraints of a compiled model.
+
+    MuJoCo couples two joints by ``q1 - ref1 = sum_k c_k (q2 - ref2)^k``, and holds one by ``q1 - ref1 = c_0``.
+    """
+    kinds = mujoco.mjtEq
+    mimics: dict[int, Mimic] = {}
+    held: dict[int, float] = {}
+    ties: list[Tie] = []
+    for number in np.flatnonzero(model.eq_active0).tolist():
+        kind, first, second = (int(values[number]) for values in (model.eq_type, model.eq_obj1id, model.eq_obj2id))
+        if kind == kinds.mjEQ_JOINT and second < 0:
+            held[first] = float(model.qpos0[model.jnt_qposadr[first]] + model.eq_data[number][0])
+        elif kind == kinds.mjEQ_JOINT:
+            mimics[first] = _mimic(model, number, joint_names[second])
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            what = "connect" if kind == kinds.mjEQ_CONNECT else "weld"
+            ties.append(Tie(f"the equality <{what}>", bodies=_bodies(model, number, (first, second))))
+        elif kind == kinds.mjEQ_TENDON:
+            tendons = [tendon for tendon in (first, second) if tendon >= 0]
+            ties.append(Tie("the equality <tendon>", *_ends_of_tendons(model, tendons)))
+    return Equalities(mimics, held, tuple(ties))
+
+
+def _mimic(model: Any, number: int, leader: str) -> Mimic:
+    """Line through the leader's zero, where a leader off the chain rests."""
+    q1, q2 = (model.qpos0[model.jnt_qposadr[ids[number]]] for ids in (model.eq_obj1id, model.eq_obj2id))
+    curve = np.polynomial.Polynomial(model.eq_data[number][:5])
+    return Mimic(leader, float(curve.deriv()(-q2)), float(q1 + curve(-q2)))
+
+
+def _bodies(model: Any, number: int, ends: Sequence[int]) -> tuple[int, ...]:
+    at_sites = int(model.eq_objtype[number]) == mujoco.mjtObj.mjOBJ_SITE
+    return tuple(int(model.site_bodyid[end]) if at_sites else end for end in ends)
+
+
+def _ends_of_tendons(model: Any, tendons: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Joints and bodies that tendons run over."""
+    joints: list[int] = []
+    bodies: list[int] = []
+    for tendon in tendons:
+        begin = int(model.tendon_adr[tendon])
+        for place in range(begin, begin + int(model.tendon_num[tendon])):
+            kind, what = int(model.wrap_type[place]), int(model.wrap_objid[place])
+            if kind == mujoco.mjtWrap.mjWRAP_JOINT:
+                joints.append(what)
+            elif kind == mujoco.mjtWrap.mjWRAP_SITE:
+                bodies.append(int(model.site_bodyid[what]))
+    return tuple(joints), tuple(bodies)

@@ -9,7 +9,7 @@ import numpy as np
 
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
-from regressors.readers.chain_ends import carried, chain_of, kind_of, resting_pose
+from regressors.readers.chain_ends import carried, chain_of, kind_of, resting_rotation
 from regressors.readers.health import health
 from regressors.readers.joint_ranges import range_of
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
@@ -79,7 +79,7 @@ def robot_of_tree(tree: UrdfTree, base: str | None, tip: str | None) -> Robot:
         return Robot(
             name=tree.name,
             joints=_joints(chain.path),
-            links=_links(tree, moving),
+            links=tuple(Link(j.child, _merged_parameters(tree, j.child, chain.moving_names)) for j in moving),
             limits=_limits(moving),
             transmission=_transmission(moving),
             gravity=_gravity(tree, chain.base),
@@ -106,11 +106,6 @@ def _joints(path: Sequence[TreeJoint]) -> tuple[Joint, ...]:
             joints.append(Joint(joint.name, kind_of(joint), _tidy(T[:3, :3]), _tidy(T[:3, 3]), _tidy(joint.axis)))
             T = np.eye(4)
     return tuple(joints)
-
-
-def _links(tree: UrdfTree, chain: Sequence[TreeJoint]) -> tuple[Link, ...]:
-    stop = {joint.name for joint in chain}
-    return tuple(Link(joint.child, _merged_parameters(tree, joint.child, stop)) for joint in chain)
 
 
 def _merged_parameters(tree: UrdfTree, link: str, stop: set[str]) -> Array | None:
@@ -140,8 +135,5 @@ def _transmission(chain: Sequence[TreeJoint]) -> Transmission | None:
 
 def _gravity(tree: UrdfTree, base: str) -> Array:
     """Gravity in the axes of the base, with the joints above it at rest."""
-    R = np.eye(3)
-    for joint in tree.path(tree.root, base) or ():
-        R = R @ resting_pose(tree, joint)[:3, :3]
     magnitude = float(np.linalg.norm(_GRAVITY))
-    return magnitude * _tidy(R.T @ (_GRAVITY / magnitude))
+    return magnitude * _tidy(resting_rotation(tree, base).T @ (_GRAVITY / magnitude))

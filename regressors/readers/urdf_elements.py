@@ -1,20 +1,26 @@
-"""Elements of a URDF document with their place in the file.
+"""Documents in XML that describe robots: their kind, their elements with their place in the file, and known words.
 
-Reads with the standard library's expat. A document type declaration is refused at its first byte, so no entity is
-ever expanded.
+Read with the standard library's expat. A document type declaration is refused at its first byte, so no entity is ever
+expanded. Of a URDF, what is not known is not read, so a misspelling of what matters is an error: ``<limits>`` would
+make a joint unlimited.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
 
 import numpy as np
 
 from regressors.errors import InputError, TooLargeError
+from regressors.input_files import read_bytes
 from regressors.quoting import long_name, shortened
+from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array
 
 _ELEMENTS = 100_000  # of a document
@@ -139,3 +145,166 @@ def read_document(text: str | bytes, source: str) -> XmlElement:
     except (LookupError, ValueError) as error:  # an encoding that Python or expat does not know
         raise InputError(f"{source}: cannot decode the text: {error}") from error
     return top.children[0]
+
+
+URDF, XACRO, MJCF = "URDF", "xacro", "MJCF"
+_KINDS = {"robot": URDF, "mujoco": MJCF}
+
+
+def xml_kind(path: str | Path) -> str:
+    """Kind of description in an XML file.
+
+    A name that ends in ``.xacro`` decides, then the outermost element. A text that breaks off, or whose outermost
+    element is of no kind of robot, counts as URDF: the reader of URDF says what is wrong with it. So does one that
+    holds xacro under another name: it is expanded only where its name, or the user, says so.
+    """
+    if Path(path).suffix.lower() == ".xacro":
+        return XACRO
+    try:
+        content = read_bytes(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
+    tag, name = _outermost(content), Path(path).name
+    if tag == "sdf":
+        raise InputError(f"{name}: SDF is not read, expected URDF, xacro or MJCF; give the URDF that it was made from")
+    if tag == "mujocoinclude":
+        raise InputError(f"{name}: a part of an MJCF, expected a whole one; give the file that includes it")
+    return _KINDS.get(tag, URDF)
+
+
+def _outermost(content: bytes) -> str:
+    """Outermost element; nothing where there is none."""
+    tags: list[str] = []
+
+    def decide(*given: object) -> None:  # nothing further down changes the answer, and no declaration is expanded
+        tags.append(str(given[0]))
+        raise StopIteration
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = decide
+    parser.StartDoctypeDeclHandler = lambda *_: decide("")
+    with suppress(StopIteration, expat.ExpatError, LookupError, ValueError):
+        parser.Parse(content, True)
+    return tags[0] if tags else ""
+
+
+_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+READ: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # by tag: children and attributes
+    "robot": (("link", "joint"), ("name",)),
+    "link": (("inertial",), ("name",)),
+    "joint": (("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"), ("name", "type")),
+    "inertial": (("origin", "mass", "inertia"), ()),
+    "origin": ((), ("xyz", "rpy")),
+    "mass": ((), ("value",)),
+    "inertia": ((), _INERTIA),
+    "parent": ((), ("link",)),
+    "child": ((), ("link",)),
+    "axis": ((), ("xyz",)),
+    "limit": ((), ("lower", "upper", "velocity", "effort")),
+    "dynamics": ((), ("damping", "friction")),
+    "mimic": ((), ("joint", "multiplier", "offset")),
+}
+_KNOWN: Mapping[str, tuple[str, ...]] = {  # not needed here, though others are
+    "robot": ("material", "gazebo", "transmission", "sensor", "ros2_control", "version"),
+    "link": ("visual", "collision", "contact", "self_collision_checking", "type"),
+    "joint": ("calibration", "safety_controller"),
+}
+_MANY = ("link", "joint")  # that may stand in a document more than once
+
+
+def check_words(robot: XmlElement) -> tuple[Finding, ...]:
+    """Findings on what is not known, once nothing that matters is misspelt."""
+    unknown: dict[tuple[str, str], list[str]] = defaultdict(list)
+    todo = [robot]
+    for element in todo:
+        tags, attributes = READ[element.tag]
+        todo.extend(child for child in element.children if child.tag in tags)
+        present = {child.tag for child in element.children} - set(_MANY)
+        for child in element.children:
+            if child.tag not in tags and (
+                word := _unknown(child, f"<{child.tag}>", child.tag, element.tag, 0, present)
+            ):
+                unknown[element.tag, word].append(element.label)
+        for name in element.attributes:
+            if name not in attributes and (
+                word := _unknown(element, repr(name), name, element.tag, 1, set(element.attributes))
+            ):
+                unknown[element.tag, word].append(element.label)
+    places: dict[tuple[str, tuple[str, ...]], list[str]] = defaultdict(list)
+    for (tag, word), labels in unknown.items():
+        places[tag, tuple(dict.fromkeys(labels))].append(word)
+    return tuple(_finding(tag, labels, words) for (tag, labels), words in places.items())
+
+
+def _unknown(element: XmlElement, shown: str, word: str, parent: str, which: int, present: set[str]) -> str | None:
+    """An unknown tag or attribute in words, None for one that is known; a misspelling is refused."""
+    known = _KNOWN.get(parent, ())
+    if word in known or word.startswith("xmlns"):
+        return None
+    if ":" in word:
+        local = word.rpartition(":")[2] in READ[parent][which]
+        return f"{shown} (it would be read without its prefix)" if local else shown
+    meant = nearest(word, READ[parent][which])
+    if meant is not None and meant not in present:
+        asked = f"<{meant}>" if which == 0 else repr(meant)
+        element.fail(f"<{parent}> has no {shown}; did you mean {asked}? Correct it, or remove it")
+    near = nearest(word, known)
+    return shown if near is None else f"{shown} (did you mean {near!r}?)"
+
+
+def _finding(tag: str, labels: tuple[str, ...], words: list[str]) -> Finding:
+    others = f" and {len(labels) - 1} more" if len(labels) > 1 else ""
+    return Finding("found", f"{labels[0]}{others}", f"not known in <{tag}>, and not read: {', '.join(words)}")
+
+
+def nearest(word: str, candidates: Iterable[str]) -> str | None:
+    """Candidate that a word is a misspelling of: one edit away, or two from candidates of five letters or more."""
+    distances = {candidate: edits(word.lower(), candidate.lower()) for candidate in candidates}
+    close = {candidate: d for candidate, d in distances.items() if d <= (1 if len(candidate) < 5 else 2)}
+    return min(close, key=lambda candidate: close[candidate]) if close else None
+
+
+def edits(a: str, b: str) -> int:
+    """Insertions, deletions, substitutions and swaps that lead from one word to another [Damerau 1964]."""
+    before: list[int] = []
+    row = list(range(len(b) + 1))
+    for i, x in enumerate(a, 1):
+        following = [i]
+        for j, y in enumerate(b, 1):
+            cost = min(row[j] + 1, following[-1] + 1, row[j - 1] + (x != y))
+            if i > 1 and j > 1 and x == b[j - 2] and a[i - 2] == y:
+                cost = min(cost, before[j - 2] + 1)
+            following.append(cost)
+        before, row = row, following
+    return row[-1]
+
+
+_FORMATS: Mapping[str, str] = {
+    "mujoco": "a MuJoCo model (MJCF), not a URDF; `load_robot` reads its file",
+    "sdf": "an SDF model, which is not read here; give the URDF of the same robot, from which most SDF files are made",
+    "world": "an SDF world, which is not read here; give the URDF of the robot",
+    "COLLADA": "a COLLADA mesh, not a robot; give the URDF that names it",
+}
+
+
+def robot_element(text: str | bytes, source: str) -> XmlElement:
+    """Outermost element of a URDF document; any other document is refused, saying what it is and what to do."""
+    outermost = read_document(text, source)
+    if outermost.tag in _FORMATS:
+        outermost.fail(_FORMATS[outermost.tag])
+    macro = next((element for element in outermost.all() if _is_macro(element)), None)
+    if macro is not None:
+        where = "a xacro macro" if macro.tag.startswith("xacro:") else "an expression of xacro"
+        macro.fail(
+            f"{where}: the text is a template, which is not expanded by its content alone; rename the file to "
+            f"{macro.source.removesuffix('.urdf').removesuffix('.xml')}.urdf.xacro, or give `xacro=True`, if you trust "
+            "whom it is from"
+        )
+    if outermost.tag != "robot":
+        outermost.fail("expected <robot> as the outermost element, as of a URDF")
+    return outermost
+
+
+def _is_macro(element: XmlElement) -> bool:
+    expression = any("${" in value or "$(" in value for value in element.attributes.values())
+    return element.tag.startswith("xacro:") or (element.tag in READ and expression)  # files of meshes may have both

@@ -9,9 +9,7 @@ import numpy as np
 
 from regressors.errors import InputError
 from regressors.readers.angles import AngleReader
-from regressors.readers.foreign_formats import refuse_foreign
-from regressors.readers.urdf_elements import XmlElement, read_document
-from regressors.readers.urdf_words import check_words
+from regressors.readers.urdf_elements import XmlElement, check_words, robot_element
 from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array, from_centre_of_mass
 
@@ -152,13 +150,6 @@ def _joint(element: XmlElement, angles: AngleReader) -> TreeJoint:
         if mimic is None or kind not in MOVING
         else Mimic(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)),
     )
-
-
-def robot_element(text: str | bytes, source: str) -> XmlElement:
-    """Outermost element of a URDF document."""
-    robot = read_document(text, source)
-    refuse_foreign(robot)
-    return robot
 
 
 def _actuated(robot: XmlElement) -> frozenset[str]:

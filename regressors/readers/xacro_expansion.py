@@ -14,6 +14,7 @@ import json
 import os
 import re
 import sys
+from collections.abc import Iterable, Iterator
 from contextlib import redirect_stderr, suppress
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,10 @@ from xml.parsers import expat
 
 from regressors import input_files
 from regressors.errors import InputError
-from regressors.readers.ros_packages import SEARCHED, find_package, package_roots
 from regressors.readers.xacro_expressions import LARGEST, Refused, evaluate, known_names
 
 CALLS, DEPTH = 20_000, 400  # of macros, and of macros or files within each other
+SEARCHED = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")  # variables of the environment that say where packages are
 _PACKAGE = re.compile(r"[A-Za-z][\w-]*")
 _EXPRESSION = re.compile(r"\$\{[^}]*\}|\$\([^)]*\)")
 _ENCODINGS = os.path.dirname(encodings.__file__) + os.sep
@@ -106,6 +107,45 @@ class _Files:
                 if " ".join(html.unescape(match.group()).split()) == wanted:
                     return f"{Path(name).name}, line {text.count(chr(10), 0, match.start()) + 1}"
         return self.path.name
+
+
+def find_package(name: str, near: Path, roots: Iterable[str | Path] = ()) -> Path:
+    """Folder of a package.
+
+    Looked through are, in this order, the roots given, those of ``ROS_PACKAGE_PATH``, ``share`` of the prefixes of
+    ``AMENT_PREFIX_PATH``, and the folders that a file is in, the innermost first. A root is the package itself, holds
+    it, or holds the repository that holds it.
+    """
+    for folder in _places(name, near, roots):
+        if folder.is_dir():
+            return folder.resolve()
+    raise InputError(
+        f"{near.name}: no folder of the package {name!r}, neither around the file nor in ROS_PACKAGE_PATH; set it to "
+        "the folder that holds the package: export ROS_PACKAGE_PATH=FOLDER"
+    )
+
+
+def _places(name: str, near: Path, roots: Iterable[str | Path]) -> Iterator[Path]:
+    for root in package_roots(roots):
+        if root.resolve().name == name:
+            yield root
+        yield root / name
+        if root.is_dir():
+            yield from (folder / name for folder in sorted(root.iterdir()))
+    for folder in near.resolve().parents:
+        if folder.name == name:
+            yield folder
+        yield folder / name
+
+
+def package_roots(roots: Iterable[str | Path] = ()) -> list[Path]:
+    """Folders to look for packages in that the user named: those given, and those of the environment of ROS."""
+    shares = (prefix / "share" for prefix in _paths(SEARCHED[1]))
+    return [*map(Path, roots), *_paths(SEARCHED[0]), *shares]
+
+
+def _paths(variable: str) -> list[Path]:
+    return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
 
 
 class _Expansion:
@@ -251,44 +291,52 @@ class _Placed(Refused):
 
 
 def _expanded(order: dict[str, Any]) -> dict[str, str]:
-    """Answer to an order: the expanded text, or why there is none."""
+    """Answer to an order: the expanded text, or the sentence that says why there is none."""
     path = Path(os.path.abspath(order["path"]))
     try:
         import xacro
         import xacro.substitution_args
     except ImportError:
-        return {"missing": "xacro"}
+        extra = "pip install 'excite-trajectories[xacro]'"
+        return {"error": f"{path.name}: macros are expanded by xacro, which is not installed; {extra}"}
     files = _Files(path, order["packages"])
+    memory = f"expanding it takes more than {input_files.in_bytes(order['memory'])}, the most that it may"
     try:
         _Expansion(xacro, files)
         _close(files)
         with redirect_stderr(io.StringIO()):
             document = xacro.process_file(str(path), mappings=order["arguments"], verbosity=0)
         text = document.toprettyxml(indent="  ")
-        return {"text": text} if len(text) <= input_files.FILE else {"memory": ""}
-    except (Refused, InputError) as error:
-        return {"refused": str(error)}
+        if len(text) <= input_files.FILE:
+            return {"text": text}
+        reason = memory
     except MemoryError:
-        return {"memory": ""}
+        reason = memory
     except RecursionError:
-        return {"refused": f"{path.name}: its elements, macros or expressions are too deep within each other"}
+        reason = "its elements, macros or expressions are too deep within each other"
     except Exception as error:
-        return _failure(error, path)
+        reason = _reason(error, path, order["path"])
+    own = reason.startswith((path.name, "cannot read"))
+    return {"error": reason if own else f"{path.name}: {reason}"}
 
 
-def _failure(error: Exception, path: Path) -> dict[str, str]:
-    """What xacro, or an expression, raised."""
+def _reason(error: Exception, path: Path, given: str) -> str:
+    """What xacro, or an expression, raised, in words."""
     inner: Any = error
     while inner is not None:
         if isinstance(inner, Refused | InputError):
-            return {"refused": str(inner)}
+            return str(inner)
         inner = getattr(inner, "exc", None)
     reason = " ".join(str(error).split()) or type(error).__name__
     if "Undefined substitution argument" in reason:
-        return {"argument": reason.split("Undefined substitution argument")[1].split()[0]}
+        name = reason.split("Undefined substitution argument")[1].split()[0]
+        return (
+            f"the argument {name} has no value; expand the file with one, and give the URDF: "
+            f"xacro {path.name} {name}:=VALUE > {path.name.split('.')[0]}.urdf"
+        )
     if isinstance(error, OSError):
-        return {"unread": error.strerror or reason}
-    return {"failed": reason}
+        return f"cannot read {given!r}: {error.strerror or reason}"
+    return f"xacro does not expand it: {reason}"
 
 
 def _cap(seconds: int, memory: int) -> None:

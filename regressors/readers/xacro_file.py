@@ -12,7 +12,6 @@ from pathlib import Path
 
 from regressors import input_files
 from regressors.errors import InputError
-from regressors.input_files import in_bytes
 from regressors.readers.urdf import parse_urdf
 from regressors.robot.robot import Robot
 
@@ -56,23 +55,9 @@ def expand_xacro(
         "silence": input_files.SILENCE,
     }
     answer = _answer(json.dumps(order), path)
-    match answer:
-        case {"text": text}:
-            return str(text)
-        case {"refused": reason}:
-            raise InputError(reason if reason.startswith(path.name) else f"{path.name}: {reason}")
-        case {"unread": reason}:
-            raise InputError(f"cannot read {str(path)!r}: {reason}")
-        case {"argument": name}:
-            raise _missing_argument(path, name)
-        case {"memory": _}:
-            raise InputError(f"{path.name}: expanding it takes more than {in_bytes(MEMORY)}, the most that it may")
-        case {"missing": _}:
-            raise InputError(
-                f"{path.name}: macros are expanded by xacro, which is not installed; "
-                "pip install 'excite-trajectories[xacro]'"
-            )
-    raise InputError(f"{path.name}: xacro does not expand it: {answer['failed']}")
+    if "text" not in answer:
+        raise InputError(answer["error"])
+    return answer["text"]
 
 
 def _answer(order: str, path: Path) -> dict[str, str]:
@@ -94,10 +79,3 @@ def _answer(order: str, path: Path) -> dict[str, str]:
             f"{path.name}: the process that expands it ended with status {done.returncode}: {said[0]}"
         ) from error
     return answer
-
-
-def _missing_argument(path: Path, name: str) -> InputError:
-    return InputError(
-        f"{path.name}: the argument {name} has no value; expand the file with one, and give the URDF: "
-        f"xacro {path.name} {name}:=VALUE > {path.name.split('.')[0]}.urdf"
-    )

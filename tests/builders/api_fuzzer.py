@@ -24,11 +24,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from short_designs import short
+from designs import short
 
 import excite
 from constraints.collision.geometry import Capsule, Part, World
-from regressors.friction.curves import CoulombViscous, FrictionCurves
+from regressors.models.columns import Terms
+from regressors.models.windows import Window
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
 
 Arguments = Mapping[str, Any]
 NOISY = excite.SimulationSettings(torque_noise=0.5)
@@ -88,20 +90,20 @@ class Api:
         robot, q = self.design.robot, np.linspace(0.0, 1.0, 12).reshape(4, 3)
         time = np.arange(4.0)
         motion = excite.TaskMotion("m", ("a", "b", "c"), q, q, q)
-        window, curves = excite.Window(), FrictionCurves({"1": CoulombViscous(1.0, 1.0)})
+        window, curves = Window(), FrictionCurves({"1": CoulombViscous(1.0, 1.0)})
         gains = {"factor": np.ones(2), "covariance": np.eye(2), "origin": "here", "logs": ()}
         families = {name: {"period": 4.0, "harmonics": 5} for name in ("Cosine", "Fourier", "FourierQuintic", "Sines")}
         parts = ("Installation", "LimitChoice", "ModelChoice", "Objective", "Output", "Search", "TrajectoryChoice")
-        settings = ("FitSettings", "LogChoice", "Recipe", "Schedule", "SimulationSettings", "Terms")
+        settings = ("FitSettings", "LogChoice", "Recipe", "Schedule", "SimulationSettings")
         return {
             **families,
-            **{name: defaults_of(name) for name in (*parts, *settings, "PrecisionTarget", "Tolerances", "Window")},
+            **{name: defaults_of(name) for name in (*parts, *settings, "PrecisionTarget", "Tolerances")},
             "BSpline": {"period": 4.0, "intervals": 9, "order": 6},
             "Waypoints": {"period": 4.0, "intervals": 9},
             "Belief": {"name": "m1", "value": 1.0, "deviation": 0.1},
             "Collisions": {"world": World((Part("1", Capsule((0.0,) * 3, (0.1, 0.0, 0.0), 0.05)),), ())},
             "Column": {"name": "m1", "unit": "kg", "kind": "mass", "owner": 1},
-            "DifferentialModel": {"robot": robot, "terms": excite.Terms(), "sign_width": 0.0, "carried": None},
+            "DifferentialModel": {"robot": robot, "terms": Terms(), "sign_width": 0.0, "carried": None},
             "EnergyModel": {"robot": robot, "terms": None, "window": window, "sign_width": 0.0},
             "ImpactPulse": {"joint": "1", "time": 1.0, "torque": 5.0, "duration": 0.01},
             "KnownGains": {"drives": ("1", "2"), **gains},
@@ -140,8 +142,7 @@ class Api:
             "load_robot": {"spec": "irp6", "base": None, "tip": None, "snap_angles": True},
             "load_design": {"folder": design, "part": ()},
             "load_result": {"folder": self.folder / "result", "part": ()},
-            "load_sweep": {"folder": design},
-            "load_posterior": {"path": design},
+            "load": {"path": design, "part": ()},
             "read_log": {"path": run, "joints": None, "mapping": None, "drop": (), "only": (1, 90), "robot": robot},
             "read_mapping": {"path": self.folder / "friction.yaml"},
             "read_recording": {"path": run, "columns": None},

@@ -10,7 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.logs.recordings.formats import format_of
+from excite.logs.recordings.recording import Contents, Recording
+from regressors.errors import InputError
+
 ROWS = 40
+
+
+def read_all(path: Path) -> tuple[Contents, Recording]:
+    """Contents of a recording, and all of its columns."""
+    form = format_of(path)
+    if form is None:
+        raise InputError("not a recording")
+    contents = form.contents(path)
+    return contents, form.read(path, {stream.name: stream.columns for stream in contents.streams})
 
 
 def motion(rows: int = ROWS, joints: int = 3, seed: int = 0) -> dict[str, NDArray[Any]]:

@@ -9,6 +9,7 @@ import numpy as np
 from played import irp6
 
 from excite.friction.fit.breakaway_torque import BreakAway
+from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow
 from excite.logs.log import Log
 from regressors.samples import Array
 
@@ -66,3 +67,12 @@ def without(log: Log, begin: float, end: float) -> Log:
 
 def away(torque: float, deviation: float = 0.1) -> BreakAway:
     return BreakAway(1 if torque > 0 else -1, torque, deviation, 5.0, 1.0, 0)
+
+
+STILL = dict.fromkeys(irp6().joint_names, 0.0)
+
+
+def planned(drive: str, begin: float = 51.0, **more: object) -> PlannedRuns:
+    """A plan of one window, without gravity."""
+    line, window = {**STILL, f"q{drive[1]}": 1.0}, PlannedWindow(begin, begin + 1.0, -0.5, 0.5)
+    return PlannedRuns("plan", drive, STILL, line, "none", (window,), (), **more)  # type: ignore[arg-type]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 
-from excite.cli.main import main
+from excite.cli.main import cli, main
 
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
 MODULE = [sys.executable, "-m", "excite"]
@@ -74,11 +77,30 @@ class Here:
         assert isinstance(ended.value.code, int)
         return subprocess.CompletedProcess(list(arguments), ended.value.code, out, without_steps(err))
 
+    def refused(self, *arguments: str, status: int = 2) -> str:
+        """The one line on stderr of a command that is refused, and that leaves all files as they were."""
+        before = files_below(self.cwd)
+        ended = self.run(*arguments)
+        assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (status, "", 1), ended
+        assert ended.stderr.startswith("excite: ")
+        assert files_below(self.cwd) == before
+        return ended.stderr
+
     def designed(self, *arguments: str, out: str = "out") -> Path:
         """Folder of a design that ``excite design ...`` made."""
         ended = self.run("design", *arguments, "--executor", "serial", "--out", out)
         assert ended.returncode == 0, ended.stderr
         return self.cwd / out
+
+
+def module_of(file: Path) -> Any:
+    """A script or an extension of the site, as a module that dataclasses find."""
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[file.stem] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def content_of(folder: Path) -> dict[str, Any]:
@@ -98,3 +120,18 @@ def table_of(path: Path) -> tuple[list[str], np.ndarray]:
 def files_below(folder: Path) -> set[str]:
     """Every file and folder below one, hidden ones too, relative to it."""
     return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+def commands(group: click.Command = cli, words: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
+    """Words and command, for every command that is no group."""
+    if not isinstance(group, click.Group):
+        yield " ".join(words), group
+        return
+    ctx = click.Context(group)
+    for name in group.list_commands(ctx):
+        command = group.get_command(ctx, name)
+        assert command is not None
+        yield from commands(command, (*words, name))
+
+
+COMMANDS = dict(commands())

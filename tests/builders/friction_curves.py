@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from regressors.friction.curves import (
+from regressors.robot.friction.curves import (
     CoulombViscous,
     CurveUncertainty,
     FrictionCurve,

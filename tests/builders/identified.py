@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+import excite
 from excite.identification.estimate import Estimate
-from excite.identification.identification import Identification
+from excite.identification.identification import Identification, torque_target
 from excite.identification.prediction import instantaneous_target
 from excite.identification.recipe import Recipe
 from excite.identification.result import BaseColumns, FitFacts
@@ -19,8 +20,8 @@ from excite.tasks.task import Task
 from regressors.models.base import Base
 from regressors.models.columns import ROTOR
 from regressors.models.nominal import standard_values
-from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
-from regressors.robot.robot import Robot
+from regressors.robot.inertia import from_centre_of_mass, from_pseudo_inertia, parameter_names, pseudo_inertia
+from regressors.robot.robot import Link, Robot
 from regressors.samples import Array, Samples
 
 DRIVES = {
@@ -113,3 +114,30 @@ def predicted(result: Identification, samples: Samples) -> tuple[Array, Array]:
 def relative(found: Array, expected: Array) -> float:
     """Largest difference over the largest torque."""
     return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+FREEDOM = 8
+FRICTION = 0.4  # that the result has [Nm, Nm s/rad]
+
+
+def compact_arm() -> Robot:
+    """The UR10e with links that are boxes of 3 kg."""
+    theta = from_centre_of_mass(3.0, [0.1, 0.02, 0.05], np.diag([0.04, 0.05, 0.06]))
+    robot = excite.load_robot("ur10e")
+    return robot.replace(links=tuple(Link(link.name, theta, link.number) for link in robot.links))
+
+
+def two_links(folder: Path, share: float = 0.15) -> Identification:
+    """Its axes 2 and 3: deviations of a share of each parameter, Coulomb friction that is a tenth of its deviation."""
+    (folder / "result.json").write_text("{}")
+    robot, few = compact_arm(), {"joints": ("2", "3")}
+    target = torque_target(result_of(robot, folder, **few))
+    described = dict.fromkeys((c.name for c in target.model.standard_columns), FRICTION)
+    result = result_of(robot, folder, {**described, **standard_values(target.robot)}, **few)
+    beta = result.coefficients
+    size = np.maximum(np.abs(beta), 0.02 * np.abs(beta).max())
+    Q = np.linalg.qr(np.random.default_rng(0).normal(size=(beta.size, beta.size)))[0]
+    covariance = share**2 * np.outer(size, size) * (Q @ np.diag(np.linspace(0.2, 1.8, beta.size)) @ Q.T)
+    coulomb = [name.startswith("F") and name.endswith("c") for name in result.names]
+    fit = np.where(coulomb, 0.1 * np.sqrt(np.diag(covariance)), beta)
+    return with_estimate(result, fit=fit, covariance=covariance, degrees_of_freedom=FREEDOM)

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from motions import Sines
 from pinocchio_chains import chain_model, inertia
 
+from excite.design.design_folder import save_design
+from excite.design.design_json import load_design
+from excite.design.optimisation import design_trajectory
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
-from excite.identification.provenance import reference_of
 from excite.identification.recipe import Recipe
+from excite.identification.result import reference_of
 from excite.logs.log import Log
+from excite.logs.log_reading import write_log
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from regressors.friction.curve import CoulombViscous
 from regressors.readers.library import built_in
+from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -145,3 +150,27 @@ def described(result: Identification) -> Array:
 def mixed(*rows: Array) -> Array:
     """Directions of motion of the first three joints, as directions of all five."""
     return np.column_stack([np.array(rows), np.zeros((len(rows), 2))])
+
+
+FRICTION = "schema: excite.friction/1\ndrives:\n" + "".join(
+    f"  {name}: {{model: coulomb-viscous, coulomb: {curve.coulomb}, viscous: {curve.viscous}}}\n"
+    for name, curve in curves().items()
+)
+
+
+def write_files(folder: Path) -> None:
+    """``design``; ``run.csv`` and ``again.csv`` of it, ``other.csv``, ``load.csv`` of other motions; friction."""
+    task = Task("irp6", period=4.0, harmonics=3, starts=1, executor="serial")
+    save_design(design_trajectory(task.changed(robot=irp6())), folder / "design")
+    motion = AtRest(load_design(folder / "design").trajectory)
+    for seed, name in enumerate(("run", "again")):
+        write_log(noisy(played(motion, 3, 100.0, 4.01), 0.2, 1e-6, seed), folder / f"{name}.csv")
+    write_log(noisy(played(three_joints(), 3), 0.2, 1e-6, 2), folder / "other.csv")
+    write_log(played(periodic(np.eye(5), 3), 5, load=LOAD), folder / "load.csv")
+    (folder / "friction.yaml").write_text(FRICTION, encoding="utf-8")
+
+
+def link_files(files: Path, folder: Path) -> None:
+    """The same files in the folder of one test."""
+    for path in files.iterdir():
+        (folder / path.name).symlink_to(path)

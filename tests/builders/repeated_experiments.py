@@ -1,7 +1,8 @@
-"""Experiments of every model to be repeated, and the comparison of their repetitions."""
+"""Experiments of every model to be repeated, an executor of their units, and the comparison of their repetitions."""
 
 from __future__ import annotations
 
+from collections.abc import Generator, Sequence
 from functools import cache
 from typing import Any
 
@@ -9,9 +10,10 @@ import numpy as np
 from motions import random_sines
 from slow_dynamics import random_chain
 
-from excite.signals.butterworth import Butterworth
-from excite.signals.differences import Differences
-from excite.signals.savitzky_golay import SavitzkyGolay
+from excite.design.executors.unit_executor import LostUnit, Work
+from excite.errors import LostWorkersError
+from excite.logs.signals.butterworth import Butterworth, Differences
+from excite.logs.signals.savitzky_golay import SavitzkyGolay
 from excite.study.experiment import Experiment, Noise
 from excite.study.repetitions import Repetitions
 from regressors.models.base import base_parameters
@@ -27,7 +29,8 @@ TIME = np.arange(301) / 100.0
 NOISE = Noise(effort=0.3, position=[1e-5, 2e-5], count=[3e-5, 0.0])
 
 
-def _experiment(model: RegressorModel, noise: Noise, **choices: Any) -> Experiment:
+def experiment(model: RegressorModel, noise: Noise, **choices: Any) -> Experiment:
+    """Random sines of a model's robot, and parameters that are far from zero."""
     base = base_parameters(model)
     beta = np.random.default_rng(1).uniform(0.5, 2.0, base.rank)
     return Experiment(model, base, random_sines(model.robot.n, 2).samples(TIME), beta, noise, **choices)
@@ -41,7 +44,7 @@ def arm() -> Robot:
 @cache
 def plain() -> Experiment:
     """Noise of the torques only."""
-    return _experiment(DifferentialModel(arm()), Noise(effort=0.3))
+    return experiment(DifferentialModel(arm()), Noise(effort=0.3))
 
 
 @cache
@@ -50,7 +53,7 @@ def chains() -> dict[str, Experiment]:
     four, sensor = random_chain("rrrr", np.random.default_rng(8)), Sensor(equations=("fx", "fy", "nx", "ny", "nz"))
     return {
         "torques": plain(),
-        "differential": _experiment(
+        "differential": experiment(
             DifferentialModel(arm(), Terms(offset=True)),
             NOISE,
             method=Butterworth(cutoff=15.0),
@@ -58,9 +61,9 @@ def chains() -> dict[str, Experiment]:
             every=3,
             estimator="instrumental",
         ),
-        "energy": _experiment(EnergyModel(arm(), Terms(), Window("long")), NOISE, method=SavitzkyGolay(window=0.15)),
-        "load": _experiment(LoadModel(four, sensor), Noise(0.1), method=Differences(), every=2),
-        "load-integral": _experiment(LoadIntegralModel(four, sensor, Window("long")), Noise(0.1), method=Differences()),
+        "energy": experiment(EnergyModel(arm(), Terms(), Window("long")), NOISE, method=SavitzkyGolay(window=0.15)),
+        "load": experiment(LoadModel(four, sensor), Noise(0.1), method=Differences(), every=2),
+        "load-integral": experiment(LoadIntegralModel(four, sensor, Window("long")), Noise(0.1), method=Differences()),
     }
 
 
@@ -69,3 +72,23 @@ def same(one: Repetitions, other: Repetitions) -> None:
     for name in ("beta", "estimates", "predicted", "noise"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     assert (one.seed, one.degrees_of_freedom) == (other.seed, other.degrees_of_freedom)
+
+
+class OneByOne:
+    """Runs units one after the other and counts what they have; loses some, and goes away after some of them."""
+
+    shares_disk = True
+
+    def __init__(self, lost: Sequence[int] = (), ends_after: int | None = None, *, backwards: bool = False) -> None:
+        self.lost, self.ends_after, self.step = lost, ends_after, -1 if backwards else 1
+        self.numbers, self.closed = list[int](), False
+
+    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
+        try:
+            for done, index in enumerate(range(len(units))[:: self.step]):
+                if done == self.ends_after:
+                    raise LostWorkersError("the scheduler went away", "what is finished is kept")
+                self.numbers += units[index] if isinstance(units[index], range) else [units[index]]
+                yield index, LostUnit("its process ended") if index in self.lost else work(common, units[index])
+        finally:
+            self.closed = True

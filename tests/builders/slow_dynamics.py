@@ -1,17 +1,24 @@
 """Slow, obvious dynamics of a serial chain, made from homogeneous matrices only [Uicker 1965]: the tests' oracle.
 
-It shares nothing with `regressors.symbolic.kinematics`: a link's pose is ``T_i = A_1(q_1) ... A_i(q_i)``, its mass
-distribution ``J = int [x; 1] [x; 1]' dm``; by Lagrange's equation ``tau_j = sum_i tr(dT_i/dq_j J_i (ddT_i - G)')``.
+It shares nothing with `regressors.robot.symbolic.kinematics`: a link's pose is ``T_i = A_1(q_1) ... A_i(q_i)``, its
+mass distribution ``J = int [x; 1] [x; 1]' dm``; by Lagrange's equation
+``tau_j = sum_i tr(dT_i/dq_j J_i (ddT_i - G)')``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
 
+from regressors.models.load import EQUATIONS, Sensor
+from regressors.readers.library import built_in
 from regressors.robot.gears import GearFunction
-from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission
+from regressors.robot.locked_joints import with_locked_joints
+from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Structure, Transmission
 
 
 def cross_matrix(v: np.ndarray) -> np.ndarray:
@@ -138,6 +145,32 @@ def random_chain(kinds: str, rng: np.random.Generator) -> Robot:
     return Robot("chain", tuple(joints), links, Limits.none(len(kinds)), gravity=rng.normal(0.0, 5.0, 3))
 
 
+@cache
+def three_axes() -> Robot:
+    """The IRp-6 in the paper's 13 parameters."""
+    return with_locked_joints(built_in("irp6"), [0, 1, 2])
+
+
+def general(robot: Robot) -> Robot:
+    """The robot without what its structure says of its parameters."""
+    return robot.replace(structure=Structure())
+
+
+def table_energies(q: Any, dq: Any, xp: Any = np) -> list[Any]:
+    """d_1 ... d_7 of [KD96] section 5.1, misprints corrected (shared/paper/errata.md), of three joints' rows."""
+    (_, q2, q3), (w1, w2, w3) = ((x[0], x[1], x[2]) for x in (q, dq))
+    l2, g = 0.455, 9.81
+    return [
+        w1**2 / 2,
+        w1**2 * xp.sin(q2) ** 2 / 2,
+        w2**2 / 2,
+        w3**2 / 2 + w2 * w3,
+        -(xp.sin(q3) ** 2 * xp.cos(2 * q2) + xp.sin(2 * q2) * xp.sin(2 * q3) / 2) * w1**2 / 2,
+        l2 * xp.sin(q3) * (w2 + w3) * w2 - l2 * xp.sin(q2) * xp.cos(q2 + q3) * w1**2 + g * xp.sin(q2 + q3),
+        g * xp.cos(q2),
+    ]
+
+
 def thetas_of(robot: Robot) -> np.ndarray:
     """Links' parameters, one row each."""
     return np.array([link.theta for link in robot.links])
@@ -150,3 +183,25 @@ def driven_chain(gears: list[GearFunction], rng: np.random.Generator, kinds: str
     drives = tuple(Drive(f"d{k + 1}", gear, rotor_inertia=1e-4) for k, gear in enumerate(gears))
     offset = rng.uniform(-0.3, 0.3, 3)
     return robot.replace(transmission=Transmission(coupling, drives, Limits.none(3), offset))
+
+
+KINDS = st.text(alphabet="rp", min_size=1, max_size=4)
+SEED = st.integers(0, 2**32 - 1)
+
+
+@cache
+def sliders() -> Robot:
+    return random_chain("rprpr", np.random.default_rng(0))
+
+
+ROBOTS: dict[str, Callable[[], Robot]] = {
+    "irp6": lambda: built_in("irp6"),
+    "panda": lambda: built_in("panda"),
+    "sliders": sliders,
+}
+
+
+def shifted(link: str | None = None, seed: int = 0, equations: tuple[str, ...] = EQUATIONS) -> Sensor:
+    """A sensor whose frame is turned and away from the link's."""
+    rng = np.random.default_rng(seed)
+    return Sensor(link, random_rotation(rng), rng.normal(0.0, 0.2, 3), equations)

@@ -25,10 +25,18 @@ from typing import Any
 from unittest.mock import patch
 
 import click
+from commands import COMMANDS
 from hypothesis import strategies as st
 
-from excite.cli.main import cli, main
-from excite.cli.option_types import Box, Folder, Mount, Number, Numbers, PartName, PayloadOption, Pose, Ranges, Triple
+from excite.cli.main import main
+from excite.cli.option_types import (
+    PAYLOAD,
+    Folder,
+    Number,
+    Numbers,
+    PartName,
+    Sides,
+)
 from regressors.memory_cap import CAP_VARIABLE
 from regressors.quantities import QUANTITIES, Quantity
 
@@ -45,27 +53,7 @@ NASTY = (
     "1e20", "-1e20", "1" + "0" * 20, "9" * 400, "9" * 5000, "", " ", "1_0", "0x10", "1:30", "true", "1e3", "1,5",
     "\u0661", "\U0001f916", "\x1b[31m", "a" * 300, "--", "auto", "none", "all", "1e-12", "1e6", "0.5", "1", "2", "-2",
 )  # fmt: skip
-NAMES = (
-    "1",
-    "2",
-    "1,2",
-    "a",
-    "b",
-    "z1",
-    "z2",
-    "all",
-    "none",
-    "nope",
-    "",
-    ",",
-    "1,1",
-    "\u00e9",
-    "0",
-    "3",
-    "-1",
-    "A",
-    "B",
-)
+NAMES = (*["1", "2", "1,2", "a", "b", "z1", "z2", "all", "none", "nope", ",", "1,1", "é", "0", "3", "-1", "A", "B"], "")
 JOINED = ("0", "1", "-1", "0.5", "1e-12", "1e4", "-1e4", "1e6", "1e-300", "1e308", "nan", "", "x", "1e9", "3.14159")
 SMALL: Mapping[str, tuple[str, ...]] = {
     "starts": ("1", "2"),
@@ -225,15 +213,6 @@ READ: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def command_of(name: str) -> click.Command:
-    """The click command of a name such as ``friction plan``."""
-    group: Any = cli
-    for word in name.split():
-        group = group.get_command(click.Context(group), word)
-    assert isinstance(group, click.Command)
-    return group
-
-
 def option_words(option: click.Option) -> st.SearchStrategy[list[str]]:
     """Words on the command line for one option of a command."""
     flag = option.opts[-1] if len(option.opts[-1]) > 2 else option.opts[0]
@@ -257,7 +236,7 @@ def _values(option: click.Option) -> st.SearchStrategy[str]:
             st.sampled_from(RIGHT[name]), st.sampled_from([*FILES, "d", "r", "p", "log.csv", *NAMES, *NASTY])
         )
     if isinstance(kind, PartName):
-        return _mostly(st.sampled_from(list(kind.names)), st.sampled_from(NAMES))
+        return _mostly(st.sampled_from([*kind.names, "mine:Mine"]), st.sampled_from(NAMES))
     if isinstance(kind, click.Path | Folder):
         return st.sampled_from([*FILES, "d", "r", "p", "log.csv", "z1.csv", "other.csv", "missing", "", "\u00e9", "o"])
     if quantity not in QUANTITIES:
@@ -287,13 +266,13 @@ def sizes(quantity: Quantity) -> list[str]:
 
 def _numbers(kind: click.ParamType[Any], inside: list[str]) -> st.SearchStrategy[str]:
     one = st.sampled_from(inside)
-    counts = {Triple: 3, Pose: 2, Mount: 3, Box: 3, Ranges: 2, PayloadOption: 4}
-    count = counts.get(type(kind), 2)
-    each = st.tuples(one, one).map(":".join) if isinstance(kind, Box | Ranges) else one
+    sides, counted = isinstance(kind, Sides), isinstance(kind, Numbers) and kind.counts
+    count = 4 if kind is PAYLOAD else 3 if counted or (sides and kind.box) else 2
+    each = st.tuples(one, one).map(":".join) if sides else one
     right = st.lists(each, min_size=count, max_size=count).map(",".join)
-    if isinstance(kind, Numbers) and not isinstance(kind, Triple):
+    if isinstance(kind, Numbers) and not counted and not kind.words:
         right = st.one_of(one, right)
-    elif not isinstance(kind, tuple(counts)):
+    elif not sides and not isinstance(kind, Numbers) and kind is not PAYLOAD:
         right = one
     several = st.lists(st.sampled_from([*JOINED, *inside]), min_size=1, max_size=5).map(",".join)
     return _mostly(right, st.one_of(st.sampled_from(NASTY), several, st.sampled_from(sorted(FILES))))
@@ -301,7 +280,7 @@ def _numbers(kind: click.ParamType[Any], inside: list[str]) -> st.SearchStrategy
 
 def command_lines(name: str) -> st.SearchStrategy[list[str]]:
     """Command lines of one command: a right one, and up to four options with any value."""
-    options = [p for p in command_of(name).params if isinstance(p, click.Option) and p.name not in LEFT_OUT]
+    options = [p for p in COMMANDS[name].params if isinstance(p, click.Option) and p.name not in LEFT_OUT]
     chosen = st.lists(st.sampled_from(options), min_size=1, max_size=4, unique_by=lambda option: option.name)
     drawn = chosen.flatmap(lambda some: st.tuples(*map(option_words, some)))
     return drawn.map(lambda words: [*BASE[name], *(word for some in words for word in some)])
@@ -522,17 +501,15 @@ def _memory_from_here() -> float:
 def without_figures() -> Iterator[None]:
     """Nothing is rendered: figures are made, but their files stay empty, and their texts are not looked at."""
     savefig = patch("matplotlib.figure.Figure.savefig", lambda self, stream, **_: None)
-    in_pages = patch("excite.plots.svg_text.svg_text", lambda *_: "<svg></svg>")
-    with savefig, in_pages, patch("excite.plots.figure_files.literal", lambda figure: None):
+    in_pages = patch("excite.views.figure_files.svg_text", lambda *_: "<svg></svg>")
+    with savefig, in_pages, patch("excite.views.figure_files.literal", lambda figure: None):
         yield
 
 
 FIGURES = (
-    "excite.plots.write_figures",
-    "excite.report.design_section._figures",
-    "excite.plots.write_verification_figures",
-    "excite.plots.time_course_plot.write_time_study_figure",
-    "excite.plots.write_identification_figures",
+    "excite.views.figures.write_figures",
+    "excite.views.figures.write_view_figures",
+    "excite.views.drawings.drawn",
 )
 
 

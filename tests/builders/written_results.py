@@ -29,17 +29,15 @@ from excite import (  # before they are replaced
     verify,
 )
 from excite.cli.main import main
+from excite.design.design_json import load_design
 from excite.design.kept_starts import KeptStarts
-from excite.design.multistart import write_start
 from excite.design.problem_identity import ProblemIdentity
-from excite.files.design_json import load_design
-from excite.files.friction_file import read_friction
-from excite.files.result_json import load_result
-from excite.friction.fit.characteristics import Characteristic
+from excite.design.start_results import write_start
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.friction_fit import FrictionFit
+from excite.friction.fit.friction_fit import Characteristic, FrictionFit
 from excite.friction.fit.points import Point
 from excite.friction.plan.friction_plan import load_friction_plan
+from excite.identification.result_json import load_result
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.logs.sidecar import read_sidecar
@@ -51,9 +49,11 @@ from excite.storage.commit import settle
 from excite.storage.destination import Destination
 from excite.storage.result_folder import settle_files
 from excite.study.time_study import TimeCourse, TimeStudy
+from excite.tasks.friction_file import read_friction
+from excite.views import design_view
 from regressors.errors import InputError
-from regressors.friction.curves import CoulombViscous, FrictionCurves
 from regressors.readers.urdf import parse_urdf
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
 
 VERSIONS = ("old", "new")
 Patch = pytest.MonkeyPatch
@@ -159,6 +159,9 @@ def plan(version: str) -> Any:
     return plan_friction("irp6", schedule, drives=["z3"] if version == "old" else ["z5"], torque_ramp=None)
 
 
+_FIGURES = design_view._DRAWN  # before any of them is left out
+
+
 def _stub_design(patch: Patch, version: str) -> None:
     for each in VERSIONS:
         design(each)  # before its parts are replaced
@@ -173,10 +176,13 @@ def _stub_design(patch: Patch, version: str) -> None:
 
     patch.setattr("excite.cli.design_run.formulate", lambda *_: problem)
     patch.setattr("excite.cli.design_run.solve", solve)
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
-    names = ("motion", "phase", "spectrum") if version == "old" else ("motion", "phase")
-    patch.setattr("excite.plots.FIGURES", {name: lambda _, name=name: Picture(f"{version} {name}") for name in names})
-    _pictures(patch, "excite.plots", version, "_workspace")
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+    names = ("motion", "phase", "spectrum", "workspace") if version == "old" else ("motion", "phase", "workspace")
+    shown = tuple(each for each in _FIGURES if each.ending in names)
+    patch.setattr("excite.views.design_view._DRAWN", shown)
+    for each in shown:
+        module, _, name = each.function.partition(".")
+        _pictures(patch, f"excite.views.{module}", version, name)
 
 
 def _stub_simulate(patch: Patch, version: str) -> None:
@@ -184,28 +190,28 @@ def _stub_simulate(patch: Patch, version: str) -> None:
         simulation(each)  # before its parts are replaced
     patch.setattr("excite.simulation.simulate.motion_source", lambda *_, **__: SimpleNamespace(task=design("old").task))
     patch.setattr(excite, "simulate", lambda *_, **__: simulation(version))
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
 
 
 def _stub_identify(patch: Patch, version: str) -> None:
     patch.setattr("excite.cli.identify_run._identified", lambda *_: result(version))
-    patch.setattr("excite.cli.identify_run.show", lambda *_: None)
-    names = ("torques_figure", "residuals_figure", "parameters_figure")
-    _pictures(patch, "excite.plots.identification_plots", version, *names)
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+    _pictures(patch, "excite.views.identification_plots", version, "torques_figure", "residuals_figure")
+    _pictures(patch, "excite.views.parameters_plot", version, "parameters_figure")
 
 
 def _stub_verify(patch: Patch, version: str) -> None:
     patch.setattr(excite, "load_result", lambda *_: SimpleNamespace(folder=None))
     patch.setattr(excite, "verify", lambda *_, **__: verification(version))
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
     names = ("predicted_torques_figure", "simulated_motion_figure", "error_parts_figure")
-    _pictures(patch, "excite.plots.verification_plots", version, *names)
+    _pictures(patch, "excite.views.verification_plots", version, *names)
 
 
 def _stub_plan(patch: Patch, version: str) -> None:
     patch.setattr(excite, "plan_friction", lambda *_, **__: plan(version))
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
-    _pictures(patch, "excite.plots.friction_plan_plot", version, "friction_plan_figure")
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+    _pictures(patch, "excite.views.friction_plots", version, "friction_plan_figure")
 
 
 def _stub_fit(patch: Patch, version: str) -> None:
@@ -215,30 +221,30 @@ def _stub_fit(patch: Patch, version: str) -> None:
     patch.setattr(FrictionFit, "curves", curves)
     fit = FrictionFit("irp6", "", (), FitSettings(), (drive,), None, {})
     patch.setattr(excite, "fit_friction", lambda *_, **__: fit)
-    patch.setattr("excite.cli.friction_fit_command.show", lambda *_: None)
-    _pictures(patch, "excite.plots.friction_plot", version, "friction_figure")
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+    _pictures(patch, "excite.views.friction_plots", version, "friction_figure")
 
 
 def _stub_study(patch: Patch, version: str) -> None:
     one = np.ones((2, 1)) + VERSIONS.index(version)
     course = TimeCourse("run", ("X",), ("kg",), np.arange(2.0), one, one, 2.6, one[:, 0], one[0], "truth")
     study = TimeStudy("irp6", "", (course,), 0.05)
-    patch.setattr("excite.study.study_over_time.study_over_time", lambda *_, **__: study)
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
-    _pictures(patch, "excite.plots.time_course_plot", version, "estimates_over_time_figure")
+    patch.setattr(excite, "study_over_time", lambda *_, **__: study)
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+    _pictures(patch, "excite.views.estimates_plot", version, "estimates_over_time_figure")
 
 
 def _stub_export(patch: Patch, version: str) -> None:
     made = design(version)
     patch.setattr(excite, "load_design", lambda *_: made)
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
 
 
 def _stub_export_model(patch: Patch, version: str) -> None:
     made = result(version)
     patch.setattr(excite, "load_result", lambda *_: made)
-    patch.setattr("excite.cli.export_command._holds_result", lambda *_: True)
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
+    patch.setattr("excite.cli.export_run._holds_result", lambda *_: True)
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
 
 
 @cache
@@ -258,20 +264,20 @@ def _stub_payload_design(patch: Patch, version: str) -> None:
         design(each)  # before its parts are replaced
     motion = excite.PayloadMotion(design(version), np.zeros(5), None, ())
     patch.setattr(excite, "design_payload_motion", lambda *_, **__: motion)
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
 
 
 def _stub_payload_gains(patch: Patch, version: str) -> None:
     gains = excite.KnownGains(("z1",), np.array([1.0 + VERSIONS.index(version)]), np.eye(1), "")
     found = excite.CalibratedGains("irp6", gains, 1.0, 1.0, 3.0, ())
     patch.setattr(excite, "calibrate_gains", lambda *_, **__: found)
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
 
 
 def _stub_payload_identify(patch: Patch, version: str) -> None:
     found = payload(version)
     patch.setattr(excite, "identify_payload", lambda *_, **__: found)
-    patch.setattr("excite.cli.summary.show", lambda *_: None)
+    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
 
 
 @cache
@@ -289,7 +295,7 @@ def _stub_logs(patch: Patch, version: str) -> None:
 
 
 def _stub_report(patch: Patch, version: str) -> None:
-    patch.setattr("excite.report.write_report.report_text", lambda *_, **__: f"<html>{version}</html>")
+    patch.setattr("excite.views.write_report.report_text", lambda *_, **__: f"<html>{version}</html>")
 
 
 def _same(arguments: str) -> dict[str, str]:

@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pinocchio_motions import drive_torques, joint_torques, tool_motion
+from pinocchio_chains import drive_torques, joint_torques, tool_motion
 from slow_dynamics import random_chain
 
-from constraints.bounds.certificate import ENCLOSED, EXACT, LimitUse, limit_uses
-from constraints.bounds.enclosure import enclose
-from constraints.bounds.extrema import Extrema
+from constraints.bounds.certificate import ENCLOSED, EXACT, Extrema, LimitUse, limit_uses
+from constraints.bounds.enclosure import _mean_value, enclose
 from constraints.limits.tool import tool_box, tool_speed
 from constraints.limits.torque import torque_limits
 from constraints.linear import linear_limits
@@ -406,3 +405,19 @@ def test_a_floor_at_zero_is_used_by_a_number(low: float, high: float, use: float
     assert found.holds is holds
     assert isinstance(found, LimitUse)
     assert found.margin == low
+
+
+@pytest.mark.parametrize("velocity", [0.0, 1.0])
+def test_values_in_an_interval_are_within_its_slack(velocity: float) -> None:
+    """Of one joint at constant acceleration, whose derivatives say least of it where it turns."""
+    size = np.ones(3)
+    constraint = NonlinearConstraint(
+        1, lambda q, dq, ddq: ca.vertcat(q, q**2, q * dq), -size, size, size, ("a", "b", "c"), ("",) * 3
+    )
+
+    def motion(t: Array) -> Samples:
+        t = t[:, None]
+        return Samples(t[:, 0], velocity * t + 1.5 * t**2, velocity + 3.0 * t, 0 * t + 3.0, 0 * t)
+
+    value, slack = _mean_value(constraint, motion(np.zeros(1)), np.array([0.2]), np.zeros(1))
+    assert np.all(np.abs(constraint.values(motion(np.linspace(-0.2, 0.2, 201))) - value) <= slack)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from commands import ENVIRONMENT, MODULE
-from other_platform import environment_of
+from processes import environment_of
 
 from excite import operating_system
 from excite.operating_system import is_running, known_signals, replace_file, signals_held, sync_folder

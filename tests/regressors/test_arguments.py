@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import excite
-from regressors.arguments import check_of, checked, fit, words
+from regressors.arguments import checked, fit, rule_of
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
 
@@ -77,7 +77,7 @@ REFUSED: list[tuple[Any, Any, str]] = [
 
 @pytest.mark.parametrize(("hint", "value", "taken"), LET_IN, ids=str)
 def test_what_an_annotation_lets_in(hint: Any, value: Any, taken: Any) -> None:
-    got = check_of(hint)(value)
+    got = rule_of(hint)[0](value)
     assert np.array_equal(got, taken)
     assert type(got) is type(taken)
 
@@ -85,12 +85,12 @@ def test_what_an_annotation_lets_in(hint: Any, value: Any, taken: Any) -> None:
 @pytest.mark.parametrize(("hint", "value", "expected"), REFUSED, ids=str)
 def test_what_an_annotation_refuses(hint: Any, value: Any, expected: str) -> None:
     with pytest.raises(InputError, match=f"^what: expected {expected}, given "):
-        fit("what", value, (check_of(hint), words(hint)))
+        fit("what", value, rule_of(hint))
 
 
 def test_a_protocol_is_what_has_its_members() -> None:
     runner = Runner()
-    assert check_of(Named)(runner) is runner
+    assert rule_of(Named)[0](runner) is runner
 
 
 def test_functions_and_classes_name_the_argument() -> None:

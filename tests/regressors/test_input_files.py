@@ -7,22 +7,21 @@ from pathlib import Path
 
 import pytest
 
-from excite.files.friction_file import read_friction
-from excite.files.load_file import read_load
-from excite.files.mesh import MeshError, mesh_corners
-from excite.files.precision_target_file import read_precision_target
-from excite.files.robot_yaml import read_prior
-from excite.files.sampled_motion import read_motion
-from excite.files.task_file import read_task_file
-from excite.files.urdf_meshes import urdf_meshes
-from excite.files.urdf_shapes import urdf_shape
-from excite.files.world_file import read_world
+from constraints.collision.mesh import MeshError, mesh_corners
+from constraints.collision.urdf_shapes import urdf_meshes, urdf_shape
+from constraints.collision.world_file import read_world
+from excite.design.sweeps.sweep_file import read_sweep_file
+from excite.design.task_file import read_task_file
+from excite.design.task_motion_file import read_precision_target
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.payload.known_gains import read_gains
+from excite.simulation.motion_source import read_motion
 from excite.storage.atomic import read_json
 from excite.study.posterior_samples import load_posterior
-from excite.sweeps.sweep_file import read_sweep_file
+from excite.tasks.friction_file import read_friction
+from excite.tasks.payload import read_load
+from excite.tasks.prior_file import read_prior
 from regressors import input_files
 from regressors.errors import InputError
 from regressors.input_files import UnreadableFile, in_bytes, read_bytes, read_text, regular_size
@@ -31,8 +30,8 @@ from regressors.readers.dh_table import read_dh_table
 from regressors.readers.library import built_in
 from regressors.readers.mjcf import read_mjcf
 from regressors.readers.urdf import read_urdf
+from regressors.readers.urdf_elements import xml_kind
 from regressors.readers.xacro_file import read_xacro
-from regressors.readers.xml_kind import xml_kind
 
 READERS = {
     "robot": read_description,

@@ -33,11 +33,7 @@ def test_quantities_hold_their_ends_and_nothing_beyond() -> None:
         ("starts", 2.0, "`starts` must be a whole number from 1 to 10000000, given 2"),
         ("starts", 10**30, "given 1000000000000000000000000000000"),
         ("starts", 10**5000, "given a whole number of about 5001 digits"),
-        (
-            "velocity",
-            (1.0, np.array([2.0, -1.0])),
-            "`velocity` must be a number from 1e-09 to 1000000 rad/s or m/s, gi",
-        ),
+        ("velocity", (1.0, np.array([2.0, -1.0])), "`velocity` must be a number from 1e-09 to 1000000 rad/s or m/s, g"),
         ("carried", {"m1": math.nan}, "`carried` must be a number from -1e+12 to 1e+12, given nan"),
         ("sign_width", 1e-20, "`sign_width` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, given 1e-20"),
         ("noise", ["1"], None),

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from excite.design.problem import ObjectivePoint, Problem
-from excite.design.solvers.least_distance import Sides
+from excite.design.solvers.limit_rows import Sides
 from excite.design.solvers.solver import SolverResult, Status, Watcher
 from regressors.samples import Array
 

@@ -12,8 +12,7 @@ import numpy as np
 from excite.design.grid_limits import GridConstraint
 from excite.design.problem import Problem
 from excite.design.solvers.descent import Descent, DescentStep
-from excite.design.solvers.least_distance import FREE, LeastDistance, Rows
-from excite.design.solvers.limit_rows import LinearRows, NearRows, largest_part
+from excite.design.solvers.limit_rows import FREE, LeastDistance, LinearRows, NearRows, Rows, largest_part
 from regressors.samples import Array, Index
 
 _INSIDE = 0.9995  # fraction of each bound that a programme may use: violations between rows fit in the rest

@@ -1,1 +1,1 @@
-"""Formats of identified models, one file each."""
+"""Formats of identified models."""

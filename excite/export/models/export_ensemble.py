@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from hashlib import sha256
 from math import ceil
@@ -14,7 +14,7 @@ from excite.export.models.export_model import chosen_format, chosen_result, comm
 from excite.export.models.exported_model import model_of_result, model_of_sample
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_format import ModelFormat
-from excite.files.robot_yaml import ranges_text
+from excite.export.models.robot_yaml import ranges_text
 from excite.identification.identification import Identification
 from excite.registry import name_of
 from excite.storage.atomic import read_json, replacing, write_json
@@ -53,7 +53,7 @@ def export_ensemble(
     """Write possible robots that the data of a result allow, each as a file of its own.
 
     The folder has ``NAME-0001.xml`` and so on; ``samples.npz`` with the standard parameters of every robot in their
-    order, and of further ones that only the ranges are taken from, which `excite.load_posterior` reads; ``ranges.yaml``
+    order, and of further ones that only the ranges are taken from, which `excite.load` reads; ``ranges.yaml``
     with low, high, mean and deviation of every parameter; and, when all is written, ``ensemble.json`` with the hashes
     of the result and of every file. The same result, seed and numbers give the same bytes.
 
@@ -98,99 +98,83 @@ def export_ensemble(
     draws = max(samples, ceil(2 * _BEYOND / (1 - level) - 1e-9))
     paths = path_count(draws)
     drawn = sample_posterior(known, draws, seed=seed, prior=prior, progress=lambda i, n: progress(i, n + samples))
-    ensemble = _Ensemble(folder, known, model, chosen, drawn, template)
+    facts = {"samples": samples, "seed": seed, "level": level, "prior": prior}
+    files: dict[str, str] = {}  # hashes by name
+
+    def add(name: str, content: bytes) -> None:
+        with replacing(folder / name, "wb") as stream:
+            stream.write(content)
+        files[name] = sha256(content).hexdigest()
+
+    robots, notes, interrupted = 0, drawn.notes, False
     with result_folder(folder):
         _check_free(folder, replace=replace)
-        ensemble.remove_older()
-        interrupted = ensemble.write(samples, level, lambda i: progress(paths + i, paths + samples))
-        facts = {"samples": samples, "seed": seed, "level": level, "prior": prior, "interrupted": interrupted}
-        ensemble.finish(name_of(format), facts)
-    files = (folder / ENSEMBLE, *(folder / name for name in ensemble.files))
-    told = {"robots": ensemble.robots, **({"interrupted": True} if interrupted else {})}
-    return Exported(name_of(format), files, ensemble.notes, told)
-
-
-class _Ensemble:
-    """A folder with what is written of an ensemble so far."""
-
-    def __init__(
-        self,
-        folder: Path,
-        result: Identification,
-        model: IdentifiedModel,
-        format: ModelFormat,
-        drawn: PosteriorSamples,
-        template: Path | None,
-    ) -> None:
-        self.folder, self.result, self.model, self.format = folder, result, model, format
-        self.drawn, self.template = drawn, template
-        self.files: dict[str, str] = {}
-        self.notes: tuple[str, ...] = drawn.notes
-        self.robots = 0
-
-    def remove_older(self) -> None:
-        """Remove the files of an ensemble that is to be replaced, its list first."""
-        with suppress(InputError):
-            older = read_json(self.folder / ENSEMBLE).get("files")
-            (self.folder / ENSEMBLE).unlink()
-            for name in older if isinstance(older, dict) else ():
-                if Path(name).name == name:
-                    (self.folder / name).unlink(missing_ok=True)
-
-    def write(self, count: int, level: float, progress: Callable[[int], None]) -> bool:
-        """Samples, ranges and robots; True if Ctrl-C ended that early."""
-        origin = comment_of(self.model, (f"ranges of {100 * level:g} % of the posterior", *self.drawn.notes))
+        _remove_older(folder)
         try:
-            self._add(SAMPLES, self.drawn.file_content(NPZ))
-            self._add(RANGES, ranges_text(self.drawn, level, origin).encode("utf-8"))
-            for number in range(count):
-                self._add_robot(number, count)
-                progress(number + 1)
+            origin = comment_of(model, (f"ranges of {100 * level:g} % of the posterior", *drawn.notes))
+            add(SAMPLES, drawn.file_content(NPZ))
+            add(RANGES, ranges_text(drawn, level, origin).encode("utf-8"))
+            for number, (name, content, own) in enumerate(_robots(known, model, chosen, drawn, template, samples)):
+                add(name, content)
+                robots += 1
+                notes = notes if number else tuple(dict.fromkeys((*notes, *own)))
+                progress(paths + number + 1, paths + samples)
         except KeyboardInterrupt:
-            return True
-        return False
+            interrupted = True
+        listed = _content(model, drawn, name_of(format), {**facts, "interrupted": interrupted})
+        write_json(folder / ENSEMBLE, {**listed, "files": files, "notes": list(notes)})
+    told = {"robots": robots, **({"interrupted": True} if interrupted else {})}
+    return Exported(name_of(format), (folder / ENSEMBLE, *(folder / name for name in files)), notes, told)
 
-    def _add_robot(self, number: int, count: int) -> None:
+
+def _robots(
+    result: Identification,
+    model: IdentifiedModel,
+    format: ModelFormat,
+    drawn: PosteriorSamples,
+    template: Path | None,
+    count: int,
+) -> Iterator[tuple[str, bytes, tuple[str, ...]]]:
+    """Name, content and notes of the file of each robot."""
+    stem = "".join(c if c.isalnum() or c in "_.-" else "_" for c in model.described.name)
+    for number in range(count):
         note = (
-            f"sample {number + 1} of the posterior with seed {self.drawn.seed}: a possible robot that the data allow, "
+            f"sample {number + 1} of the posterior with seed {drawn.seed}: a possible robot that the data allow, "
             "not the identified one"
         )
-        model = model_of_sample(self.model, self.result, self.drawn.standard(number), note)
-        own = (*self.format.left_out(model.features), *model.notes)
-        written = self.format.text(model, comment_of(model, own), self.template)
-        content = written.content if isinstance(written.content, bytes) else written.content.encode("utf-8")
-        name = "".join(c if c.isalnum() or c in "_.-" else "_" for c in self.model.described.name)
-        self._add(f"{name}-{number + 1:0{max(4, len(str(count)))}d}{self.format.suffix}", content)
-        self.robots += 1
-        if number == 0:
-            others = tuple(line for line in own if line != note)
-            self.notes = tuple(dict.fromkeys((*self.drawn.notes, *others, *written.notes)))
+        robot = model_of_sample(model, result, drawn.standard(number), note)
+        own = (*format.left_out(robot.features), *robot.notes)
+        written = format.text(robot, comment_of(robot, own), template)
+        others = (*(line for line in own if line != note), *written.notes)
+        yield f"{stem}-{number + 1:0{max(4, len(str(count)))}d}{format.suffix}", written.encoded, others
 
-    def _add(self, name: str, content: bytes) -> None:
-        with replacing(self.folder / name, "wb") as stream:
-            stream.write(content)
-        self.files[name] = sha256(content).hexdigest()
 
-    def finish(self, form: str, facts: dict[str, Any]) -> None:
-        """Write the list of all, the last file."""
-        drawn = self.drawn
-        content = {
-            "schema": SCHEMA,
-            "robot": drawn.robot,
-            "result_sha256": drawn.result_sha256,
-            "program": self.model.program,
-            "format": form,
-            **facts,
-            "method": METHOD,
-            "draws": len(drawn),
-            "independent_draws": drawn.effective,
-            "split_deviation": drawn.split_deviation,
-            "distance": drawn.distance,
-            "mean": dict(zip(drawn.names, drawn.mean.tolist(), strict=True)),
-            "files": self.files,
-            "notes": list(self.notes),
-        }
-        write_json(self.folder / ENSEMBLE, content)
+def _content(model: IdentifiedModel, drawn: PosteriorSamples, form: str, facts: dict[str, Any]) -> dict[str, Any]:
+    """Content of the list of all, but the files and the notes."""
+    return {
+        "schema": SCHEMA,
+        "robot": drawn.robot,
+        "result_sha256": drawn.result_sha256,
+        "program": model.program,
+        "format": form,
+        **facts,
+        "method": METHOD,
+        "draws": len(drawn),
+        "independent_draws": drawn.effective,
+        "split_deviation": drawn.split_deviation,
+        "distance": drawn.distance,
+        "mean": dict(zip(drawn.names, drawn.mean.tolist(), strict=True)),
+    }
+
+
+def _remove_older(folder: Path) -> None:
+    """Remove the files of an ensemble that is to be replaced, its list first."""
+    with suppress(InputError):
+        older = read_json(folder / ENSEMBLE).get("files")
+        (folder / ENSEMBLE).unlink()
+        for name in older if isinstance(older, dict) else ():
+            if Path(name).name == name:
+                (folder / name).unlink(missing_ok=True)
 
 
 def _check_free(folder: Path, *, replace: bool) -> None:

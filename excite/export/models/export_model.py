@@ -9,8 +9,8 @@ from excite.export.exported import Exported
 from excite.export.models.exported_model import model_of_result
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_format import ModelFormat
-from excite.files.result_json import load_result
 from excite.identification.identification import Identification
+from excite.identification.result_json import load_result
 from excite.registry import check_name, instance, name_of
 from excite.storage.atomic import replacing
 from excite.storage.result_folder import replace_files, result_file
@@ -69,24 +69,20 @@ def export_model(
     model = model_of_result(chosen_result(result))
     own = (*chosen.left_out(model.features), *model.notes)
     written = chosen.text(model, comment_of(model, own), template)
-    content, mode = written.content, "wb" if isinstance(written.content, bytes) else "w"
     with result_file(path):
         _check_free(path, replace=replace)
-        with replace_files(path) as staged, replacing(staged / path.name, mode) as stream:
-            stream.write(content)
+        with replace_files(path) as staged, replacing(staged / path.name, "wb") as stream:
+            stream.write(written.encoded)
     return Exported(name_of(format), (path,), (*own, *written.notes))
 
 
 def comment_of(model: IdentifiedModel, notes: tuple[str, ...]) -> tuple[str, ...]:
     """Lines of the comment that a file holds: provenance without a date, then notes."""
     origin = "a result that was not saved" if model.sha256 is None else f"result.json with SHA-256 {model.sha256}"
-    error = model.training_error
-    fit = () if error is None else (f"relative error of the torques on the training logs: {100 * error:.4g} %",)
-    return (
-        f"identified parameters of robot {model.described.name}, written by {model.program} from {origin}",
-        *fit,
-        *notes,
-    )
+    lines = [f"identified parameters of robot {model.described.name}, written by {model.program} from {origin}"]
+    if model.training_error is not None:
+        lines.append(f"relative error of the torques on the training logs: {100 * model.training_error:.4g} %")
+    return (*lines, *notes)
 
 
 def chosen_format(given: str | ModelFormat) -> ModelFormat:

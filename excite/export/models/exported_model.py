@@ -4,36 +4,41 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
-from excite.export.models.identified_model import IdentifiedModel, IdentifiedParameter
-from excite.export.models.model_drives import ModelDrive, with_curve, with_parameters
-from excite.export.models.model_feature import features_of
+from excite.export.models.identified_model import (
+    IdentifiedModel,
+    IdentifiedParameter,
+    ModelDrive,
+    features_of,
+    with_curve,
+    with_parameters,
+)
 from excite.export.models.nearest_bodies import (
     NearestBodies,
     flat_note,
     held_note,
     nearest_bodies,
     own_part,
-    undescribed,
 )
-from excite.files.result_json import RESULT
-from excite.identification.identification import Identification
-from excite.identification.torque_target import stated_covariance, torque_target
+from excite.identification.identification import Identification, stated_covariance, torque_target
+from excite.identification.result_json import RESULT
 from excite.information.target import IdentificationTarget
 from excite.storage.manifest import sha256_of
-from regressors.friction.curves import FrictionCurves
 from regressors.models.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 from regressors.models.drives import drive_rows
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import inertia_tensor, parameter_names, skew
 from regressors.robot.joint_rotors import with_joint_rotors
 from regressors.robot.locked_joints import carriers
-from regressors.robot.robot import Drive, Link, Robot, Structure
+from regressors.robot.robot import Link, Robot, Structure
 from regressors.samples import Array
 
 PACKAGE = "excite-trajectories"
@@ -44,25 +49,21 @@ def model_of_result(result: Identification) -> IdentifiedModel:
     """Bodies and drives that stand for a result, with what has to be known of them."""
     target = torque_target(result)
     bodies = nearest_bodies(target, result.coefficients, stated_covariance(result), result.estimate.standard)
-    whole = _whole_robot(result, target, bodies.values)
+    described, parts, notes = _whole_robot(result, target, bodies.values)
     kinds = (*BODY_KINDS, ROTOR, *FRICTION_KINDS)
     further = tuple(c.name for c in target.model.standard_columns if c.kind not in kinds)
     return IdentifiedModel(
-        robot=whole.robot,
+        **parts,
         described=result.robot,
         target=target,
         coefficients=result.coefficients,
-        standard=bodies.values,
-        composites=whole.composites,
-        carriers=whole.rides,
-        drives=whole.drives,
         parameters=_parameters(result, target),
-        features=features_of(whole.described, whole.drives, bodies.shares, further),
+        features=features_of(described, parts["drives"], bodies.shares, further),
         change=bodies.change,
         sha256=None if result.folder is None else sha256_of(result.folder / RESULT),
         program=f"{PACKAGE} {version(PACKAGE)}",
         training_error=result.training_error,
-        notes=(*_on_bodies(bodies, target), *flat_note(whole.composites), *whole.notes, *_on_task(result)),
+        notes=(*_on_bodies(bodies, target), *flat_note(parts["composites"]), *notes),
     )
 
 
@@ -71,53 +72,37 @@ def model_of_sample(
 ) -> IdentifiedModel:
     """Another robot in the place of the identified one, such as one that the posterior allows."""
     target = model.target
-    whole = _whole_robot(result, target, standard)
+    _, parts, notes = _whole_robot(result, target, standard)
     definition, names = target.model.definition()
     beta = target.base.D @ definition @ np.array([standard[name] for name in names])
     rows = zip(model.parameters, beta.tolist(), strict=True)
-    return replace(
-        model,
-        robot=whole.robot,
-        coefficients=beta,
-        standard=standard,
-        composites=whole.composites,
-        drives=whole.drives,
-        parameters=tuple(replace(row, value=value, deviation=None, interval=None) for row, value in rows),
-        change=0.0,
-        training_error=None,
-        notes=(note, *whole.notes, *_on_task(result)),
-    )
+    parameters = tuple(replace(row, value=value, deviation=None, interval=None) for row, value in rows)
+    own = {"coefficients": beta, "parameters": parameters, "change": 0.0, "training_error": None}
+    return replace(model, **parts, **own, notes=(note, *notes))
 
 
-@dataclass(frozen=True, eq=False)
-class _WholeRobot:
-    """The whole robot with standard parameters of its moving bodies and drives."""
-
-    described: Robot
-    robot: Robot
-    composites: Mapping[str, Array]
-    rides: tuple[tuple[int | None, Array], ...]
-    drives: tuple[ModelDrive, ...]
-    notes: tuple[str, ...]
-
-
-def _whole_robot(result: Identification, target: IdentificationTarget, standard: Mapping[str, float]) -> _WholeRobot:
+def _whole_robot(
+    result: Identification, target: IdentificationTarget, standard: Mapping[str, float]
+) -> tuple[Robot, dict[str, Any], tuple[str, ...]]:
+    """The whole robot as described; with standard parameters of its moving bodies and drives, by field; and notes."""
     described = with_joint_rotors(result.robot) if result.task.model.joint_rotors else result.robot
     composites = {
         body.name: np.array([standard[name] for name in parameter_names(number)])
         for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True)
     }
-    moving = [described.joint_index(name) for name in target.robot.joint_names]
-    rides = carriers(result.task.limits.applied(described), moving)
-    shared = _shared(described, rides, composites)
-    drives, on_drives = _drives(described, target, standard, result.friction or _task_curves(result))
-    robot, on_structure = _robot(described, shared.bodies, drives)
-    return _WholeRobot(described, robot, composites, rides, drives, (*shared.notes, *on_drives, *on_structure))
-
-
-def _task_curves(result: Identification) -> FrictionCurves | None:
+    rides = carriers(
+        result.task.limits.applied(described), [described.joint_index(name) for name in target.robot.joint_names]
+    )
+    bodies, on_bodies = _shared(described, rides, composites)
     known = result.task.known_friction
-    return known if isinstance(known, FrictionCurves) else None
+    curves = result.friction or (known if isinstance(known, FrictionCurves) else None)
+    drives, on_drives = _drives(described, target, standard, curves)
+    robot, on_structure = _robot(described, bodies, drives)
+    parts = {"robot": robot, "standard": standard, "composites": composites, "carriers": rides, "drives": drives}
+    width = result.recipe.sign_width or result.recipe.breakaway
+    what = "velocity" if result.recipe.sign_width else "distance"
+    task = f"the friction of the result changes its direction over a {what}; what is written does so at standstill"
+    return described, parts, (*on_bodies, *on_drives, *on_structure, *([task] if width else []))
 
 
 def _parameters(result: Identification, target: IdentificationTarget) -> tuple[IdentifiedParameter, ...]:
@@ -130,14 +115,10 @@ def _parameters(result: Identification, target: IdentificationTarget) -> tuple[I
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Shared:
-    bodies: tuple[Array | None, ...]
-    notes: tuple[str, ...]
-
-
-def _shared(robot: Robot, rides: tuple[tuple[int | None, Array], ...], composites: Mapping[str, Array]) -> _Shared:
-    """Parameters of every body of the whole robot: those that were held keep theirs, where they can."""
+def _shared(
+    robot: Robot, rides: tuple[tuple[int | None, Array], ...], composites: Mapping[str, Array]
+) -> tuple[list[Array | None], list[str]]:
+    """Parameters of every body of the whole robot, and notes: those that were held keep theirs, where they can."""
     bodies, notes = [body.theta for body in robot.bodies], []
     for name, theta in composites.items():
         own = next(k for k, body in enumerate(robot.bodies) if body.name == name)
@@ -148,52 +129,42 @@ def _shared(robot: Robot, rides: tuple[tuple[int | None, Array], ...], composite
             bodies[k] = factor * part
         if held:
             notes.append(held_note(name, [robot.bodies[k].name for k in held], factor))
-    return _Shared(tuple(bodies), tuple(notes))
+    return bodies, notes
 
 
 def _drives(
     described: Robot, target: IdentificationTarget, values: Mapping[str, float], curves: FrictionCurves | None
-) -> tuple[tuple[ModelDrive, ...], tuple[str, ...]]:
+) -> tuple[tuple[ModelDrive, ...], list[str]]:
     """Every drive of the whole robot with its identified, known or described parameters, and notes."""
     moving = target.robot.transmission
     resting = {k for k, drive in enumerate(moving.drives, 1) if drive.rests} if moving is not None else set()
+    limits = described.limits if described.transmission is None else described.transmission.limits
     drives, along, without = [], [], []
     for number, row in drive_rows(described).items():
         drive = _described_drive(described, number, row, target)
         if drive.moved and number not in resting:
             identified = with_parameters(drive, values)
-            curve = None if curves is None else curves.curve(drive.name)
-            if curve is not None:
-                identified = with_curve(identified, curve, _fastest(described, number))
-            if _lost(identified, drive):
+            if curves is not None and (curve := curves.curve(drive.name)) is not None:
+                identified = with_curve(identified, curve, float(limits.velocity[number - 1]))
+            names = ("rotor_inertia", "coulomb", "viscous")
+            if any(getattr(identified, name) is None and getattr(drive, name) for name in names):
                 without.append(drive.name)
             drive = identified
         elif drive.moved:
             along.append(drive.name)
             drive = replace(drive, rotor_inertia=None if drive.rotor_inertia is None else 0.0, coulomb=0.0, viscous=0.0)
         drives.append(drive)
-    return tuple(drives), (*_along_note(along), *_without_note(without))
-
-
-def _lost(identified: ModelDrive, described: ModelDrive) -> bool:
-    """Whether the description states a rotor inertia or friction that the result has not."""
-    names = ("rotor_inertia", "coulomb", "viscous")
-    return any(getattr(identified, name) is None and getattr(described, name) for name in names)
-
-
-def _along_note(names: list[str]) -> tuple[str, ...]:
-    if not names:
-        return ()
-    return (f"{', '.join(names)} turned along with other drives, whose rotor inertia and friction contain theirs",)
-
-
-def _without_note(names: list[str]) -> tuple[str, ...]:
-    if not names:
-        return ()
-    return (
-        f"the result does not have all of the rotor inertia and friction that the description states of "
-        f"{', '.join(names)}: what it does not have is not written",
-    )
+    notes = []
+    if along:
+        notes.append(
+            f"{', '.join(along)} turned along with other drives, whose rotor inertia and friction contain theirs"
+        )
+    if without:
+        notes.append(
+            "the result does not have all of the rotor inertia and friction that the description states of "
+            f"{', '.join(without)}: what it does not have is not written"
+        )
+    return tuple(drives), notes
 
 
 def _described_drive(robot: Robot, number: int, row: Array, target: IdentificationTarget) -> ModelDrive:
@@ -207,31 +178,22 @@ def _described_drive(robot: Robot, number: int, row: Array, target: Identificati
     return ModelDrive(number, drive.name, row, drive.ratio, moved, known, drive.coulomb, drive.viscous)
 
 
-def _fastest(robot: Robot, number: int) -> float:
-    limits = robot.limits if robot.transmission is None else robot.transmission.limits
-    return float(limits.velocity[number - 1])
-
-
 def _robot(
-    described: Robot, bodies: tuple[Array | None, ...], drives: tuple[ModelDrive, ...]
+    described: Robot, bodies: list[Array | None], drives: tuple[ModelDrive, ...]
 ) -> tuple[Robot, tuple[str, ...]]:
     links = [Link(body.name, theta, body.number) for body, theta in zip(described.bodies, bodies, strict=True)]
     branches = [replace(b, link=link) for b, link in zip(described.branches, links[described.n :], strict=True)]
     changes: dict[str, object] = {"links": tuple(links[: described.n]), "branches": tuple(branches)}
     if described.transmission is not None:
-        own = zip(described.transmission.drives, drives, strict=True)
-        identified = tuple(_drive(drive, found) for drive, found in own)
+        identified = tuple(
+            replace(drive, rotor_inertia=found.rotor_inertia, coulomb=found.coulomb, viscous=found.viscous)
+            for drive, found in zip(described.transmission.drives, drives, strict=True)
+        )
         changes["transmission"] = replace(described.transmission, drives=identified)
     robot = described.replace(**changes)
     structure = _kept_structure(robot)
-    notes: tuple[str, ...] = ()
-    if structure != robot.structure:
-        notes = ("the written bodies do not have all zeros and equalities of the description, which leave them out",)
-    return robot.replace(structure=structure), notes
-
-
-def _drive(drive: Drive, found: ModelDrive) -> Drive:
-    return replace(drive, rotor_inertia=found.rotor_inertia, coulomb=found.coulomb, viscous=found.viscous)
+    note = "the written bodies do not have all zeros and equalities of the description, which leave them out"
+    return robot.replace(structure=structure), () if structure == robot.structure else (note,)
 
 
 def _kept_structure(robot: Robot) -> Structure:
@@ -248,31 +210,21 @@ def _kept_structure(robot: Robot) -> Structure:
     return Structure(zero, equal, old.aggregates if same else ())
 
 
-def _on_bodies(bodies: NearestBodies, target: IdentificationTarget) -> tuple[str, ...]:
-    prior = undescribed(target.robot)
-    notes = []
+def _on_bodies(bodies: NearestBodies, target: IdentificationTarget) -> list[str]:
     if bodies.exact:
         near = "those of the estimate" if bodies.estimated else "those nearest the description"
-        notes.append(f"the bodies reproduce the identified base parameters, and are {near}")
+        notes = [f"the bodies reproduce the identified base parameters, and are {near}"]
     else:
-        notes.append(
+        notes = [
             "no physically possible bodies have the identified base parameters: the nearest ones are written, which "
             f"change the predicted torques by {100 * bodies.change:.2g} % on random states"
-        )
-    if prior:
+        ]
+    if undescribed := [body.name for body in target.robot.bodies if body.theta is None]:
         notes.append(
-            f"the description has no inertial parameters of {', '.join(prior)}: what the data does not determine stays "
-            "near a body of 1 kg with 0.02 kg m^2 about each axis, centred at the origin of the link's frame"
+            f"the description has no inertial parameters of {', '.join(undescribed)}: what the data does not determine "
+            "stays near a body of 1 kg with 0.02 kg m^2 about each axis, centred at the origin of the link's frame"
         )
-    return tuple(notes)
-
-
-def _on_task(result: Identification) -> tuple[str, ...]:
-    width = result.recipe.sign_width or result.recipe.breakaway
-    if not width:
-        return ()
-    what = "velocity" if result.recipe.sign_width else "distance"
-    return (f"the friction of the result changes its direction over a {what}; what is written does so at standstill",)
+    return notes
 
 
 def number(value: float) -> str:
@@ -283,6 +235,11 @@ def number(value: float) -> str:
 def numbers(values: ArrayLike) -> str:
     """Several numbers, separated by spaces."""
     return " ".join(number(value) for value in np.ravel(np.asarray(values, dtype=float)))
+
+
+def stated(**values: float | None) -> dict[str, str]:
+    """Attributes with the numbers that are known."""
+    return {name: number(value) for name, value in values.items() if value is not None}
 
 
 def rpy_of(R: Array) -> tuple[float, float, float]:
@@ -297,8 +254,6 @@ def rpy_of(R: Array) -> tuple[float, float, float]:
 
 def quaternion_of(R: Array) -> Array:
     """Unit quaternion of a rotation, its real part first, shape (4,)."""
-    from scipy.spatial.transform import Rotation
-
     x, y, z, w = Rotation.from_matrix(R).as_quat()
     return np.array([w, x, y, z])
 

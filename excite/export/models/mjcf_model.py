@@ -13,30 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from excite.export.models.exported_model import about_centre, number, numbers, quaternion_of
-from excite.export.models.identified_model import IdentifiedModel
-from excite.export.models.model_drives import ModelDrive
-from excite.export.models.model_feature import COUPLED
+from excite.export.models.exported_model import about_centre, number, numbers, quaternion_of, stated
+from excite.export.models.identified_model import COUPLED, IdentifiedModel
 from excite.export.models.model_format import ModelFormat, ModelText
-from excite.export.models.nearest_bodies import held_note, own_part
 from excite.export.models.xml_copy import (
-    XmlCopy,
     XmlDocument,
     XmlSpan,
     chain_in,
     comment,
-    moving_groups,
     pose_error,
+    share_inertia,
     start,
 )
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.models.columns import COULOMB, ROTOR, VISCOUS
 from regressors.readers.mjcf import tree_of_mjcf
-from regressors.readers.mjcf_actuators import joint_actuators, reflected
-from regressors.readers.mjcf_tree import names_of
-from regressors.readers.urdf_tree import TreeJoint, UrdfTree
-from regressors.readers.xml_kind import MJCF, xml_kind
+from regressors.readers.mjcf_tree import joint_actuators, names_of, reflected
+from regressors.readers.urdf_elements import MJCF, xml_kind
 from regressors.robot.inertia import transport
 from regressors.robot.robot import Joint, Robot
 from regressors.samples import Array
@@ -59,9 +53,9 @@ class MjcfFormat(ModelFormat):
         """See `excite.export.models.model_format.ModelFormat.text`."""
         zone = (_ZONE,) if any(feature.kind == COULOMB for feature in model.features) else ()
         if robot_file is not None:
-            copy = mjcf_copy(model, robot_file)
-            notes = (*copy.notes, *zone)
-            return ModelText(copy.content((*comment, *notes)), notes)
+            document, notes = mjcf_copy(model, robot_file)
+            notes = (*notes, *zone)
+            return ModelText(document.edited((*comment, *notes)), notes)
         notes = (*mjcf_notes(model.robot), *zone)
         return ModelText(mjcf_text(model, (*comment, *notes)), notes)
 
@@ -72,20 +66,21 @@ _NO_MASS = 1e-9  # of a moving body without inertia, which MuJoCo refuses
 def mjcf_text(model: IdentifiedModel, lines: tuple[str, ...]) -> str:
     """The whole document."""
     robot = model.robot
-    parts = [
-        comment(lines),
-        start("mujoco", {"model": robot.name}),
-        "  " + start("compiler", {"angle": "radian", "autolimits": "true", "balanceinertia": "false"}, empty=True),
-        "  " + start("option", {"gravity": numbers(robot.gravity)}, empty=True),
-        "  <worldbody>",
-        *_bodies(model),
-        "  </worldbody>",
-        *_tendons(model),
-        *_motors(robot),
-        "</mujoco>",
-        "",
-    ]
-    return "\n".join(parts)
+    return "\n".join(
+        [
+            comment(lines),
+            start("mujoco", {"model": robot.name}),
+            "  " + start("compiler", {"angle": "radian", "autolimits": "true", "balanceinertia": "false"}, empty=True),
+            "  " + start("option", {"gravity": numbers(robot.gravity)}, empty=True),
+            "  <worldbody>",
+            *_bodies(model),
+            "  </worldbody>",
+            *_tendons(model),
+            *_motors(robot),
+            "</mujoco>",
+            "",
+        ]
+    )
 
 
 def mjcf_notes(robot: Robot) -> tuple[str, ...]:
@@ -109,12 +104,7 @@ def inertial_values(theta: Array) -> dict[str, str]:
 
 def joint_values(model: IdentifiedModel, joint: int) -> dict[str, str]:
     """Attributes of a joint that hold its drive's rotor inertia and friction, those that the model knows."""
-    known = {
-        "armature": model.armature(joint),
-        "damping": model.damping(joint),
-        "frictionloss": model.friction(joint),
-    }
-    return {name: number(value) for name, value in known.items() if value is not None}
+    return stated(armature=model.armature(joint), damping=model.damping(joint), frictionloss=model.friction(joint))
 
 
 def _bodies(model: IdentifiedModel) -> Iterator[str]:
@@ -152,17 +142,13 @@ def _tendons(model: IdentifiedModel) -> Iterator[str]:
     if coupled:
         yield "  <tendon>"
         for drive in coupled:
-            yield "    " + start("fixed", {"name": drive.name, **_tendon(drive)})
+            known = stated(armature=drive.reflected, damping=drive.viscous, frictionloss=drive.coulomb)
+            yield "    " + start("fixed", {"name": drive.name, **known})
             for k in np.flatnonzero(drive.row):
                 part = {"joint": model.robot.joint_names[k], "coef": number(drive.row[k])}
                 yield "      " + start("joint", part, empty=True)
             yield "    </fixed>"
         yield "  </tendon>"
-
-
-def _tendon(drive: ModelDrive) -> dict[str, str]:
-    known = {"armature": drive.reflected, "damping": drive.viscous, "frictionloss": drive.coulomb}
-    return {name: number(value) for name, value in known.items() if value is not None}
 
 
 def _motors(robot: Robot) -> Iterator[str]:
@@ -174,7 +160,7 @@ def _motors(robot: Robot) -> Iterator[str]:
     yield "  </actuator>"
 
 
-def mjcf_copy(model: IdentifiedModel, file: Path) -> XmlCopy:
+def mjcf_copy(model: IdentifiedModel, file: Path) -> tuple[XmlDocument, tuple[str, ...]]:
     """Write the parameters of a model into a user's MJCF."""
     if xml_kind(str(file)) != MJCF:
         raise InputError(f"{str(file)!r} is no MJCF; leave `robot_file` out, and a new MJCF is written")
@@ -183,28 +169,26 @@ def mjcf_copy(model: IdentifiedModel, file: Path) -> XmlCopy:
     snapped = tree_of_mjcf(file)[1]
     pose_error((tree, snapped), model.described, file)
     document = XmlDocument(read_bytes(file), file.name)
-    _check_compiler(document)
-    notes = _changed_bodies(document, compiled, tree, chain, model)
-    joints = names_of(compiled, "joint")
-    elements = {e.attributes.get("name"): e for e in document.root.all() if e.tag == "joint" and _is_in_body(e)}
-    for k, name in enumerate(model.robot.joint_names):
-        if values := joint_values(model, k):
-            own = _without_actuators(values, compiled, joints.index(name))
-            document.set(_found(elements, name, "joint", document), own)
-    return XmlCopy(document, tuple(notes))
-
-
-def _check_compiler(document: XmlDocument) -> None:
     for element in document.root.below("compiler"):
         if element.attributes.get("inertiafromgeom") == "true":
             raise InputError(
                 f"{document.source}: inertiafromgeom='true' of its compiler leaves no inertia to state; set it to "
                 "'auto', or leave `robot_file` out"
             )
+    every_body = [element for element in document.root.all() if element.tag == "body"]
+    bodies = {element.attributes.get("name"): element for element in every_body}
 
+    def write(body: str, theta: Array, _: float) -> None:
+        _set_inertial(document, _found(bodies, body, "body", document), theta, _anchor(compiled, body))
 
-def _is_in_body(element: XmlSpan) -> bool:
-    return element.parent is not None and element.parent.tag == "body"
+    notes = share_inertia(tree, chain, model, write)
+    joints = names_of(compiled, "joint")
+    elements = {e.attributes.get("name"): e for body in every_body for e in body.below("joint")}
+    for k, name in enumerate(model.robot.joint_names):
+        if values := joint_values(model, k):
+            own = _without_actuators(values, compiled, joints.index(name))
+            document.set(_found(elements, name, "joint", document), own)
+    return document, tuple(notes)
 
 
 def _found(elements: dict[str | None, XmlSpan], name: str, kind: str, document: XmlDocument) -> XmlSpan:
@@ -226,24 +210,6 @@ def _without_actuators(values: dict[str, str], compiled: Any, joint: int) -> dic
     return values
 
 
-def _changed_bodies(
-    document: XmlDocument, compiled: Any, tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel
-) -> list[str]:
-    """Set the inertia of every body whose group moved; the other bodies of a group keep theirs, where they can."""
-    elements = {element.attributes.get("name"): element for element in document.root.all() if element.tag == "body"}
-    notes = []
-    for name, child, others in moving_groups(tree, chain, model):
-        own, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
-        _set_inertial(document, _found(elements, child, "body", document), own, _anchor(compiled, child))
-        if factor != 1.0:
-            for other, theta, _ in others:
-                element = _found(elements, other, "body", document)
-                _set_inertial(document, element, factor * theta, _anchor(compiled, other))
-        if others:
-            notes.append(held_note(child, [other for other, _, _ in others], factor))
-    return notes
-
-
 def _anchor(compiled: Any, body: str) -> Array:
     """Origin of a link in the frame of its body: the anchor of the hinge that moves it [m]."""
     import mujoco
@@ -258,8 +224,8 @@ def _anchor(compiled: Any, body: str) -> Array:
 
 def _set_inertial(document: XmlDocument, body: XmlSpan, theta: Array, anchor: Array) -> None:
     text = start("inertial", inertial_values(transport(np.eye(3), anchor) @ theta), empty=True)
-    stated = body.child("inertial")
-    if stated is None:
+    inertial = body.child("inertial")
+    if inertial is None:
         document.insert_in(body, text, first=True)
     else:
-        document.replace_tag(stated, text if stated.empty else text.replace("/>", ">"))
+        document.replace_tag(inertial, text if inertial.empty else text.replace("/>", ">"))

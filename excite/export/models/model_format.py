@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from excite.export.models.identified_model import IdentifiedModel
-from excite.export.models.model_feature import Feature
+from excite.export.models.identified_model import Feature, IdentifiedModel
 from regressors.errors import InputError
 
 
@@ -27,6 +26,11 @@ class ModelText:
     content: str | bytes
     notes: tuple[str, ...] = ()
 
+    @property
+    def encoded(self) -> bytes:
+        """The bytes that are written."""
+        return self.content if isinstance(self.content, bytes) else self.content.encode("utf-8")
+
 
 class ModelFormat(ABC):
     """A format that an identified model can be written in.
@@ -38,7 +42,7 @@ class ModelFormat(ABC):
     name : str
         As users know it, such as ``URDF``.
     expresses : frozenset of str
-        Kinds of `excite.export.models.model_feature.Feature` that the format holds.
+        Kinds of `excite.export.models.identified_model.Feature` that the format holds.
     suffix : str
         Of the files of an ensemble, such as ``.urdf``.
     template_suffixes : tuple of str
@@ -66,17 +70,14 @@ class ModelFormat(ABC):
     def check_template(self, robot_file: Path | None) -> None:
         """Raise `InputError` for a robot file that the format does not take."""
         if robot_file is not None and robot_file.suffix.lower() not in self.template_suffixes:
-            takes = (
-                f"takes one that ends in {', '.join(self.template_suffixes)}"
-                if self.template_suffixes
-                else "takes none"
-            )
+            suffixes = ", ".join(self.template_suffixes)
+            takes = f"takes one that ends in {suffixes}" if suffixes else "takes none"
             raise InputError(f"`robot_file`: the format {self.name} {takes}, given {str(robot_file)!r}")
 
     def left_out(self, features: tuple[Feature, ...]) -> tuple[str, ...]:
         """One sentence for each feature of a model that the format cannot express."""
-        return tuple(self._sentence(feature) for feature in features if feature.kind not in self.expresses)
-
-    def _sentence(self, feature: Feature) -> str:
-        share = "" if feature.share is None else f"; {100 * feature.share:.2g} % of the torques on random states"
-        return f"{self.name} cannot express {feature.text}{share}"
+        beyond = [feature for feature in features if feature.kind not in self.expresses]
+        shares = ["" if f.share is None else f"; {100 * f.share:.2g} % of the torques on random states" for f in beyond]
+        return tuple(
+            f"{self.name} cannot express {each.text}{share}" for each, share in zip(beyond, shares, strict=True)
+        )

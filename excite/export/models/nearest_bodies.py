@@ -24,7 +24,7 @@ from excite.information.target import IdentificationTarget
 from regressors.models.base import random_states, triangular_factor
 from regressors.models.columns import BODY_KINDS, ROTOR
 from regressors.robot.inertia import from_pseudo_inertia, pseudo_inertia
-from regressors.robot.robot import Robot, Structure
+from regressors.robot.robot import Structure
 from regressors.samples import Array, Samples
 
 STATES = 500
@@ -93,7 +93,7 @@ def _standard(
     if exact:
         refined = _refined(plain, theta, beta)
         theta = refined if _possible(plain, refined) else theta
-    elif np.all(np.isfinite(given)) and _reproduces(plain, given):
+    elif np.all(np.isfinite(given)) and _possible(plain, given) and _misfit(plain, given) <= _SAME:
         theta = given
     else:
         theta = _nearest_in_noise(target, beta, R, covariance)
@@ -124,9 +124,8 @@ def _with_own_friction(target: IdentificationTarget, problem: StandardProblem, t
     return theta
 
 
-def _reproduces(problem: StandardProblem, theta: Array) -> bool:
-    misfit = np.linalg.norm(problem.G @ theta - problem.r)
-    return bool(misfit <= _SAME * np.linalg.norm(problem.r)) and _possible(problem, theta)
+def _misfit(problem: StandardProblem, theta: Array) -> float:
+    return float(np.linalg.norm(problem.G @ theta - problem.r) / np.linalg.norm(problem.r))
 
 
 def _possible(problem: StandardProblem, theta: Array) -> bool:
@@ -150,11 +149,6 @@ def _weights(covariance: Array | None) -> Array | None:
         return None
 
 
-def undescribed(robot: Robot) -> tuple[str, ...]:
-    """Names of the bodies whose description has no inertial parameters."""
-    return tuple(body.name for body in robot.bodies if body.theta is None)
-
-
 _FLAT = 1e-5  # of the largest second moment of mass
 
 
@@ -164,26 +158,23 @@ def flat_bodies(bodies: Mapping[str, Array]) -> tuple[str, ...]:
     The second moments of mass about the centre are the eigenvalues of ``J_xx - m c c'``, with the pseudo-inertia
     ``J``; a body is flat where the smallest is below 1e-5 of the largest: a sheet of 1 m by 3 mm.
     """  # bodies (10,)
-    return tuple(name for name, theta in bodies.items() if theta[0] > 0 and _flat(pseudo_inertia(theta)))
-
-
-def _flat(J: Array) -> bool:
-    moments = np.linalg.eigvalsh(J[:3, :3] - np.outer(J[:3, 3], J[:3, 3]) / J[3, 3])
-    return bool(moments[0] < _FLAT * moments[-1])
+    flat = []
+    for name, theta in bodies.items():
+        J = pseudo_inertia(theta)
+        if theta[0] > 0:
+            moments = np.linalg.eigvalsh(J[:3, :3] - np.outer(J[:3, 3], J[:3, 3]) / J[3, 3])
+            flat += [name] if moments[0] < _FLAT * moments[-1] else []
+    return tuple(flat)
 
 
 def flat_note(bodies: Mapping[str, Array]) -> tuple[str, ...]:
     """A note that names them; none where there are none."""
-    names = ", ".join(flat_bodies(bodies))
-    return (
-        (
-            f"the identified parameters leave {names} only just possible, as flat as a sheet or as thin as a rod: "
-            "simulators may need shorter steps; an identification with `estimator='physical'` and "
-            "`described_within=0.5` keeps all bodies near the description",
-        )
-        if names
-        else ()
+    note = (
+        f"the identified parameters leave {', '.join(flat_bodies(bodies))} only just possible, as flat as a sheet or "
+        "as thin as a rod: simulators may need shorter steps; an identification with `estimator='physical'` and "
+        "`described_within=0.5` keeps all bodies near the description"
     )
+    return (note,) if flat_bodies(bodies) else ()
 
 
 _ROOM = 1e-6  # of the group's pseudo-inertia that the moving body must keep
@@ -209,11 +200,7 @@ def own_part(group: Array, others: Sequence[tuple[Array, Array]]) -> tuple[Array
 def held_note(link: str, others: Sequence[str], factor: float) -> str:
     """What to say of the bodies that moved with another one."""
     names = ", ".join(others[:_LISTED]) + (f" and {len(others) - _LISTED} more" if len(others) > _LISTED else "")
-    if factor == 1.0:
-        return (
-            f"{names} did not move against {link}: they keep the inertia of their description, and {link} has the rest"
-        )
-    return (
-        f"{names} did not move against {link}, and their described inertia would leave it no possible one: they have "
-        f"{factor:.3g} of it, and {link} has the rest"
-    )
+    what = ": they keep the inertia of their description"
+    if factor != 1.0:
+        what = f", and their described inertia would leave it no possible one: they have {factor:.3g} of it"
+    return f"{names} did not move against {link}{what}, and {link} has the rest"

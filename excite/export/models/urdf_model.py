@@ -5,29 +5,28 @@ Grammar: ROS wiki, urdf/XML/link, urdf/XML/joint, urdf/XML/Transmissions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
-from excite.export.models.exported_model import about_centre, number, numbers, rpy_of, upper
+from excite.export.models.exported_model import about_centre, number, numbers, rpy_of, stated, upper
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_format import ModelFormat, ModelText
-from excite.export.models.nearest_bodies import held_note, own_part
 from excite.export.models.xml_copy import (
-    XmlCopy,
     XmlDocument,
     XmlSpan,
     chain_in,
     comment,
-    moving_groups,
     pose_error,
+    share_inertia,
     start,
 )
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
-from regressors.models.columns import COULOMB, VISCOUS
-from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
+from regressors.models.columns import COULOMB, ROTOR, VISCOUS
+from regressors.readers.urdf_tree import parse_tree
 from regressors.robot.robot import Joint, Robot
 from regressors.samples import Array
 
@@ -39,28 +38,110 @@ class UrdfFormat(ModelFormat):
     suffix = ".urdf"
     expresses = frozenset({COULOMB, VISCOUS})
     template_suffixes = (".urdf", ".xml")
+    namespace: ClassVar[Mapping[str, str]] = {}
+    further: ClassVar[tuple[str, ...]] = ()  # notes
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
         """See `excite.export.models.model_format.ModelFormat.text`."""
         if robot_file is not None:
-            copy = urdf_copy(model, robot_file)
-            return ModelText(copy.content((*comment, *copy.notes)), copy.notes)
-        notes = urdf_notes(model.robot)
-        return ModelText(urdf_text(model, (*comment, *notes), lambda _: (), {}), notes)
+            document, notes = urdf_copy(model, robot_file)
+            self.add_drives(document, model)
+            notes = (*notes, *self.further)
+            return ModelText(document.edited((*comment, *notes)), notes)
+        notes = (*urdf_notes(model.robot), *self.further)
+        return ModelText(urdf_text(model, (*comment, *notes), self.drives(model), self.namespace), notes)
+
+    def drives(self, model: IdentifiedModel) -> tuple[str, ...]:
+        """Elements of the drives, behind the joints."""
+        return ()
+
+    def add_drives(self, document: XmlDocument, model: IdentifiedModel) -> None:
+        """Write what is known of the drives into a user's file."""
 
 
-UNLIMITED = (
-    1e9  # for an effort, velocity or range without a limit: readers need a number, and take zero for none at all
-)
+class DrakeFormat(UrdfFormat):
+    """URDF with Drake's actuators: rotor inertia and gear ratio, damping of joints.
+
+    Drake's documentation, "Parsing URDF and SDFormat files: custom elements", `drake:rotor_inertia` and
+    `drake:gear_ratio`: elements of ``/robot/transmission/actuator`` with an attribute ``value``; the reflected inertia
+    is ``gear_ratio^2 rotor_inertia``.
+    """
+
+    name = "Drake"
+    expresses = frozenset({ROTOR, VISCOUS})
+    namespace: ClassVar[Mapping[str, str]] = {"xmlns:drake": "https://drake.mit.edu"}
+    further = (
+        "Drake's MultibodyPlant has no Coulomb friction in joints: it ignores the friction of <dynamics>, which is "
+        "written for programs that read it",
+    )
+
+    def drives(self, model: IdentifiedModel) -> tuple[str, ...]:
+        """A transmission of every joint."""
+        return tuple(_transmission(model, k) for k in range(model.robot.n))
+
+    def add_drives(self, document: XmlDocument, model: IdentifiedModel) -> None:
+        """Rotor inertia and gear ratio in the transmissions of the file, or in new ones."""
+        with_rotors = {k: rotor for k in range(model.robot.n) if (rotor := _rotor(model, k))}
+        if with_rotors:
+            document.set(document.root, self.namespace)
+        actuators: dict[str | None, XmlSpan] = {}
+        for transmission in document.root.below("transmission"):
+            joint, actuator = transmission.child("joint"), transmission.child("actuator")
+            if joint is not None and actuator is not None:
+                actuators[joint.attributes.get("name")] = actuator
+        for k, rotor in with_rotors.items():
+            actuator = actuators.get(model.robot.joint_names[k])
+            if actuator is None:
+                document.insert_in(document.root, _transmission(model, k))
+                continue
+            for tag, value in rotor.items():
+                element = actuator.child(tag)
+                if element is None:
+                    document.insert_in(actuator, start(tag, {"value": value}, empty=True))
+                else:
+                    document.set(element, {"value": value})
+
+
+def _transmission(model: IdentifiedModel, joint: int) -> str:
+    name = model.robot.joint_names[joint]
+    rotor = [f"    {start(tag, {'value': value}, empty=True)}" for tag, value in _rotor(model, joint).items()]
+    return "\n".join(
+        [
+            start("transmission", {"name": f"{name}_transmission"}),
+            "  <type>transmission_interface/SimpleTransmission</type>",
+            "  " + start("joint", {"name": name}),
+            "    <hardwareInterface>hardware_interface/EffortJointInterface</hardwareInterface>",
+            "  </joint>",
+            "  " + start("actuator", {"name": f"{name}_motor"}),
+            *rotor,
+            "  </actuator>",
+            "</transmission>",
+        ]
+    )
+
+
+def _rotor(model: IdentifiedModel, joint: int) -> dict[str, str]:
+    """Rotor inertia and gear ratio of a joint: those of its only drive, or all reflected behind a gear of ratio 1."""
+    drives = [drive for drive in model.joint_drives(joint) if drive.reflected is not None]
+    if not drives:
+        return {}
+    inertia, ratio = model.armature(joint), 1.0
+    if len(drives) == 1:
+        inertia, ratio = drives[0].rotor_inertia, (drives[0].ratio or 0.0) * drives[0].factor
+    return stated(**{"drake:rotor_inertia": inertia, "drake:gear_ratio": ratio})
+
+
+UNLIMITED = 1e9  # for an effort, velocity or range without a limit: readers need a number, and take zero for none
 _DOWN = np.array([0.0, 0.0, -1.0])
 _STANDARD = 9.81
-Extra = Callable[[IdentifiedModel], tuple[str, ...]]
 
 
-def urdf_text(model: IdentifiedModel, lines: tuple[str, ...], extra: Extra, attributes: dict[str, str]) -> str:
+def urdf_text(
+    model: IdentifiedModel, lines: tuple[str, ...], drives: tuple[str, ...], attributes: Mapping[str, str]
+) -> str:
     """The whole document."""
     robot = model.robot
-    base = base_name(robot)
+    base = _free_name("base", robot)
     body = [
         '<?xml version="1.0" encoding="utf-8"?>',
         comment(lines),
@@ -71,13 +152,12 @@ def urdf_text(model: IdentifiedModel, lines: tuple[str, ...], extra: Extra, attr
     for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
         body += [start("link", {"name": link.name}), *_inertial(link.theta), "</link>"]
         body += _joint(model, k, joint, base if k == 0 else robot.links[k - 1].name)
-    return "\n".join([*body, *extra(model), "</robot>", ""])
+    return "\n".join([*body, *drives, "</robot>", ""])
 
 
-def base_name(robot: Robot) -> str:
-    """Name of the link that does not move, which no other link has."""
-    name = "base"
-    while name in {body.name for body in robot.bodies}:
+def _free_name(name: str, robot: Robot, *taken: str) -> str:
+    """A name for a link that does not move, which no other link has."""
+    while name in {*taken, *(body.name for body in robot.bodies)}:
         name += "_"
     return name
 
@@ -90,11 +170,8 @@ def urdf_notes(robot: Robot) -> tuple[str, ...]:
         notes.append(
             f"a URDF does not hold the magnitude of gravity, {g:g} m/s^2: give it to the program that loads it"
         )
-    free = [
-        joint.name
-        for k, joint in enumerate(robot.joints)
-        if not np.all(np.isfinite([robot.limits.velocity[k], robot.limits.torque[k]]))
-    ]
+    known = np.isfinite(robot.limits.velocity) & np.isfinite(robot.limits.torque)
+    free = [name for name, limited in zip(robot.joint_names, known, strict=True) if not limited]
     if free:
         notes.append(
             f"no limit of velocity or torque is known of {', '.join(free)}: {UNLIMITED:g} stands for none, which URDF "
@@ -102,24 +179,19 @@ def urdf_notes(robot: Robot) -> tuple[str, ...]:
         )
     if np.any(np.isfinite([robot.limits.acceleration, robot.limits.jerk])):
         notes.append("a URDF holds no limits of acceleration and jerk")
-    if robot.transmission is not None and _limits_of_drives(robot):
+    of_drives = None if robot.transmission is None else robot.transmission.limits
+    if of_drives is not None and np.any(
+        np.isfinite([of_drives.lower, of_drives.velocity, of_drives.acceleration, of_drives.torque])
+    ):
         notes.append("a URDF holds no limits of drives: the joints have those that the description states of joints")
     return tuple(notes)
-
-
-def _limits_of_drives(robot: Robot) -> bool:
-    assert robot.transmission is not None
-    limits = robot.transmission.limits
-    return bool(np.any(np.isfinite([limits.lower, limits.velocity, limits.acceleration, limits.torque])))
 
 
 def _root(robot: Robot, base: str) -> Iterator[str]:
     """A link above the base whose z axis is up, where gravity does not act along -z of the base."""
     R = upright(robot.gravity)
     if not np.array_equal(R, np.eye(3)):
-        name = "world"
-        while name in {base, *(body.name for body in robot.bodies)}:
-            name += "_"
+        name = _free_name("world", robot, base)
         yield start("link", {"name": name}, empty=True)
         yield start("joint", {"name": f"{name}_to_{base}", "type": "fixed"})
         yield "  " + start("origin", {"xyz": "0 0 0", "rpy": numbers(rpy_of(R))}, empty=True)
@@ -165,8 +237,7 @@ def _inertial(theta: Array | None) -> Iterator[str]:
 
 def dynamics_attributes(model: IdentifiedModel, joint: int) -> dict[str, str]:
     """Attributes of ``<dynamics>`` of a joint, those that the model knows."""
-    known = {"damping": model.damping(joint), "friction": model.friction(joint)}
-    return {name: number(value) for name, value in known.items() if value is not None}
+    return stated(damping=model.damping(joint), friction=model.friction(joint))
 
 
 def _joint(model: IdentifiedModel, k: int, joint: Joint, parent: str) -> Iterator[str]:
@@ -192,7 +263,7 @@ def _joint(model: IdentifiedModel, k: int, joint: Joint, parent: str) -> Iterato
 _NEAR = 1e-9  # of a pose that is the same
 
 
-def urdf_copy(model: IdentifiedModel, file: Path) -> XmlCopy:
+def urdf_copy(model: IdentifiedModel, file: Path) -> tuple[XmlDocument, tuple[str, ...]]:
     """Write the parameters of a model into a user's URDF."""
     try:
         content = read_bytes(file)
@@ -201,76 +272,56 @@ def urdf_copy(model: IdentifiedModel, file: Path) -> XmlCopy:
     tree = parse_tree(content, file.name, snap_angles=False)
     document = XmlDocument(content, file.name)
     chain = chain_in(tree, model.described, file)
-    notes = [*_rounded_note(tree, content, model, file), *_links(tree, document, chain, model)]
+    notes = []
+    away = pose_error((tree, parse_tree(content, file.name, snap_angles=True)), model.described, file)
+    if away > _NEAR:
+        notes.append(
+            "the angles of the file are rounded, where the identified model has right angles "
+            f"(poses differ by up to {away:.1g}); the file keeps its own"
+        )
+    links = {element.attributes.get("name"): element for element in document.root.below("link")}
+
+    def write(link: str, theta: Array, factor: float) -> None:
+        if factor == 1.0:
+            _set_inertial(document, links[link], theta)
+        else:
+            _scale_inertial(document, links[link], factor)
+
+    notes += share_inertia(tree, chain, model, write)
     joints = {element.attributes.get("name"): element for element in document.root.below("joint")}
     for k, joint in enumerate(chain):
         if attributes := dynamics_attributes(model, k):
-            _set_dynamics(document, joints[joint.name], attributes)
-    return XmlCopy(document, tuple(notes))
-
-
-def _rounded_note(tree: UrdfTree, content: bytes, model: IdentifiedModel, file: Path) -> tuple[str, ...]:
-    """Check that the file is that of the robot; a note where the robot has right angles for rounded ones."""
-    snapped = parse_tree(content, file.name, snap_angles=True)
-    error = pose_error((tree, snapped), model.described, file)
-    if error <= _NEAR:
-        return ()
-    return (
-        "the angles of the file are rounded, where the identified model has right angles "
-        f"(poses differ by up to {error:.1g}); the file keeps its own",
-    )
-
-
-def _links(tree: UrdfTree, document: XmlDocument, chain: list[TreeJoint], model: IdentifiedModel) -> list[str]:
-    """Set the inertia of every link whose group moved; the other links of a group keep theirs, where they can."""
-    elements = {element.attributes.get("name"): element for element in document.root.below("link")}
-    notes = []
-    for name, child, others in moving_groups(tree, chain, model):
-        own, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
-        _set_inertial(document, elements[child], own)
-        if factor != 1.0:
-            for other, _, _ in others:
-                _scale_inertial(document, elements[other], factor)
-        if others:
-            notes.append(held_note(child, [other for other, _, _ in others], factor))
-    return notes
+            dynamics = joints[joint.name].child("dynamics")
+            if dynamics is not None:
+                document.set(dynamics, attributes)
+            else:
+                document.insert_in(joints[joint.name], start("dynamics", attributes, empty=True))
+    return document, tuple(notes)
 
 
 def _set_inertial(document: XmlDocument, link: XmlSpan, theta: Array) -> None:
-    stated = link.child("inertial")
+    inertial = link.child("inertial")
     wanted = inertial_attributes(theta)
-    if stated is None:
+    if inertial is None:
         parts = "".join(f"\n  {start(tag, attributes, empty=True)}" for tag, attributes in wanted.items())
         document.insert_in(link, f"<inertial>{parts}\n</inertial>", first=True)
         return
     for tag, attributes in wanted.items():
-        element = stated.child(tag)
+        element = inertial.child(tag)
         if element is None:
-            document.insert_in(stated, start(tag, attributes, empty=True), first=True)
+            document.insert_in(inertial, start(tag, attributes, empty=True), first=True)
             continue
-        if tag == "origin" and not any(_floats(element.attributes.get("rpy", "0 0 0"))):
+        if tag == "origin" and not any(map(float, element.attributes.get("rpy", "0").split())):
             attributes = {"xyz": attributes["xyz"]}
         document.set(element, attributes)
 
 
 def _scale_inertial(document: XmlDocument, link: XmlSpan, factor: float) -> None:
-    stated = link.child("inertial")
-    assert stated is not None
+    inertial = link.child("inertial")
+    assert inertial is not None
     for tag in ("mass", "inertia"):
-        element = stated.child(tag)
+        element = inertial.child(tag)
         assert element is not None
         names = [name for name in element.attributes if name == "value" or name.startswith("i")]
         scaled = {name: number(factor * float(element.attributes[name])) for name in names}
         document.set(element, scaled)
-
-
-def _floats(text: str) -> list[float]:
-    return [float(word) for word in text.split()]
-
-
-def _set_dynamics(document: XmlDocument, joint: XmlSpan, attributes: dict[str, str]) -> None:
-    stated = joint.child("dynamics")
-    if stated is not None:
-        document.set(stated, attributes)
-    else:
-        document.insert_in(joint, start("dynamics", attributes, empty=True))

@@ -6,7 +6,7 @@ The standard library's expat gives the offset of every tag; attributes are found
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -15,26 +15,13 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from excite.export.models.identified_model import IdentifiedModel
+from excite.export.models.nearest_bodies import held_note, own_part
 from regressors.errors import InputError
 from regressors.quoting import shortened
 from regressors.readers.chain_ends import carried, kind_of
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree
 from regressors.robot.robot import Joint, Robot
 from regressors.samples import Array
-
-
-@dataclass(frozen=True, eq=False)
-class XmlCopy:
-    """A user's URDF or MJCF with the parameters of a model to be written into it."""
-
-    document: XmlDocument
-    notes: tuple[str, ...]
-
-    def content(self, lines: tuple[str, ...]) -> bytes:
-        """The edited file, with a comment in front of its outermost element."""
-        self.document.insert_before(self.document.root, comment(lines))
-        return self.document.edited()
-
 
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=<>/"']+)\s*=\s*("[^"]*"|'[^']*')""")
 _END = re.compile(rb"\s*(/?)>")
@@ -178,8 +165,10 @@ class XmlDocument:
         before = self.content[start : element.begin]
         return before.decode("ascii") if not before.strip(b" \t") else ""
 
-    def edited(self) -> bytes:
-        """The document with all edits."""
+    def edited(self, lines: tuple[str, ...] = ()) -> bytes:
+        """The document with all edits, and with a comment in front of its outermost element."""
+        if lines:
+            self.insert_before(self.root, comment(lines))
         parts, place = [], 0
         for begin, stop, new in sorted(self._edits, key=lambda edit: edit[:2]):
             parts += [self.content[place:begin], new]
@@ -273,3 +262,21 @@ def moving_groups(
         ]
         known = [(link, theta, T) for link, T in parts if (theta := tree.links[link]) is not None]
         yield name, chain[own].child, [part for part in known if np.any(part[1])]
+
+
+def share_inertia(
+    tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel, write: Callable[[str, Array, float], None]
+) -> list[str]:
+    """Write the inertia of every link whose group moved; the other links of a group keep theirs, where they can.
+
+    Else theirs is written too, with the factor on what the file says.
+    """
+    notes = []
+    for name, child, others in moving_groups(tree, chain, model):
+        own, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
+        write(child, own, 1.0)
+        for other, theta, _ in others if factor != 1.0 else ():
+            write(other, factor * theta, factor)
+        if others:
+            notes.append(held_note(child, [other for other, _, _ in others], factor))
+    return notes

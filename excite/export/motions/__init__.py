@@ -1,1 +1,1 @@
-"""Formats of motions, one file each."""
+"""Formats of motions, one file for each maker of controllers."""

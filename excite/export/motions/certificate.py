@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -16,10 +17,9 @@ from constraints.bounds.interpolation import (
     interpolated_limits,
 )
 from constraints.linear import linear_limits
+from excite.design.reference import MotionSource, broken_limits
 from excite.errors import BrokenLimitError
 from excite.export.motions.sampled_design import SampledDesign
-from excite.simulation.played_limits import broken_limits
-from excite.simulation.reference import MotionSource
 from excite.trajectories.transfer import Transfer
 
 _ROUNDING = 1e-9  # of a limit that a formula may touch
@@ -48,17 +48,21 @@ class Certificate:
     @property
     def uses(self) -> tuple[LimitUse, ...]:
         """Uses of the limits by every curve, the closest first."""
-        return tuple(sorted((use for each in self.curves for use in each.uses), key=lambda use: -use.use))
+        return _closest_first(use for each in self.curves for use in each.uses)
 
     @property
     def broken(self) -> tuple[LimitUse, ...]:
         """Those beyond the limit by more than 1e-6 of it."""
-        return tuple(sorted((use for each in self.curves for use in each.broken), key=lambda use: -use.use))
+        return _closest_first(use for each in self.curves for use in each.broken)
 
     @property
     def text(self) -> str:
         """By which curves the limits are kept, and by which they are passed, and by how much."""
         return curves_text(self.curves)
+
+
+def _closest_first(uses: Iterable[LimitUse]) -> tuple[LimitUse, ...]:
+    return tuple(sorted(uses, key=lambda use: -use.use))
 
 
 def check_formula(motion: SampledDesign) -> None:
@@ -69,22 +73,16 @@ def check_formula(motion: SampledDesign) -> None:
     """
     design = motion.design
     source = MotionSource(design.robot, design.task, design.trajectory, None, None, {"friction_plan": None})
-    broken = [*broken_limits(source), *_broken_transfers(motion)]
-    if broken:
-        _refuse(broken[0], len(broken) - 1, "design it again within the limits")
-    if design.broken:
-        raise BrokenLimitError(
-            f"the design does not keep its limits: {design.broken[0]}"
-            + (f" and {len(design.broken) - 1} more" if len(design.broken) > 1 else "")
-            + "; design it again within the limits"
-        )
-
-
-def _broken_transfers(motion: SampledDesign) -> list[LimitUse]:
     transfers = [piece.motion for piece in motion.sequence.pieces if isinstance(piece.motion, Transfer)]
     limits = linear_limits(motion.robot)
     uses = [use for transfer in transfers for limit in limits for use in limit_uses(limit, transfer.extrema(limit))]
-    return [use for use in uses if use.margin < -_ROUNDING * abs(use.bound)]
+    broken = [*broken_limits(source), *(use for use in uses if use.margin < -_ROUNDING * abs(use.bound))]
+    remedy = "design it again within the limits"
+    if broken:
+        _refuse(broken, remedy)
+    if design.broken:
+        more = f" and {len(design.broken) - 1} more" if len(design.broken) > 1 else ""
+        raise BrokenLimitError(f"the design does not keep its limits: {design.broken[0]}{more}; {remedy}")
 
 
 def certify(motion: SampledDesign, interpolation: Interpolation, given: int = 2) -> Certificate:
@@ -112,12 +110,14 @@ def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | No
 def check_interpolated(certificate: Certificate, interpolation: Interpolation) -> None:
     """Raise `BrokenLimitError` where what is interpolated breaks a limit."""
     if certificate.broken:
-        worst, more = certificate.broken[0], len(certificate.broken) - 1
+        worst = certificate.broken[0]
         much = f"by {100 * (worst.use - 1.0):.2g} %, of {interpolation.value}"
-        _refuse(worst, more, f"that is {much}; raise `rate`, or design it again with a lower `{worst.quantity}`")
+        remedy = f"raise `rate`, or design it again with a lower `{worst.quantity}`"
+        _refuse(certificate.broken, f"that is {much}; {remedy}")
 
 
-def _refuse(worst: LimitUse, more: int, remedy: str) -> None:
+def _refuse(broken: Sequence[LimitUse], remedy: str) -> None:
+    worst, more = broken[0], len(broken) - 1
     others = f"; {more} more limits are broken" if more else ""
     raise BrokenLimitError(
         f"the motion breaks a limit: {worst.label} is {worst.extreme:.6g} {worst.unit} at {worst.time:.3f} s, beyond "

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.design.designed_motion import DesignedMotion
+from excite.design.design import Design
+from excite.design.design_json import load_design
 from excite.errors import BrokenLimitError
 from excite.export.exported import Exported
 from excite.export.motions.certificate import (
@@ -17,7 +18,6 @@ from excite.export.motions.certificate import (
 )
 from excite.export.motions.motion_format import MotionFormat
 from excite.export.motions.sampled_design import SampledDesign
-from excite.files.design_json import load_design
 from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
 from excite.storage.atomic import replacing
@@ -32,7 +32,7 @@ _FASTER = (1.0, 2.0, 5.0, 10.0)  # times the default rate, until what is interpo
 
 @checked
 def export_motion(
-    design: DesignedMotion | str | Path,
+    design: Design | str | Path,
     format: MotionFormat | str,
     out: str | Path,
     *,
@@ -47,7 +47,7 @@ def export_motion(
 
     Parameters
     ----------
-    design : DesignedMotion or path
+    design : Design or path
         A design, or its folder.
     format : MotionFormat or str
         A format, or the name of one.
@@ -68,32 +68,35 @@ def export_motion(
     InputError
         Joints or a rate that the format does not have, a name that it cannot have, or files that are there or cannot
         be written.
-    BrokenLimitError
+    excite.errors.BrokenLimitError
         The motion breaks a limit; nothing is written.
     """
     chosen = _format(format)
     out = Path(out)
     check("rate", rate)
     design = load_design(design) if isinstance(design, str | Path) else design
-    _check_name(out, chosen)
+    if chosen.suffix and out.suffix != chosen.suffix:
+        raise InputError(f"{out}: the format {chosen.name} expects a name that ends in {chosen.suffix}")
     chosen.check_robot(design.robot)
     motion, certificate, notes = _certified(design, chosen, rate)
     recorder = chosen.recorder(motion, out.name)
-    record = f"{out.name}.record{recorder.suffix}" if recorder.suffix else None
-    names = [name for name in (out.name, record, f"{out.name}{MAPPING}") if name is not None]
     with result_file(out):
-        _check_free(out, names, replace=replace)
         file = chosen.file(motion, out.stem)
-        beside = [*([recorder.content] if record else []), recorder.mapping_text(motion)]
-        contents = [file.content, *(text.encode() for text in beside)]
+        contents = {out.name: file.content}
+        if recorder.suffix:
+            contents[f"{out.name}.record{recorder.suffix}"] = recorder.content.encode()
+        contents[f"{out.name}{MAPPING}"] = recorder.mapping_text(motion).encode()
+        there = [str(out.parent / name) for name in contents if (out.parent / name).exists()]
+        if there and not replace:
+            raise TakenError(f"{', '.join(there)} already there")
         with replace_files(out, remove=[f"{out.name}.record{suffix}" for suffix in _RECORDS]) as staged:
-            for name, content in zip(names, contents, strict=True):
+            for name, content in contents.items():
                 with replacing(staged / name, "wb") as stream:
                     stream.write(content)
     played = chosen.interpolation is not Interpolation.NONE
     return Exported(
         name_of(format) if isinstance(format, str) else chosen.name,
-        tuple(out.parent / name for name in names),
+        tuple(out.parent / name for name in contents),
         (*notes, *file.notes, *recorder.notes, chosen.checked),
         _facts(motion, certificate),
         holds=not (played and certificate.broken),
@@ -104,37 +107,24 @@ def _format(given: MotionFormat | str) -> MotionFormat:
     """The format itself, with all that a format has."""
     try:
         chosen = instance("motion format", given)
-    except TypeError as error:  # such as an abstract class
+        if not isinstance(chosen, MotionFormat):
+            raise TypeError("expected a subclass of excite.MotionFormat")
+        needed = ("name", "default_rate", "fastest", "interpolation", "checked")
+        if missing := [name for name in needed if not hasattr(chosen, name)]:
+            raise TypeError(f"it does not state its {', '.join(missing)}")
+    except TypeError as error:  # also of an abstract class
         raise InputError(f"motion format {name_of(given)}: {error}") from error
-    if not isinstance(chosen, MotionFormat):
-        raise InputError(f"motion format {name_of(given)}: expected a subclass of excite.MotionFormat")
-    missing = [
-        name for name in ("name", "default_rate", "fastest", "interpolation", "checked") if not hasattr(chosen, name)
-    ]
-    if missing:
-        raise InputError(f"motion format {name_of(given)}: it does not state its {', '.join(missing)}")
     return chosen
 
 
-def _check_name(out: Path, chosen: MotionFormat) -> None:
-    if chosen.suffix and out.suffix != chosen.suffix:
-        raise InputError(f"{out}: the format {chosen.name} expects a name that ends in {chosen.suffix}")
-
-
-def _check_free(out: Path, names: list[str], *, replace: bool) -> None:
-    there = [str(out.parent / name) for name in names if (out.parent / name).exists()]
-    if there and not replace:
-        raise TakenError(f"{', '.join(there)} already there")
-
-
 def _certified(
-    design: DesignedMotion, chosen: MotionFormat, rate: float | None
+    design: Design, chosen: MotionFormat, rate: float | None
 ) -> tuple[SampledDesign, Certificate, tuple[str, ...]]:
     """The motion at a rate at which what is interpolated keeps the limits; where it is not known, passes them least.
 
     No rate is raised for files that no controller plays.
     """
-    known, refused = len(chosen.interpolation.curves) == 1, None
+    known, refused, most = len(chosen.interpolation.curves) == 1, None, 0.0
     least: tuple[SampledDesign, Certificate] | None = None
     for each in _rates(design, chosen, rate):
         chosen.check_rate(each)
@@ -149,8 +139,9 @@ def _certified(
         except BrokenLimitError as error:
             refused = error
             continue
-        if least is None or _passed(certificate) < _passed(least[1]):
-            least = motion, certificate
+        passed = certificate.broken[0].use if certificate.broken else 0.0
+        if least is None or passed < most:
+            least, most = (motion, certificate), passed
         if not certificate.broken or chosen.interpolation is Interpolation.NONE:
             break
     if least is None:
@@ -159,7 +150,7 @@ def _certified(
     return *least, _notes(*least, chosen, rate)
 
 
-def _rates(design: DesignedMotion, chosen: MotionFormat, rate: float | None) -> list[float]:
+def _rates(design: Design, chosen: MotionFormat, rate: float | None) -> list[float]:
     """The given rate, or that of the format and faster ones that it takes."""
     if rate is not None:
         return [rate]
@@ -168,41 +159,29 @@ def _rates(design: DesignedMotion, chosen: MotionFormat, rate: float | None) -> 
     return [chosen.default_rate, *(each for each in faster if chosen.default_rate < each <= min(chosen.fastest, most))]
 
 
-def _passed(certificate: Certificate) -> float:
-    """Largest use of a limit that is passed."""
-    return certificate.broken[0].use if certificate.broken else 0.0
-
-
 def _notes(
     motion: SampledDesign, certificate: Certificate, chosen: MotionFormat, rate: float | None
 ) -> tuple[str, ...]:
-    interpolation = chosen.interpolation
-    closest = certificate.uses[0] if certificate.uses else None
+    interpolation, closest = chosen.interpolation, next(iter(certificate.uses), None)
     used = "" if closest is None else f"; the closest, {closest.label}, uses {100 * closest.use:.4g} %"
-    known = f"limits of joints and drives hold for {interpolation.value}{used}"
-    unknown = f"{interpolation.value}: between samples the limits of joints and drives are {certificate.text}"
-    raised = (
-        (
-            f"at {chosen.default_rate:g} Hz the controller's interpolation would break a limit, so the rate is "
-            f"{motion.rate:g} Hz",
-        )
-        if rate is None and motion.rate != chosen.default_rate
-        else ()
-    )
-    away = deviation(motion, interpolation)
-    near = () if away is None else (f"what is interpolated deviates from the design by {away:.2g} rad (m) at most",)
-    held = motion.time[-1] - motion.sequence.duration
-    start = (
-        ()
-        if "approach" in motion.segments
-        else ("the robot must rest in the first pose; a design with `home` also has the approach",)
-    )
-    rest = (f"the robot rests for {held:.3g} s after the motion, until the last sample",) if held > 1e-9 else ()
-    return (*raised, known if len(interpolation.curves) == 1 else unknown, *near, *start, *rest)
+    kept = f"limits of joints and drives hold for {interpolation.value}{used}"
+    if len(interpolation.curves) > 1:
+        kept = f"{interpolation.value}: between samples the limits of joints and drives are {certificate.text}"
+    notes = [kept]
+    if rate is None and motion.rate != chosen.default_rate:
+        break_it = f"at {chosen.default_rate:g} Hz the controller's interpolation would break a limit"
+        notes.insert(0, f"{break_it}, so the rate is {motion.rate:g} Hz")
+    if (away := deviation(motion, interpolation)) is not None:
+        notes.append(f"what is interpolated deviates from the design by {away:.2g} rad (m) at most")
+    if "approach" not in motion.segments:
+        notes.append("the robot must rest in the first pose; a design with `home` also has the approach")
+    if (held := motion.time[-1] - motion.sequence.duration) > 1e-9:
+        notes.append(f"the robot rests for {held:.3g} s after the motion, until the last sample")
+    return tuple(notes)
 
 
 def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]:
-    closest = certificate.uses[0] if certificate.uses else None
+    closest = next(iter(certificate.uses), None)
     return {
         "rate": motion.rate,
         "samples": int(motion.time.size),

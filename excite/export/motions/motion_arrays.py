@@ -6,10 +6,11 @@ import io
 from typing import Any
 
 import numpy as np
+from scipy.io import savemat
 
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder, house_recorder
-from excite.export.motions.sampled_design import SampledDesign
+from excite.export.motions.sampled_design import SEGMENTS, SampledDesign
 
 ARRAY_SAMPLES = 500_000
 
@@ -31,64 +32,55 @@ def motion_arrays(motion: SampledDesign) -> dict[str, Any]:
     }
 
 
-class NpzMotion(MotionFormat):
-    """``time`` (N,), ``q``, ``dq``, ``ddq`` (N, n), ``joint_names``, ``segment``, and the hashes, without pickle."""
+class _Arrays(MotionFormat):
+    """Arrays of NumPy, uncompressed."""
 
-    name = "npz"
     suffix = ".npz"
     default_rate, fastest = 1000.0, 1e6
     most = ARRAY_SAMPLES
     revolute = False
     interpolation = Interpolation.NONE
+
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
+        """CSV as of `excite simulate`; of MuJoCo ``data.qpos``, ``data.qvel`` and ``data.qfrc_actuator``."""
+        return house_recorder(motion)
+
+
+class NpzMotion(_Arrays):
+    """``time`` (N,), ``q``, ``dq``, ``ddq`` (N, n), ``joint_names``, ``segment``, and the hashes, without pickle."""
+
+    name = "npz"
     checked = "when excite is tested, NumPy reads such files back"
 
     def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The archive, uncompressed."""
-        stream = io.BytesIO()
-        np.savez(stream, allow_pickle=False, **motion_arrays(motion))
-        return MotionFile(stream.getvalue())
-
-    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """CSV as of `excite simulate`."""
-        return house_recorder(motion)
+        return MotionFile(_archive(motion_arrays(motion)))
 
 
 _HEAD = 116  # bytes of text at the head of the file, which SciPy fills with platform and date
 
 
-class MatMotion(MotionFormat):
+class MatMotion(_Arrays):
     """``time`` (N, 1), ``q``, ``dq``, ``ddq`` (N, n), cells ``joint_names`` and texts of the hashes."""
 
     name = "mat"
     suffix = ".mat"
-    default_rate, fastest = 1000.0, 1e6
-    most = ARRAY_SAMPLES
-    revolute = False
-    interpolation = Interpolation.NONE
     checked = "when excite is tested, scipy.io reads such files back; MATLAB itself has not"
 
     def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The file, without the date that SciPy writes."""
-        from scipy.io import savemat
-
         arrays = motion_arrays(motion)
         names = np.array(arrays.pop("joint_names").tolist(), dtype=object)
-        numbers = {of: {"approach": 1, "excite": 2, "return": 3}[of] for of in sorted(set(motion.segments))}
-        arrays["segment"] = np.array([numbers[of] for of in motion.segments], dtype=np.uint8)
+        arrays["segment"] = np.array([SEGMENTS[of] for of in motion.segments], dtype=np.uint8)
         texts = {name: str(arrays.pop(name)) for name in ("robot", "design_sha256", "coefficients_sha256")}
         stream = io.BytesIO()
         savemat(stream, {**arrays, **texts, "joint_names": names}, oned_as="column")
         head = f"MATLAB 5.0 MAT-file, coefficients sha256 {motion.design.coefficients_sha256}".encode().ljust(_HEAD)
-        return MotionFile(
-            head + stream.getvalue()[_HEAD:], ("segment is 1 on the approach, 2 while it excites, 3 on the return",)
-        )
-
-    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """CSV as of `excite simulate`."""
-        return house_recorder(motion)
+        note = "segment is 1 on the approach, 2 while it excites, 3 on the return"
+        return MotionFile(head + stream.getvalue()[_HEAD:], (note,))
 
 
-class MujocoMotion(MotionFormat):
+class MujocoMotion(_Arrays):
     """``qpos``, ``qvel``, ``qacc``, ``ctrl`` (N, n), the column of each joint by ``joint_names``, and ``time`` (N,).
 
     In a model, the column of ``joint_names[k]`` belongs at ``model.joint(name).qposadr`` and ``.dofadr``; ``ctrl`` is
@@ -96,22 +88,18 @@ class MujocoMotion(MotionFormat):
     """
 
     name = "mujoco"
-    suffix = ".npz"
-    default_rate, fastest = 500.0, 1e6
-    most = ARRAY_SAMPLES
-    revolute = False
-    interpolation = Interpolation.NONE
+    default_rate = 500.0
     checked = "when excite is tested, such arrays are set in a model of MuJoCo by the names of its joints"
 
     def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The archive, uncompressed."""
         arrays = motion_arrays(motion)
         named = {new: arrays.pop(old) for new, old in (("qpos", "q"), ("qvel", "dq"), ("qacc", "ddq"))}
-        stream = io.BytesIO()
-        np.savez(stream, allow_pickle=False, **named, ctrl=named["qpos"], **arrays)
         apart = f"samples are {1.0 / motion.rate:g} s apart: choose a timestep of the model that divides that"
-        return MotionFile(stream.getvalue(), (apart,))
+        return MotionFile(_archive({**named, "ctrl": named["qpos"], **arrays}), (apart,))
 
-    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """CSV as of `excite simulate`, of ``data.qpos``, ``data.qvel`` and ``data.qfrc_actuator``."""
-        return house_recorder(motion)
+
+def _archive(arrays: dict[str, Any]) -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, allow_pickle=False, **arrays)
+    return stream.getvalue()

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.design.designed_motion import DesignedMotion
+from excite.design.design import Design
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.sampled_design import MOST_SAMPLES, SampledDesign, sampled_design
 from regressors.errors import InputError
@@ -97,7 +97,7 @@ class MotionFormat(ABC):
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """What to record while the motion is played; the file has the given name."""
 
-    def sampled(self, design: DesignedMotion, rate: float) -> SampledDesign:
+    def sampled(self, design: Design, rate: float) -> SampledDesign:
         """A motion at a rate [Hz], in the numbers that are written: what is certified."""
         quintics = self.interpolation is Interpolation.QUINTIC
         motion = sampled_design(design, rate, breaks=quintics, whole_nanoseconds=self.whole_nanoseconds, most=self.most)
@@ -129,10 +129,8 @@ class MotionFormat(ABC):
     def check_rate(self, rate: float) -> None:
         """Raise `InputError` where the controller does not take a rate [Hz]."""
         if not self.slowest <= rate <= self.fastest:
-            allowed = (
-                f"{self.fastest:g} Hz" if self.slowest == self.fastest else f"{self.slowest:g} to {self.fastest:g} Hz"
-            )
-            raise InputError(f"`rate` {rate:g} Hz: the format {self.name} takes {allowed}")
+            least = "" if self.slowest == self.fastest else f"{self.slowest:g} to "
+            raise InputError(f"`rate` {rate:g} Hz: the format {self.name} takes {least}{self.fastest:g} Hz")
 
 
 @dataclass(frozen=True)
@@ -163,12 +161,8 @@ class Recorder:
         """The log mapping as YAML, with the hash of the design by which `identify` finds it."""
         comment = [f"# {printable(line)}" for line in (*self.about, *motion.heading)]
         entries = {**self.mapping, "joints": list(motion.joints), "design": motion.sha256}
-        return (
-            "\n".join(
-                [*comment, *(f"{name}: {json.dumps(value, ensure_ascii=False)}" for name, value in entries.items())]
-            )
-            + "\n"
-        )
+        lines = [f"{name}: {json.dumps(value, ensure_ascii=False)}" for name, value in entries.items()]
+        return "\n".join([*comment, *lines, ""])
 
 
 def columns(form: str, names: Sequence[object]) -> list[str]:
@@ -176,9 +170,27 @@ def columns(form: str, names: Sequence[object]) -> list[str]:
     return [form.format(name) for name in names]
 
 
+def channels(time: tuple[str, str], names: Sequence[object], **signals: tuple[str, str]) -> dict[str, Any]:
+    """Sections of a log mapping: column and unit of the time, and form and unit of the columns of each signal."""
+    sections = {name: {"columns": columns(form, names), "unit": unit} for name, (form, unit) in signals.items()}
+    gains = {"gain": [1.0] * len(names)}
+    return {
+        "time": {"column": time[0], "unit": time[1]},
+        **{name: section | (gains if name == "current" else {}) for name, section in sections.items()},
+    }
+
+
 def xml_comment(motion: SampledDesign) -> str:
     """Lines of the heading for a comment of XML, in which two hyphens are not allowed."""
     return "\n".join(f"  {re.sub('-(?=-)', '- ', line)}" for line in motion.heading)
+
+
+def check_stem(stem: str, suffix: str, what: str, form: str, expected: str) -> None:
+    """Raise `InputError` where the name of a file cannot be that of the program in it."""
+    if not re.fullmatch(form, stem):
+        raise InputError(
+            f"{stem}{suffix}: the {what} has the name of the file, which must be letters, digits and _{expected}"
+        )
 
 
 HOUSE = "time [s], then NAME.position, NAME.velocity, NAME.effort of every joint [SI], as a CSV file with this header"
@@ -186,14 +198,9 @@ HOUSE = "time [s], then NAME.position, NAME.velocity, NAME.effort of every joint
 
 def house_recorder(motion: SampledDesign) -> Recorder:
     """A recorder that writes CSV as `excite simulate` does."""
-    names = motion.joints
+    signals = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
     return Recorder(
-        {
-            "time": {"column": "time", "unit": "s"},
-            "position": {"columns": columns("{}.position", names), "unit": "rad"},
-            "velocity": {"columns": columns("{}.velocity", names), "unit": "rad/s"},
-            "effort": {"columns": columns("{}.effort", names), "unit": "Nm"},
-        },
+        channels(("time", "s"), motion.joints, **{name: (f"{{}}.{name}", unit) for name, unit in signals.items()}),
         (
             f"record: {HOUSE}",
             f"rate: {motion.rate:g} Hz or faster, from before the start of the motion until after its end",
@@ -206,3 +213,11 @@ def rows_of(table: Array, separator: str = ",") -> Iterator[str]:
     """Text of each row, from which the numbers are read back exactly."""  # table (N, k)
     row_form = separator.join(["%.17g"] * table.shape[1])
     return (row_form % tuple(row) for row in table.tolist())
+
+
+def timed_rows(motion: SampledDesign, names: Sequence[str], table: Array) -> bytes:
+    """A CSV file: heading as a comment, names, rows of time [s] to the nanosecond and numbers that read back."""
+    # table (N, len(names))
+    head = [*(f"# {line}" for line in motion.heading), ",".join(["time", *names])]
+    rows = zip(motion.time.tolist(), rows_of(table + 0.0), strict=True)
+    return "\n".join([*head, *(f"{t:.9f},{row}" for t, row in rows), ""]).encode()

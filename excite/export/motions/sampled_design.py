@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from excite.design.designed_motion import DesignedMotion
+from excite.design.design import Design
 from excite.trajectories import Trajectory
 from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
 from excite.trajectories.transfer import Transfer
@@ -18,6 +18,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 MOST_SAMPLES = 200_000
+SEGMENTS = {"approach": 1, "excite": 2, "return": 3}  # numbers of the segments, where a file has no names
 _STILL = 1e-6  # of the largest velocity or acceleration, that an end at rest may have
 _FEWEST = 4  # samples in a period of the fastest harmonic
 _APART = 0.1  # of a sampling period, the least between two breaks
@@ -31,7 +32,7 @@ class SampledDesign:
 
     Parameters
     ----------
-    design : DesignedMotion
+    design : Design
     robot : Robot
         The whole robot with the task's limits.
     sequence : MotionSequence
@@ -43,7 +44,7 @@ class SampledDesign:
         ``approach``, ``excite`` or ``return``, of each instant.
     """
 
-    design: DesignedMotion
+    design: Design
     robot: Robot
     sequence: MotionSequence
     rate: float
@@ -81,7 +82,7 @@ class SampledDesign:
 
 
 def sampled_design(
-    design: DesignedMotion,
+    design: Design,
     rate: float,
     *,
     breaks: bool = False,
@@ -94,34 +95,30 @@ def sampled_design(
     """
     sequence = design.sequence
     _check_not_too_slow(design, rate)
-    periods = math.ceil(sequence.duration * rate * (1.0 - _ROUNDING))
-    if periods + 1 > most:
+    count = math.ceil(sequence.duration * rate * (1.0 - _ROUNDING)) + 1
+    if count > most:
         raise InputError(
-            f"{sequence.duration:g} s at {rate:g} Hz are {periods + 1} samples; expected {most} or fewer: lower `rate`"
+            f"{sequence.duration:g} s at {rate:g} Hz are {count} samples; expected {most} or fewer: lower `rate`"
         )
     _check_rest(design)
-    time = np.arange(max(periods, 1) + 1) / rate
+    time = np.arange(max(count, 2)) / rate
     if breaks:
         time = _between_breaks(sequence, time[-1], rate)
-    if whole_nanoseconds:
-        time = _whole_nanoseconds(time)
+    if whole_nanoseconds:  # the last one not before the end of the motion
+        time = np.append(np.round(time[:-1] * _SECOND), np.ceil(time[-1] * _SECOND - 1e-3)) / _SECOND
     samples, segments = sequence.at(time)
-    _check_finite(samples)
-    for rates in (samples.dq, samples.ddq):
-        rates[[0, -1]] = 0.0
+    for quantity, values in (("position", samples.q), ("velocity", samples.dq), ("acceleration", samples.ddq)):
+        finite = np.isfinite(values).all(axis=1)
+        if not finite.all():  # which no limit would refuse
+            at = samples.time[int(np.argmin(finite))]
+            raise NumericalError(f"the {quantity} of the motion at {at:.6g} s is not a finite number")
+        if quantity != "position":
+            values[[0, -1]] = 0.0
     plain = Samples(time, *(x + 0.0 for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))  # no negative zeros
     return SampledDesign(design, design.task.limits.applied(design.robot), sequence, rate, plain, tuple(segments))
 
 
-def _check_finite(samples: Samples) -> None:
-    """Raise `NumericalError` where the formula gives no number, which no limit would refuse."""
-    for quantity, values in (("position", samples.q), ("velocity", samples.dq), ("acceleration", samples.ddq)):
-        if not np.all(np.isfinite(values)):
-            at = samples.time[int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])]
-            raise NumericalError(f"the {quantity} of the motion at {at:.6g} s is not a finite number")
-
-
-def _check_not_too_slow(design: DesignedMotion, rate: float) -> None:
+def _check_not_too_slow(design: Design, rate: float) -> None:
     """Raise `InputError` where there are too few samples in a period of the fastest harmonic."""
     family = design.trajectory.family
     fastest = max(family.richness, 1) / family.duration
@@ -132,7 +129,7 @@ def _check_not_too_slow(design: DesignedMotion, rate: float) -> None:
         )
 
 
-def _check_rest(design: DesignedMotion) -> None:
+def _check_rest(design: Design) -> None:
     """Raise `InputError` where the family's motion begins or ends with a velocity or an acceleration."""
     trajectory = design.trajectory
     time = np.linspace(0.0, trajectory.duration, 201)
@@ -155,13 +152,6 @@ def _between_breaks(sequence: MotionSequence, end: float, rate: float) -> Array:
     counts = [max(1, math.floor((b - a) * rate * (1.0 + _ROUNDING))) for a, b in pairwise(marks)]
     steps = [np.linspace(a, b, n, endpoint=False) for (a, b), n in zip(pairwise(marks), counts, strict=True)]
     return np.concatenate([*steps, [end]])
-
-
-def _whole_nanoseconds(time: Array) -> Array:
-    """Rounded instants; the last one not before the end of the motion."""
-    ticks = np.round(time * _SECOND)
-    ticks[-1] = np.ceil(time[-1] * _SECOND - 1e-3)
-    return np.asarray(ticks / _SECOND)
 
 
 def breaks_of(sequence: MotionSequence) -> Array:

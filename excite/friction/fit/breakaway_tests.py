@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from excite.friction.fit.breakaway_torque import Balance, BreakAway, break_aways
-from excite.friction.fit.drive_log import Source
+from excite.friction.fit.breakaway_torque import BreakAway, break_aways
+from excite.friction.fit.constant_speed_windows import longest_step, position_noise, unbroken
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.plan_match import PlannedRuns
+from excite.friction.fit.plan_match import PlannedRuns, Source
 from excite.friction.fit.points import Point
-from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
+from regressors.samples import Array
 
 _AFTER = 0.2  # [s], largest lag of a robot behind the plan
 _LOW, _HIGH = 0.5, 3.0  # least and largest break-away torque, relative to the friction at the slowest speed
@@ -33,7 +33,7 @@ def broken_loose(
     for source in sources:
         spans, controlled = None, None if runs is None else False  # a log without runs of the plan has its torque ramps
         if source.ramped is not None:
-            spans = list(source.ramped.spans)
+            spans = list(source.ramped)
         if source.plan_match is not None and runs is not None:
             spans, controlled = _creeps(source, runs), True
         breaks += break_aways(
@@ -49,8 +49,8 @@ def broken_loose(
     return tuple(breaks)
 
 
-def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
-    """Slope of gravity about the pose, where it cancels over whole windows: the median slope of their torques."""
+def gravity_about(drive: str, sources: Sequence[Source]) -> Callable[[Array], Array] | None:
+    """Gravity about the pose over the drive's position, where it cancels over whole windows: their median slope."""
     slopes, middle = [], 0.0
     for source in sources:
         if source.plan_match is None:
@@ -63,7 +63,8 @@ def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
             rows = slice(*np.searchsorted(since, [w.start, w.end]))
             if z[rows].size > 2 and np.ptp(z[rows]) > 0:
                 slopes.append(float(np.polyfit(z[rows] - middle, tau[rows], 1)[0]))
-    return Balance(float(np.median(slopes)), middle) if slopes else None
+    slope = float(np.median(slopes)) if slopes else 0.0
+    return (lambda z: slope * (z - middle)) if slopes else None
 
 
 def plausible_break_aways(
@@ -130,7 +131,7 @@ def breakaway_notes(
         if source.plan_match is not None:
             starts += [(source, span, runs.creep * (span[1] - span[0]) * _PART) for span in _creeps(source, runs)]
         elif source.ramped is not None:
-            ramps += [(source, span, _CAUGHT) for span in source.ramped.spans]
+            ramps += [(source, span, _CAUGHT) for span in source.ramped]
     largest = max((ramp.torque for ramp in runs.ramps), default=0.0)
     cures = (
         "hardly moved the drive (give `plan_friction` a longer `creeping`, or take a stiffer controller)",

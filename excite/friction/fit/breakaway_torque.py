@@ -10,16 +10,15 @@ ramp, its torque has a maximum there.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.ndimage
 import scipy.stats
 
-from excite.friction.fit.points import DriveLog, Point, temperature_of
-from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
-from excite.friction.fit.rigid_torques import RigidModel
+from excite.friction.fit.constant_speed_windows import longest_step, position_noise, unbroken
+from excite.friction.fit.points import DriveLog, Point, RigidModel, temperature_of
 from regressors.samples import Array, Samples
 
 _SHORTEST = 0.3  # of rest before, and of motion after, that is evaluated [s]
@@ -50,14 +49,6 @@ class BreakAway:
     load: float | None = None  # size of the torque that the drive carries, by the model [Nm or N]
 
 
-@dataclass(frozen=True)
-class Balance:
-    """Linear model of gravity about a pose in which it vanishes, ``slope (z - middle)`` [Nm/rad or N/m, rad or m]."""
-
-    slope: float
-    middle: float
-
-
 def break_aways(
     measured: DriveLog,
     drive: str,
@@ -66,7 +57,7 @@ def break_aways(
     spans: Sequence[tuple[float, float]] | None = None,
     *,
     controlled: bool | None = None,
-    balance: Balance | None = None,
+    balance: Callable[[Array], Array] | None = None,
     alone: bool = False,
 ) -> tuple[BreakAway, ...]:
     """Find every slow ramp of torque at rest that ends in motion in its direction.
@@ -97,7 +88,7 @@ def break_aways(
         row = min(int(np.searchsorted(log.time, at)), log.count - 1)
         gravity = 0.0 if rigid is None else _gravity(measured, k, row, rigid)
         if rigid is None and balance is not None:
-            gravity = balance.slope * float(z[row] - balance.middle)
+            gravity = float(balance(z[row]))
         breaks.append(
             BreakAway(
                 direction,
@@ -120,7 +111,8 @@ def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) 
     """
     step = float(np.median(np.diff(time)))
     count = max(2, round(_SHORTEST / step))
-    highest, lowest = (f(z, count, origin=-(count // 2)) for f in (_highest, _lowest))  # from each row on
+    extremes = scipy.ndimage.maximum_filter1d, scipy.ndimage.minimum_filter1d
+    highest, lowest = (extreme(z, count, origin=-(count // 2), mode="nearest") for extreme in extremes)  # from each row
     before = np.roll(highest - lowest, count - 1)
     before[: count - 1] = np.inf
     sharp = np.maximum(highest - z, z - lowest) - before / _STILL
@@ -143,14 +135,6 @@ def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) 
 def _around(time: Array, row: int) -> slice:
     """Least range of rows from which an onset of motion is evaluated."""
     return slice(*(int(np.searchsorted(time, time[row] + sign * _SHORTEST)) for sign in (-1.0, 1.0)))
-
-
-def _highest(z: Array, count: int, origin: int) -> Array:
-    return np.asarray(scipy.ndimage.maximum_filter1d(z, count, origin=origin, mode="nearest"))
-
-
-def _lowest(z: Array, count: int, origin: int) -> Array:
-    return np.asarray(scipy.ndimage.minimum_filter1d(z, count, origin=origin, mode="nearest"))
 
 
 def _direction(time: Array, z: Array, row: int) -> int:
@@ -346,17 +330,6 @@ def _sides(breaks: Sequence[BreakAway]) -> tuple[list[BreakAway], list[BreakAway
 
 
 def _point(break_away: BreakAway, repeats: int, scatter: float) -> Point:
-    speed, deviation = (
-        float(np.copysign(0.0, break_away.direction)),
-        max(float(np.sqrt(repeats)) * break_away.deviation, scatter),
-    )
-    return Point(
-        speed,
-        break_away.torque,
-        deviation,
-        break_away.time,
-        0.0,
-        break_away.log,
-        break_away.temperature,
-        break_away.load,
-    )
+    b, rest = break_away, float(np.copysign(0.0, break_away.direction))
+    deviation = max(float(np.sqrt(repeats)) * b.deviation, scatter)
+    return Point(rest, b.torque, deviation, b.time, 0.0, b.log, b.temperature, b.load)

@@ -16,7 +16,7 @@ import scipy.stats
 from excite.friction.fit.friction_equations import Conditions, Form
 from excite.friction.fit.points import Point
 from regressors.errors import InputError
-from regressors.friction.curves import CurveUncertainty, FrictionCurve, TableFriction
+from regressors.robot.friction.curves import CurveUncertainty, FrictionCurve, TableFriction
 from regressors.samples import Array, Index
 
 CONFIDENCE = 0.99

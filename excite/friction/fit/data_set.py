@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from excite.friction.fit.breakaway_tests import breakaway_notes, broken_loose, plausible_break_aways
-from excite.friction.fit.breakaway_torque import BreakAway
+from excite.friction.fit.breakaway_torque import BreakAway, break_aways
 from excite.friction.fit.constant_speed_windows import Found, WindowSearch
-from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.plan_match import PlannedRuns, windows_of_plan
+from excite.friction.fit.plan_match import PlanMatch, PlannedRuns, Source, match_plan, match_ramps, windows_of_plan
 from excite.friction.fit.points import (
     DriveLog,
     Point,
+    RigidModel,
     gravity_share,
     never_loaded,
     paired_points,
@@ -23,6 +23,7 @@ from excite.friction.fit.points import (
     windows_of,
 )
 from regressors.errors import InputError
+from regressors.robot.robot import Robot
 
 _LEAST_SHARE = 0.01  # of the largest speed in the log: below, a drive rests
 _AVERAGED_TOLERANCE = 0.5
@@ -32,24 +33,13 @@ _STRAYS = 0.05  # of its path: largest motion of the others where one drive move
 _FEWEST = 3
 
 
-@dataclass(frozen=True, eq=False)
-class DataSet:
-    """Points of a drive's curve."""
-
-    points: tuple[Point, ...]
-    gravity: str  # how gravity was accounted for
-    stiction: tuple[BreakAway, ...]
-    notes: tuple[str, ...]
-
-
-class NoWindows(InputError):
-    """A drive has no window to fit to."""
-
-
 def data_set_of(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, unit: str = ""
-) -> DataSet:
-    """Collect the points of all logs, with windows of changing speed where these are asked for or needed."""
+) -> tuple[tuple[Point, ...], str, tuple[BreakAway, ...], list[str]]:
+    """Points of a drive's curve from all logs, how gravity was accounted for, break-aways, and notes.
+
+    Windows of changing speed count where these are asked for or needed.
+    """
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
     gravity, of_gravity = _gravity(drive, sources, settings, runs, whole=whole)
     settings = replace(settings, gravity=gravity)
@@ -61,7 +51,7 @@ def data_set_of(
     else:
         points, notes = _points_at(drive, shown, settings, runs)
         if not points:
-            raise NoWindows(
+            raise InputError(
                 f"{drive}: {notes[-1]}; play the runs of {drive} in {runs.plan} again, so that they keep the planned "
                 "speeds, or give a larger `tolerance`"
             )
@@ -69,20 +59,20 @@ def data_set_of(
     if gravity != "symmetric":
         rests, doubts = plausible_break_aways(rests, points, unit)
     of_tests = breakaway_notes(drive, rests, sources, runs, unit)
-    return DataSet(tuple(points), gravity, rests, (*of_gravity, *notes, *of_tests, *doubts))
+    return tuple(points), gravity, rests, [*of_gravity, *notes, *of_tests, *doubts]
 
 
-def _no_runs(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> NoWindows:
+def _no_runs(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> InputError:
     """Error where no log has the drive's runs, but some have its break-away tests."""
     first = min(w.start for w in runs.windows)
     for source in sources:
         log = source.measured.log
         if source.ramped is None and log.duration < min(w.end for w in runs.windows if w.start == first):
-            return NoWindows(
+            return InputError(
                 f"{drive}: {log.source} ends after {log.duration:.4g} s, before the first window of constant speed of "
                 f"{runs.plan}, which begins {first:.4g} s after its start; record the whole plan"
             )
-    return NoWindows(
+    return InputError(
         f"{drive}: the logs contain break-away tests, but no runs at constant speed; give the log of the runs of "
         f"{runs.plan} too"
     )
@@ -123,15 +113,15 @@ def _found_points(
         if settings.speed == "constant" or settings.gravity != "model" or _shows_speed(points):
             if not points:
                 if settings.gravity == "symmetric":
-                    raise NoWindows(f"{drive}: {notes[-1]}; make runs there and back over the same path at one speed")
-                raise NoWindows(
+                    raise InputError(f"{drive}: {notes[-1]}; make runs there and back over the same path at one speed")
+                raise InputError(
                     f"{drive}: {notes[-1]}; make runs that keep one speed for {settings.length:g} s or longer "
                     "(`plan_friction` designs them), or give a shorter `window` or a larger `tolerance`"
                 )
             return points, notes
     if settings.speed == "auto" and not all(_alone(drive, source.measured) for source in sources):
         few = f"{len(points)} windows of constant speed are too few to fit friction over speed"
-        raise NoWindows(
+        raise InputError(
             f"{drive}: {few if points else 'no windows of constant speed'}, and other drives move too; make runs of "
             "one drive at a time at constant speeds (`plan_friction` designs them), or give `speed='averaged'`: "
             "windows of changing speed then count with their mean speed, and the model subtracts the torque of "
@@ -142,7 +132,7 @@ def _found_points(
     if not _shows_speed(more):
         if points:
             return points, notes
-        raise NoWindows(f"{drive}: {of_source[-1]}; make runs at constant speed (`plan_friction` designs them)")
+        raise InputError(f"{drive}: {of_source[-1]}; make runs at constant speed (`plan_friction` designs them)")
     return more, [
         f"{len(points)} windows of constant speed are too few to fit friction over speed; windows of "
         "changing speed count too, with their mean speed, and the model subtracts the torque of acceleration",
@@ -266,3 +256,62 @@ def _check_cancelled(drive: str, source: Source, windows: Found, runs: PlannedRu
             f"{name}: gravity does not cancel in the windows of {drive}: it is up to {share:.0%} of "
             f"their torques; {cure}"
         )
+
+
+Rigid = Callable[[Robot], RigidModel] | None
+
+
+def sources_of(
+    measured: Sequence[DriveLog], settings: FitSettings, rigid: Rigid, plan: Mapping[str, PlannedRuns] | None
+) -> dict[str, list[Source]]:
+    """Logs in which each drive moves; with a plan, those that contain its runs, or ramps until it breaks away."""
+    sources: dict[str, list[Source]] = {}
+    for number, part in enumerate(measured):
+        model, unknown = _model(rigid, part.robot, settings)
+        if plan is None:
+            for name in part.names:
+                sources.setdefault(name, []).append(Source(number, part, model, unknown))
+            continue
+        where = {name: match_plan(part, runs) for name, runs in plan.items() if name in part.names}
+        logs_of_plan = {name: source for name, source in where.items() if source.holds}
+        for name, source in logs_of_plan.items():
+            sources.setdefault(name, []).append(Source(number, part, model, unknown, source))
+        if logs_of_plan:
+            continue
+        ramps = match_ramps(part, plan)
+        if ramps is not None:
+            sources.setdefault(ramps[0], []).append(Source(number, part, model, unknown, None, ramps[1]))
+            continue
+        moved = [name for name in where if break_aways(part, name, None, controlled=False, alone=True)]
+        if not moved:
+            raise _no_log_of_plan(part, where, plan)
+        for name in moved:
+            sources.setdefault(name, []).append(Source(number, part, model, unknown))
+    return sources
+
+
+def _model(rigid: Rigid, robot: Robot, settings: FitSettings) -> tuple[RigidModel | None, InputError | None]:
+    """Model for the robot of a log, or the reason why there is none where it may not be needed."""
+    if rigid is None or settings.gravity == "symmetric":
+        return None, None
+    try:
+        return rigid(robot), None
+    except InputError as error:
+        if settings.gravity == "model":
+            raise
+        return None, error
+
+
+def _no_log_of_plan(part: DriveLog, where: Mapping[str, PlanMatch], plan: Mapping[str, PlannedRuns]) -> InputError:
+    source = next(iter(plan.values())).plan
+    nearest = min(where, key=lambda name: where[name].astray, default=None)
+    if nearest is None:
+        reason = f"it has none of the drives {', '.join(plan)}, but {', '.join(part.names)}"
+    elif np.isinf(where[nearest].astray):
+        reason = f"no window of constant speed of the plan is in the {part.log.duration:.3g} s that it lasts"
+    else:
+        reason = f"it deviates from the nearest runs, those of {nearest}, by {where[nearest].astray:.0%} of their size"
+    return InputError(
+        f"{part.log.source} does not contain the motion of {source}: {reason}; give the log of that plan, or leave out "
+        "`plan` to use all windows of constant speed in the log"
+    )

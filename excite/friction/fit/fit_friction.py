@@ -7,32 +7,38 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from threadpoolctl import threadpool_limits
 
-from excite.friction.fit.characteristics import characteristics
+from excite.design.reference import MotionSource
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.friction_fit import FrictionFit
+from excite.friction.fit.friction_fit import FrictionFit, characteristics
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
-from excite.friction.fit.rigid_torques import RigidModel, described_model, identified_model
+from excite.friction.fit.points import RigidModel, described_model, identified_model
 from excite.friction.plan.friction_plan import FrictionPlan, load_friction_plan
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
+from excite.identification.result_json import load_result
 from excite.logs.gaps import segments
-from excite.logs.log import Log
 from excite.logs.log_checks import check_log
 from excite.logs.mapping import LogMapping
-from excite.registry import built_in
-from excite.simulation.reference import MotionSource
-from excite.simulation.simulation import Simulation
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.numerical import numerical_work
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
 
-PlanLike = FrictionPlan | MotionSource | Simulation | str | Path
+
+class Played(Protocol):
+    """A simulation, which knows what it played."""
+
+    @property
+    def source(self) -> MotionSource | None:
+        """Motion that was played, and where it is from."""
+
+
+PlanLike = FrictionPlan | MotionSource | Played | str | Path
 _PACKAGES = ("excite-trajectories", "numpy", "scipy")
 
 
@@ -83,13 +89,15 @@ def fit_friction(
     Raises
     ------
     InputError
-        See `excite.friction.fit.characteristics.characteristics`.
+        See `excite.friction.fit.friction_fit.characteristics`.
     """
     settings = replace(settings if settings is not None else FitSettings(), **options)
     robot = load_robot(robot) if isinstance(robot, str) else robot
     with threadpool_limits(1):
         model = _rigid(robot, parameters, settings)
-        read = _logs(robot, logs, mapping, tuple(drop), progress)
+        read = read_logs(logs, robot, mapping, tuple(drop), progress)
+        for part in (part for log in read for part in segments(log)):
+            check_log(part, robot, ())  # a drive that breaks away moves by microns
         runs = _plan(robot, plan)
         progress("fitting curves to windows of constant speed")
         curves = characteristics(robot, read, settings, model, _wanted(robot, drives, runs, plan), runs)
@@ -110,8 +118,7 @@ def _rigid(
         return described_model
     if settings.gravity == "symmetric":
         raise InputError("`parameters` is for `gravity='model'`; symmetric windows need no model")
-    result: Identification
-    result = built_in("reader", "result")(parameters) if isinstance(parameters, str | Path) else parameters
+    result = load_result(parameters) if isinstance(parameters, str | Path) else parameters
     model = identified_model(result, robot)
     return lambda _: model
 
@@ -126,12 +133,12 @@ def _plan(robot: Robot, plan: PlanLike | None) -> Mapping[str, PlannedRuns] | No
     return planned_runs(planned, _name(plan))
 
 
-def _folder(plan: MotionSource | Simulation | str | Path) -> Path:
+def _folder(plan: MotionSource | Played | str | Path) -> Path:
     """Where a plan is, also where one of its files is given."""
     if isinstance(plan, str | Path):
         return Path(plan)
-    source = plan.source if isinstance(plan, Simulation) else plan
-    if source is None or not source.planned or source.file is None:
+    source = plan if isinstance(plan, MotionSource) else plan.source
+    if not isinstance(source, MotionSource) or not source.planned or source.file is None:
         raise InputError("`plan`: expected a friction plan, given a motion that comes from none")
     return source.file.parent
 
@@ -157,17 +164,3 @@ def _wanted(
         if plan is not None and runs is not None and name not in runs:
             raise UnknownName(f"drive in {_name(plan)}", name, tuple(runs))
     return names
-
-
-def _logs(
-    robot: Robot,
-    given: Any,
-    mapping: LogMapping | str | Path | None,
-    drop: tuple[str, ...],
-    progress: Callable[[str], None],
-) -> list[Log]:
-    """Logs of which every stretch fits the robot."""
-    logs = read_logs(given, robot, mapping, drop, progress)
-    for part in (part for log in logs for part in segments(log)):
-        check_log(part, robot, ())  # a drive that breaks away moves by microns
-    return logs

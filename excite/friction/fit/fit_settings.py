@@ -42,7 +42,7 @@ class FitSettings:
     """
 
     window: float | None = option(
-        None, "number", "Length of a window [s].", metavar="S", unset="the plan's whole windows; 0.3 without"
+        None, "number", "Length of a window.", metavar="S", unset="the plan's whole windows; 0.3 without"
     )
     tolerance: float = option(0.03, "number", "Change of speed allowed over a window.", metavar="X")
     speed: str = option(

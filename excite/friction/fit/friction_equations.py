@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regressors.friction.curves import CoulombViscous, FrictionCurve, Loaded, Side, Slope, Stribeck, Warm
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, Loaded, Side, Slope, Stribeck, Warm
 from regressors.samples import Array, Index
 
 

@@ -14,16 +14,24 @@ broken loose by then, and smaller for all others.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import scipy.signal
 
-from excite.friction.fit.constant_speed_windows import ConstantWindow, Found, WindowSearch, constant_window
-from excite.friction.fit.points import DriveLog
-from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
+from excite.friction.fit.constant_speed_windows import (
+    ConstantWindow,
+    Found,
+    WindowSearch,
+    constant_window,
+    longest_step,
+    position_noise,
+    unbroken,
+)
+from excite.friction.fit.points import DriveLog, RigidModel
 from excite.friction.plan.friction_plan import FrictionPlan
+from excite.friction.plan.schedule import Ramp
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -47,24 +55,6 @@ class PlannedWindow:
         """Speed with its sign [rad/s or m/s]."""
         return (self.last - self.first) / (self.end - self.start)
 
-    def moved(self, seconds: float) -> PlannedWindow:
-        """The same window, shifted in time."""
-        return PlannedWindow(self.start + seconds, self.end + seconds, self.first, self.last)
-
-
-@dataclass(frozen=True)
-class PlannedRamp:
-    """A rise of the drive's torque, ``rate (t - start)``: begin and end [s], and the rate with its sign [Nm/s, N/s]."""
-
-    start: float
-    end: float
-    rate: float
-
-    @property
-    def torque(self) -> float:
-        """Size at its end [Nm or N]."""
-        return abs(self.rate) * (self.end - self.start)
-
 
 @dataclass(frozen=True, eq=False)
 class PlannedRuns:
@@ -78,7 +68,7 @@ class PlannedRuns:
     windows: tuple[PlannedWindow, ...]
     # begin and end of the creeping runs out of the pose, in which it breaks away [s]
     creeps: tuple[tuple[float, float], ...] = ()
-    ramps: tuple[PlannedRamp, ...] = ()  # of the drive's torque, in the plan's other file
+    ramps: tuple[Ramp, ...] = ()  # of the drive's torque, in the plan's other file
     creep: float = 0.0  # speed of the creeping runs; zero if it is not known [rad/s or m/s]
 
     def cancels(self, *, whole: bool) -> bool:
@@ -126,8 +116,7 @@ def planned_runs(plan: FrictionPlan, name: str) -> dict[str, PlannedRuns]:
             )
         windows = tuple(PlannedWindow(w.start, w.end, w.first - c.centre, w.last - c.centre) for w in c.windows)
         creeps = tuple((test["start"], test["end"]) for test in c.tests)
-        ramps = () if c.ramps is None else c.ramps.ramps
-        rises = tuple(PlannedRamp(ramp.start, ramp.end, ramp.rate) for ramp in ramps)
+        rises = () if c.ramps is None else c.ramps.ramps
         creep = c.schedule.creep / 100.0 * c.pace.velocity
         runs_of[drive] = PlannedRuns(name, drive, c.pose, c.direction, c.gravity, windows, creeps, rises, creep)
     return runs_of
@@ -168,8 +157,9 @@ def _coarse(time: Array, z: Array, windows: Sequence[PlannedWindow]) -> float:
 def _contained(time: Array, windows: Sequence[PlannedWindow], shift: float) -> tuple[PlannedWindow, ...]:
     """Windows within the recording, moved by the shift."""
     step = float(np.median(np.diff(time)))
-    moved = [w.moved(shift) for w in windows if time[0] - step <= w.start + shift and w.end + shift <= time[-1] + step]
-    return tuple(w for w in moved if np.any((time >= w.start) & (time <= w.end)))
+    moved = (replace(w, start=w.start + shift, end=w.end + shift) for w in windows)
+    inside = (w for w in moved if time[0] - step <= w.start and w.end <= time[-1] + step)
+    return tuple(w for w in inside if np.any((time >= w.start) & (time <= w.end)))
 
 
 def _ahead(time: Array, z: Array, window: PlannedWindow) -> Array:
@@ -256,23 +246,18 @@ _NEAR = 0.05  # rad or m, from the pose
 _AFTER = 0.2  # [s], largest lag of a robot behind the plan
 
 
-@dataclass(frozen=True)
-class Ramped:
-    """Torque ramps of a plan in a log."""
-
-    seconds: float  # when the plan begins, since the log's first sample [s]
-    spans: tuple[tuple[float, float], ...]  # begin and end of the ramps, since its first sample [s]
-    share: float  # share of the planned torque that the log contains, at most one
+Spans = tuple[tuple[float, float], ...]  # begin and end, since a log's first sample [s]
 
 
-def match_ramps(measured: DriveLog, plan: Mapping[str, PlannedRuns]) -> tuple[str, Ramped] | None:
-    """The drive whose planned ramps a log contains, and where; None where it contains those of no drive."""
+def match_ramps(measured: DriveLog, plan: Mapping[str, PlannedRuns]) -> tuple[str, Spans] | None:
+    """The drive whose planned ramps a log contains, and where they are; None where it contains those of no drive."""
     matches = [
-        (name, ramps)
+        (name, *_ramps_of(measured, runs))
         for name, runs in plan.items()
-        if name in measured.names and runs.ramps and _near(measured, runs) and (ramps := _ramps_of(measured, runs))
+        if name in measured.names and runs.ramps and _near(measured, runs)
     ]
-    return max(matches, key=lambda each: each[1].share, default=None)
+    name, share, spans = max(matches, key=lambda each: each[1], default=("", 0.0, ()))
+    return (name, spans) if share > _SHARE else None
 
 
 def _near(measured: DriveLog, runs: PlannedRuns) -> bool:
@@ -281,21 +266,16 @@ def _near(measured: DriveLog, runs: PlannedRuns) -> bool:
     return bool(np.all(np.abs(np.median(measured.log.q, axis=0) - pose) <= _NEAR))
 
 
-def _ramps_of(measured: DriveLog, runs: PlannedRuns) -> Ramped | None:
+def _ramps_of(measured: DriveLog, runs: PlannedRuns) -> tuple[float, Spans]:
+    """Share of the planned torque that the log contains, at most one, and the ramps where it is largest."""
     log = measured.log
     assert log.effort is not None
     since = log.time - log.time[0]
     torque = measured.torque(log.effort)[:, measured.names.index(runs.drive)]
     grid = np.arange(0.0, since[-1] + _GRID, _GRID)
     m = np.interp(grid, since, torque - np.median(torque))
-    best = (_SHARE, 0.0)
-    for part in _PARTS_OF_RAMP:
-        share, shift = _largest_share(m, runs, part)
-        best = max(best, (share, shift))
-    share, shift = best
-    if share <= _SHARE:
-        return None
-    return Ramped(shift, tuple((r.start + shift, r.end + shift + _AFTER) for r in runs.ramps), share)
+    share, shift = max(_largest_share(m, runs, part) for part in _PARTS_OF_RAMP)
+    return share, tuple((r.start + shift, r.end + shift + _AFTER) for r in runs.ramps)
 
 
 def _largest_share(m: Array, runs: PlannedRuns, part: float) -> tuple[float, float]:
@@ -311,3 +291,16 @@ def _largest_share(m: Array, runs: PlannedRuns, part: float) -> tuple[float, flo
     share = (2.0 * scipy.signal.correlate(m, asked) - left) / power
     k = int(np.argmax(share))
     return float(share[k]), float((k - (at.size - 1)) * _GRID)
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A log in which a drive moves."""
+
+    number: int  # of the log
+    measured: DriveLog
+    model: RigidModel | None  # without friction
+    unknown: InputError | None = None  # why there is no model
+    # where it has the runs of a plan; with a plan but no runs, only break-aways are evaluated
+    plan_match: PlanMatch | None = None
+    ramped: Spans | None = None  # where it has the drive's torque ramps of a plan

@@ -88,12 +88,10 @@ def temperature_remarks(
     known = [each.temperature for each in breaks if each.temperature is not None]
     mixed = bool(known) and max(known) - min(known) >= WARMER
     rest = f"mean break-away torques are from {min(known):.3g} to {max(known):.3g} deg C" if mixed else ""
-    if best is None:
-        lines = [f"temperature, {of_temperature}, does not enter a table: each row is the mean over all temperatures"]
-        return [*lines, *([rest] if mixed else [])]
-    if best.form.temperature is None:
-        lines = [f"temperature, {of_temperature}, does not change friction by {settings.criterion.upper()}"]
-        return [*lines, *([rest] if mixed else [])]
+    if best is None or best.form.temperature is None:
+        what = "enter a table: each row is the mean over all temperatures"
+        what = what if best is None else f"change friction by {settings.criterion.upper()}"
+        return [f"temperature, {of_temperature}, does not {what}", *([rest] if mixed else [])]
     also = "; mean break-away torques are converted to it" if mixed else ""
     return [
         f"linear in temperature, {of_temperature}; the file holds the curve at {reference:.4g} deg C "

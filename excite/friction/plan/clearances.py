@@ -53,12 +53,7 @@ class CollisionChecks:
         for depth in range(_DEPTH + 1):
             kept, lost, nearest = self._decided(pose, line, middle, half)
             remaining = kept | lost if depth < _DEPTH else np.ones_like(kept)
-            ends += [
-                (m - half, m + half, "" if ok else self._labels[number])
-                for m, ok, number in zip(
-                    middle[remaining].tolist(), kept[remaining], nearest[remaining].tolist(), strict=True
-                )
-            ]
+            ends += self._ends(middle[remaining], half, kept[remaining], nearest[remaining])
             parts = half * ((2 * np.arange(_PARTS) + 1) / _PARTS - 1.0)
             middle = (middle[~remaining, None] + parts).ravel()
             half /= _PARTS
@@ -71,12 +66,14 @@ class CollisionChecks:
         half = 0.5 * (high - low) / _LOOKED_AT
         middle = np.asarray(low + half * (2 * np.arange(_LOOKED_AT) + 1))
         room = self._room(pose, line, middle)
-        kept, nearest = np.all(room >= 0.0, axis=1), room.argmin(axis=1)
-        ends = [
-            (m - half, m + half, "" if ok else self._labels[number])
-            for m, ok, number in zip(middle.tolist(), kept, nearest.tolist(), strict=True)
-        ]
-        return _joined(ends)
+        return _joined(self._ends(middle, half, np.all(room >= 0.0, axis=1), room.argmin(axis=1)))
+
+    def _ends(
+        self, middle: Array, half: float, kept: NDArray[np.bool_], nearest: NDArray[np.intp]
+    ) -> list[tuple[float, float, str]]:
+        """Ends of intervals, and what is too near in each."""
+        rows = zip(middle.tolist(), kept, nearest.tolist(), strict=True)
+        return [(m - half, m + half, "" if ok else self._labels[number]) for m, ok, number in rows]
 
     def uses(self, pose: Array, line: Array, low: float, high: float) -> list[LimitUse]:
         """Certificate of each pair of bodies over a stretch; its time is ``s - low``."""

@@ -18,12 +18,11 @@ import numpy as np
 
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.geometry import World
+from excite.design.reference import MotionSource, SampledMotion
+from excite.design.sampled_motion import motion_columns, write_motion_table
 from excite.friction.plan.pose import Place
 from excite.friction.plan.runs import Pace, Part, Runs, samples_of
-from excite.friction.plan.schedule import RunSequence, Schedule, run_sequence_of
-from excite.friction.plan.torque_ramps import TorqueRamps, file_name
-from excite.logs.csv_motion import motion_columns, write_motion_table
-from excite.simulation.reference import MotionSource, SampledMotion
+from excite.friction.plan.schedule import RunSequence, Schedule, TorqueRamps, file_name, run_sequence_of
 from excite.storage.atomic import read_json
 from excite.storage.codec import INLINE, Beside, named
 from excite.storage.migrations import is_of_kind, schema_of

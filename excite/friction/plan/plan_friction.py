@@ -4,7 +4,7 @@ One coordinate moves at a time, about a pose in which gravity cancels (`excite.f
 collisions (`excite.friction.plan.clearances`). After a warm-up it creeps out of rest in both directions for the
 break-away tests, then moves there and back at every speed, alternating fast and slow ones, so that the power that heats
 the gear stays about the same throughout. Ramps of the drive's torque in the same pose are a motion of their own
-(`excite.friction.plan.torque_ramps`).
+(`excite.friction.plan.schedule`).
 """
 
 from __future__ import annotations
@@ -17,14 +17,20 @@ from pathlib import Path
 import numpy as np
 
 from constraints.collision.geometry import World
+from constraints.collision.world_file import read_world
 from constraints.linear import LinearConstraint, linear_limits
 from excite.friction.plan.clearances import CollisionChecks
 from excite.friction.plan.friction_plan import CoordinatePlan, Distance, FrictionPlan, Passage, SkippedSpeed, Window
-from excite.friction.plan.pose import Gravity, Place, found_place, given_place
+from excite.friction.plan.pose import Gravity, Place, PlaceSearch
 from excite.friction.plan.runs import Pace, Part, Runs, certificates, pace_of, torque_uses
-from excite.friction.plan.schedule import RunSequence, Schedule, plan_prediction, run_sequence_of
-from excite.friction.plan.torque_ramps import torque_ramps, turning_drives
-from excite.registry import built_in
+from excite.friction.plan.schedule import (
+    RunSequence,
+    Schedule,
+    plan_prediction,
+    run_sequence_of,
+    torque_ramps,
+    turning_drives,
+)
 from excite.tasks.limit_choice import LimitChoice
 from excite.trajectories.transfer import check_pose
 from regressors.arguments import checked
@@ -51,7 +57,7 @@ def plan_friction(
     joints: Sequence[str] | None = None,
     drives: Sequence[str] | None = None,
     limits: LimitChoice | None = None,
-    pose: Sequence[float] | None = None,
+    pose: Sequence[float] | Array | None = None,
     balanced: bool = False,
     world: World | str | Path | None = None,
     torque_ramp: Sequence[float] | None = None,
@@ -92,67 +98,39 @@ def plan_friction(
     """
     for quantity, value in (("seed", seed), ("pose", pose)):
         check(quantity, value)
-    name = robot if isinstance(robot, str) else None
-    described = load_robot(robot) if isinstance(robot, str) else robot
-    described = described if limits is None else limits.applied(described)
-    known: World | None = built_in("reader", "world")(Path(world), name) if isinstance(world, str | Path) else world
-    return friction_plan(
-        described,
-        schedule,
-        joints=joints,
-        drives=drives,
-        pose=None if pose is None else np.asarray(pose, dtype=float),
-        balanced=balanced,
-        world=known,
-        torque_ramp=torque_ramp,
-        seed=seed,
-    )
-
-
-_POSITIONS = 101
-
-
-def friction_plan(
-    robot: Robot,
-    schedule: Schedule | None = None,
-    *,
-    joints: Sequence[str] | None = None,
-    drives: Sequence[str] | None = None,
-    pose: Array | None = None,
-    balanced: bool = False,
-    world: World | None = None,
-    torque_ramp: Sequence[float] | None = None,
-    seed: int = 0,
-) -> FrictionPlan:
-    """Plan the runs from which the friction characteristics of joints or drives are identified."""
+    if isinstance(world, str | Path):
+        world = read_world(Path(world), robot if isinstance(robot, str) else "")
+    robot = load_robot(robot) if isinstance(robot, str) else robot
+    robot = robot if limits is None else limits.applied(robot)
     schedule = Schedule() if schedule is None else schedule
-    limits = linear_limits(robot)
-    if pose is not None:
-        pose = _checked_pose(pose, robot, limits)
-    elif balanced:
+    kept = linear_limits(robot)
+    if pose is None and balanced:
         raise InputError("`balanced` states that gravity cancels about the pose, but no pose is given; give `pose` too")
+    about = None if pose is None else _checked_pose(pose, robot, kept)
     motions = _motions(robot, joints, drives)
     plan_prediction(robot, schedule, len(motions)).check()
     for motion in motions:
         refuse_missing_ranges(robot, motion.matrix.any(axis=1))
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
-    collision_checks = None if world is None else CollisionChecks(robot, world)
-    about = _About(robot, schedule, limits, Gravity(robot), collision_checks, pose, balanced, seed)
-    planned = [_coordinate_plan(about, motion, torque) for motion, torque in zip(motions, largest, strict=True)]
-    passages = () if collision_checks is None else _passages(robot, planned, collision_checks)
-    notes = () if collision_checks is None else collision_checks.notes
+    checks = None if world is None else CollisionChecks(robot, world)
+    shared = _Shared(robot, schedule, kept, Gravity(robot), checks, about, balanced, seed)
+    planned = [_coordinate_plan(shared, motion, torque) for motion, torque in zip(motions, largest, strict=True)]
+    passages, notes = ((), ()) if checks is None else (_passages(robot, planned, checks), checks.notes)
     return FrictionPlan(robot, tuple(planned), world, passages, notes, pose is not None)
 
 
+_POSITIONS = 101
+
+
 @dataclass(frozen=True, eq=False)
-class _About:
+class _Shared:
     """Inputs of the plan that all coordinates share."""
 
     robot: Robot
     schedule: Schedule
     limits: Sequence[LinearConstraint]
     gravity: Gravity
-    collision_checks: CollisionChecks | None
+    checks: CollisionChecks | None
     pose: Array | None
     balanced: bool
     seed: int
@@ -172,8 +150,8 @@ def _motions(robot: Robot, joints: Sequence[str] | None, drives: Sequence[str] |
     return motions
 
 
-def _checked_pose(pose: Array, robot: Robot, limits: Sequence[LinearConstraint]) -> Array:
-    pose = np.asarray(pose, dtype=float)
+def _checked_pose(given: Sequence[float] | Array, robot: Robot, limits: Sequence[LinearConstraint]) -> Array:
+    pose = np.asarray(given, dtype=float)
     if pose.shape != (robot.n,):
         raise InputError(
             f"pose needs {robot.n} numbers, one per joint {', '.join(robot.joint_names)}; given {pose.size}"
@@ -194,17 +172,16 @@ def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> li
     return [float(torque) for torque in (given if len(given) == len(labels) else [given[0]] * len(labels))]
 
 
-def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None) -> CoordinatePlan:
-    robot, schedule, gravity = about.robot, about.schedule, about.gravity
-    pace, line, label = pace_of(motion, about.limits), motion.matrix[:, 0], motion.labels[0]
-    place, sequence = _placed(about, motion, pace)
+def _coordinate_plan(shared: _Shared, motion: PartialMotion, torque: float | None) -> CoordinatePlan:
+    robot, schedule, gravity = shared.robot, shared.schedule, shared.gravity
+    pace, line, label = pace_of(motion, shared.limits), motion.matrix[:, 0], motion.labels[0]
+    place, sequence = _placed(shared, motion, pace)
     pose, centre = place.pose, _coordinate(robot, motion, place.pose)
     uses, unchecked = torque_uses(robot, sequence.runs, pose, motion)
     stroke = max(sequence.strokes.values())
     g = gravity.along(line, pose + np.linspace(-stroke, stroke, _POSITIONS)[:, None] * line)
     ramps, no_ramps = torque_ramps(robot, schedule, label, line, float(g[_POSITIONS // 2]), torque)
-    checks = about.collision_checks
-    distances = None if checks is None else _distances(checks, sequence.runs, pose, line, centre)
+    distances = None if shared.checks is None else _distances(shared.checks, sequence.runs, pose, line, centre)
     return CoordinatePlan(
         label=label,
         unit=motion.units[0],
@@ -222,7 +199,7 @@ def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None)
         schedule=schedule,
         windows=tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in sequence.windowed),
         left_out=tuple(SkippedSpeed(percent, reason) for percent, reason in sequence.left_out.items()),
-        limits=(*certificates(sequence.runs, pose, motion, about.limits), *uses),
+        limits=(*certificates(sequence.runs, pose, motion, shared.limits), *uses),
         torques_unchecked=unchecked,
         distances=distances,
         ramps=ramps,
@@ -230,30 +207,28 @@ def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None)
     )
 
 
-def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, RunSequence]:
+def _placed(shared: _Shared, motion: PartialMotion, pace: Pace) -> tuple[Place, RunSequence]:
     """Where a coordinate is measured, and its run sequence there."""
-    schedule, label, unit = about.schedule, motion.labels[0], motion.units[0]
+    schedule, label, unit = shared.schedule, motion.labels[0], motion.units[0]
 
     def sequence_at(place: Place) -> RunSequence:
         because = f" (beyond it, {place.obstacle} is too near)" if place.obstacle else ""
         return run_sequence_of(schedule, pace, place.half, label, unit, because)
 
-    if about.pose is None:
+    search = PlaceSearch(shared.robot, shared.gravity, motion, shared.limits, shared.checks)
+    if shared.pose is None:
         fastest = pace.velocity * max(schedule.percent) / 100.0
         enough, wanted = (
             min(pace.ramp(fastest) + 0.5 * fastest * seconds, schedule.stroke)
             for seconds in (schedule.shortest, schedule.longest)
         )
-        place = found_place(
-            about.gravity, about.robot, motion, about.limits, enough, wanted, about.seed, about.collision_checks
-        )
+        place = search.found(enough, wanted, shared.seed)
         sequence = sequence_at(place)
     else:
-        given = (about.gravity, motion, about.limits, about.pose)
-        place = given_place(*given, balanced=about.balanced, collision_checks=about.collision_checks)
+        place = search.given(shared.pose, balanced=shared.balanced)
         sequence = sequence_at(place)
         if not sequence.strokes and place.obstacle:
-            place = given_place(*given, balanced=about.balanced)
+            place = replace(search, checks=None).given(shared.pose, balanced=shared.balanced)
             sequence = sequence_at(place)
     if not sequence.strokes:
         slowest = min(schedule.percent)

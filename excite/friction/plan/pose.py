@@ -81,163 +81,150 @@ class Place:
         return replace(self, pose=self.pose + s * line, low=self.low - s, high=self.high - s, gravity=gravity)
 
 
-def given_place(
-    gravity: Gravity,
-    motion: PartialMotion,
-    limits: Sequence[LinearConstraint],
-    pose: Array,
-    *,
-    balanced: bool = False,
-    collision_checks: CollisionChecks | None = None,
-) -> Place:
-    """Place in a given pose; its range ends where bodies come too near, unless they already are."""
-    line = motion.matrix[:, 0]
-    whole = _on_line(pose, line, limits)
-    place = _free(whole, line, collision_checks) or whole
-    g = gravity.along(line, pose + np.linspace(place.low, place.high, _GRID)[:, None] * line)
-    if np.any(np.isnan(g)):
-        if not balanced:
-            raise unknown_gravity(motion)
-        return replace(place, gravity=STATED)
-    if np.abs(g).max() <= _NOTHING:
-        return replace(place, gravity=NONE)
-    return replace(place, gravity=CANCELS if _odd(gravity, line, place, np.abs(g).max()) else SUBTRACTED)
+@dataclass(frozen=True, eq=False)
+class PlaceSearch:
+    """Where one coordinate can be measured."""
 
+    robot: Robot
+    gravity: Gravity
+    motion: PartialMotion
+    limits: Sequence[LinearConstraint]
+    checks: CollisionChecks | None = None
 
-def found_place(
-    gravity: Gravity,
-    robot: Robot,
-    motion: PartialMotion,
-    limits: Sequence[LinearConstraint],
-    enough: float,
-    wanted: float,
-    seed: int = 0,
-    collision_checks: CollisionChecks | None = None,
-) -> Place:
-    """Find a collision-free pose about which gravity cancels and that has room to both sides.
+    @property
+    def line(self) -> Array:
+        """N of ``q = p + N s``, shape (n,)."""
+        return self.motion.matrix[:, 0]
 
-    The other joints stay at home, at zero, or in the middle of their ranges, in this order; where none of these has
-    enough room, one of them is moved, then all are drawn at random. Where none offers half of the room that there is
-    regardless of gravity, gravity has to be subtracted.
-    """
-    line = motion.matrix[:, 0]
-    best: Place | None = None
-    plain: Place | None = None
-    for number, poses in enumerate((_ordinary(robot), _unusual(robot, seed))):
-        for pose in poses:
-            for on_line in _likely(_on_line(pose, line, limits), line, collision_checks):
-                place = _symmetric(gravity, motion, on_line, enough, wanted)
-                best = _roomier(best, place, wanted, line, collision_checks)
-                if best is None or best.half < enough:
-                    middle = on_line.moved(_nearest(on_line, wanted), line, SUBTRACTED)
-                    plain = _roomier(plain, middle, enough, line, collision_checks)
-            if best is not None and best.half >= (enough if number else wanted):
+    def given(self, pose: Array, *, balanced: bool = False) -> Place:
+        """Place in a given pose; its range ends where bodies come too near, unless they already are."""
+        whole = _on_line(pose, self.line, self.limits)
+        place = self._free(whole) or whole
+        g = self._along(pose, np.linspace(place.low, place.high, _GRID))
+        if np.any(np.isnan(g)):
+            if not balanced:
+                raise self._unknown_gravity()
+            return replace(place, gravity=STATED)
+        if np.abs(g).max() <= _NOTHING:
+            return replace(place, gravity=NONE)
+        return replace(place, gravity=CANCELS if self._odd(place, np.abs(g).max()) else SUBTRACTED)
+
+    def found(self, enough: float, wanted: float, seed: int = 0) -> Place:
+        """Find a collision-free pose about which gravity cancels and that has room to both sides.
+
+        The other joints stay at home, at zero, or in the middle of their ranges, in this order; where none of these has
+        enough room, one of them is moved, then all are drawn at random. Where none offers half of the room that there
+        is regardless of gravity, gravity has to be subtracted.
+        """
+        best: Place | None = None
+        plain: Place | None = None
+        for number, poses in enumerate((_ordinary(self.robot), _unusual(self.robot, seed))):
+            for pose in poses:
+                for on_line in self._likely(_on_line(pose, self.line, self.limits)):
+                    place = self._symmetric(on_line, enough, wanted)
+                    best = self._roomier(best, place, wanted)
+                    if best is None or best.half < enough:
+                        middle = on_line.moved(_nearest(on_line, wanted), self.line, SUBTRACTED)
+                        plain = self._roomier(plain, middle, enough)
+                if best is not None and best.half >= (enough if number else wanted):
+                    return best
+            if best is not None and best.half >= enough:
                 return best
-        if best is not None and best.half >= enough:
+        if best is not None and (plain is None or best.half >= 0.5 * min(enough, plain.half)):
             return best
-    if best is not None and (plain is None or best.half >= 0.5 * min(enough, plain.half)):
-        return best
-    if plain is None:
-        raise _nowhere(motion, _ordinary(robot)[0], collision_checks)
-    return plain
+        if plain is None:
+            raise self._nowhere()
+        return plain
 
+    def _roomier(self, place: Place | None, other: Place | None, enough: float) -> Place | None:
+        """The first of two places if it has enough room, or no less than is proven for the other, else the other."""
+        if other is None or (place is not None and place.half >= min(enough, other.half * (1.0 - _SAME))):
+            return place
+        proven = self._free(other)
+        return place if proven is None or (place is not None and place.half >= proven.half) else proven
 
-def _roomier(
-    place: Place | None, other: Place | None, enough: float, line: Array, collision_checks: CollisionChecks | None
-) -> Place | None:
-    """The first of two places if it has enough room, or no less than is proven for the other, else the other."""
-    if other is None or (place is not None and place.half >= min(enough, other.half * (1.0 - _SAME))):
-        return place
-    proven = _free(other, line, collision_checks)
-    return place if proven is None or (place is not None and place.half >= proven.half) else proven
+    def _likely(self, place: Place) -> list[Place]:
+        """Parts of a place's range in which nothing comes too near, by a check of sampled poses."""
+        if place.high <= place.low:
+            return []
+        if self.checks is None:
+            return [place]
+        parts = self.checks.likely(place.pose, self.line, place.low, place.high)
+        return [replace(place, low=part.low, high=part.high, below=part.below, above=part.above) for part in parts]
 
+    def _free(self, place: Place) -> Place | None:
+        """Limit a place to the range in which provably nothing comes too near; None where bodies do in the pose."""
+        if self.checks is None or place.high <= place.low:
+            return place
+        for part in self.checks.free(place.pose, self.line, place.low, place.high):
+            if part.low <= 0.0 <= part.high:
+                below, above = part.below or place.below, part.above or place.above
+                return replace(place, low=part.low, high=part.high, below=below, above=above)
+        return None
 
-def _likely(place: Place, line: Array, collision_checks: CollisionChecks | None) -> list[Place]:
-    """Parts of a place's range in which nothing comes too near, by a check of sampled poses."""
-    if place.high <= place.low:
-        return []
-    if collision_checks is None:
-        return [place]
-    parts = collision_checks.likely(place.pose, line, place.low, place.high)
-    return [replace(place, low=part.low, high=part.high, below=part.below, above=part.above) for part in parts]
+    def _unknown_gravity(self) -> InputError:
+        """Error where a body of unknown inertia loads a coordinate."""
+        return InputError(
+            f"{self.motion.labels[0]}: gravity acts on it and the inertias of links are not known, so no pose is known "
+            "in which it cancels; state the inertias in the robot's file, or give `pose` together with `balanced`, a "
+            "pose about which gravity is known to cancel"
+        )
 
+    def _nowhere(self) -> InputError:
+        """Error where no pose is left."""
+        label = self.motion.labels[0]
+        near = "" if self.checks is None else self.checks.nearest(_ordinary(self.robot)[0], self.line)
+        if not near:
+            return InputError(f"{label}: no pose of the other joints keeps all position limits; give `pose`")
+        return InputError(
+            f"{label}: no pose was found that keeps all position limits and distances; in the first one that was tried "
+            f"{near} are too close; give `pose`, or correct the world file"
+        )
 
-def _free(place: Place, line: Array, collision_checks: CollisionChecks | None) -> Place | None:
-    """Limit a place to the range in which provably nothing comes too near; None where bodies do in the pose."""
-    if collision_checks is None or place.high <= place.low:
-        return place
-    for part in collision_checks.free(place.pose, line, place.low, place.high):
-        if part.low <= 0.0 <= part.high:
-            below, above = part.below or place.below, part.above or place.above
-            return replace(place, low=part.low, high=part.high, below=below, above=above)
-    return None
+    def _symmetric(self, on_line: Place, enough: float, wanted: float) -> Place | None:
+        """Place where gravity vanishes or is odd: with room, then upright, then with most room, then nearest."""
+        line, s = self.line, np.linspace(on_line.low, on_line.high, _GRID)
+        g = self._along(on_line.pose, s)
+        if np.any(np.isnan(g)):
+            raise self._unknown_gravity()
+        size = np.abs(g).max()
+        if size <= _NOTHING:
+            return on_line.moved(_nearest(on_line, wanted), line, NONE)
 
+        def quality(place: Place) -> tuple[bool, bool, float, float]:
+            away = float(np.abs(place.pose - on_line.pose).max())
+            return place.half >= enough, self._upright(place), min(place.half, wanted), -away
 
-def unknown_gravity(motion: PartialMotion) -> InputError:
-    """Error where a body of unknown inertia loads a coordinate."""
-    return InputError(
-        f"{motion.labels[0]}: gravity acts on it and the inertias of links are not known, so no pose is known in "
-        "which it cancels; state the inertias in the robot's file, or give `pose` "
-        "together with `balanced`, a pose about "
-        "which gravity is known to cancel"
-    )
+        places = [on_line.moved(zero, line, CANCELS) for zero in self._zeros(on_line, s, g)]
+        odd = [place for place in places if place.half > 0.0 and self._odd(place, size)]
+        return max(odd, key=quality, default=None)
 
+    def _upright(self, place: Place) -> bool:
+        """Whether the links are upright (maximum potential energy), rather than hanging where the floor may be."""
+        before, after = self._along(place.pose, np.array([-_ASIDE, _ASIDE]))
+        return bool(before > after)
 
-def _nowhere(motion: PartialMotion, first: Array, collision_checks: CollisionChecks | None) -> InputError:
-    """Error where no pose is left."""
-    near = "" if collision_checks is None else collision_checks.nearest(first, motion.matrix[:, 0])
-    if not near:
-        return InputError(f"{motion.labels[0]}: no pose of the other joints keeps all position limits; give `pose`")
-    return InputError(
-        f"{motion.labels[0]}: no pose was found that keeps all position limits and distances; in the first one that "
-        f"was tried {near} are too close; give `pose`, or correct the world file"
-    )
+    def _zeros(self, on_line: Place, s: Array, g: Array) -> Iterator[float]:
+        """Zeros of gravity to rounding accuracy: every bracket is repeatedly divided by 16."""
+        for k in np.flatnonzero(np.sign(g[:-1]) * np.sign(g[1:]) < 0.0):
+            low, high = s[k], s[k + 1]
+            for _ in range(10):
+                fine = np.linspace(low, high, 17)
+                value = np.sign(self._along(on_line.pose, fine))
+                at = int(np.argmax(value != value[0]))
+                low, high = fine[max(at - 1, 0)], fine[at]
+            yield 0.5 * (low + high)
+        yield from s[g == 0.0]
 
+    def _odd(self, place: Place, size: float) -> bool:
+        """Whether gravity is odd about a place, over the whole stroke to both sides."""
+        s = np.linspace(0.0, max(place.half, 0.0), 61)
+        even = self._along(place.pose, s) + self._along(place.pose, -s)
+        return bool(np.abs(even).max() <= _EVEN * size)
 
-def _symmetric(gravity: Gravity, motion: PartialMotion, on_line: Place, enough: float, wanted: float) -> Place | None:
-    """Place on a line where gravity vanishes or is odd: with room, then upright, then with most room, then nearest."""
-    line = motion.matrix[:, 0]
-    s = np.linspace(on_line.low, on_line.high, _GRID)
-    g = gravity.along(line, on_line.pose + s[:, None] * line)
-    if np.any(np.isnan(g)):
-        raise unknown_gravity(motion)
-    size = np.abs(g).max()
-    if size <= _NOTHING:
-        return on_line.moved(_nearest(on_line, wanted), line, NONE)
-
-    def quality(place: Place) -> tuple[bool, bool, float, float]:
-        away = float(np.abs(place.pose - on_line.pose).max())
-        return place.half >= enough, _upright(gravity, line, place), min(place.half, wanted), -away
-
-    places = [on_line.moved(zero, line, CANCELS) for zero in _zeros(gravity, on_line, line, s, g)]
-    odd = [place for place in places if place.half > 0.0 and _odd(gravity, line, place, size)]
-    return max(odd, key=quality, default=None)
-
-
-def _upright(gravity: Gravity, line: Array, place: Place) -> bool:
-    """Whether the links are upright (maximum potential energy), rather than hanging where the floor may be."""
-    before, after = gravity.along(line, place.pose + np.array([[-_ASIDE], [_ASIDE]]) * line)
-    return bool(before > after)
-
-
-def _zeros(gravity: Gravity, on_line: Place, line: Array, s: Array, g: Array) -> Iterator[float]:
-    """Zeros of gravity to rounding accuracy: every bracket is repeatedly divided by 16."""
-    for k in np.flatnonzero(np.sign(g[:-1]) * np.sign(g[1:]) < 0.0):
-        low, high = s[k], s[k + 1]
-        for _ in range(10):
-            fine = np.linspace(low, high, 17)
-            value = np.sign(gravity.along(line, on_line.pose + fine[:, None] * line))
-            at = int(np.argmax(value != value[0]))
-            low, high = fine[max(at - 1, 0)], fine[at]
-        yield 0.5 * (low + high)
-    yield from s[g == 0.0]
-
-
-def _odd(gravity: Gravity, line: Array, place: Place, size: float) -> bool:
-    """Whether gravity is odd about a place, over the whole stroke to both sides."""
-    s = np.linspace(0.0, max(place.half, 0.0), 61)[:, None] * line
-    even = gravity.along(line, place.pose + s) + gravity.along(line, place.pose - s)
-    return bool(np.abs(even).max() <= _EVEN * size)
+    def _along(self, pose: Array, s: Array) -> Array:
+        """Gravity at some positions of the line through a pose, shape (N,)."""
+        return self.gravity.along(self.line, pose + s[:, None] * self.line)
 
 
 def _nearest(on_line: Place, room: float) -> float:

@@ -11,9 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse, limit_uses, worst_of_each
+from constraints.bounds.certificate import Extrema, LimitUse, limit_uses, worst_of_each
 from constraints.bounds.enclosure import enclose, piecewise_extrema
-from constraints.bounds.extrema import Extrema
 from constraints.limits.torque import torque_limits
 from constraints.linear import LinearConstraint
 from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, SCurve, time_optimal

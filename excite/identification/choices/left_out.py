@@ -1,14 +1,133 @@
-"""Errors of predicted torques in the blocks that an estimate was made without."""
+"""Choices by left-out blocks of time: candidates, and errors of torques that an estimate was made without."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 
-from excite.identification.choices.block_statistics import BlockStatistics
-from regressors.samples import Array
+from regressors.errors import InputError
+from regressors.samples import Array, Index
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One candidate of a choice."""
+
+    value: Any  # as in the settings
+    error: float  # relative error of the torques that were left out, over all equations
+    # mean over the equations of the logarithm of that error's root mean square, see
+    # `excite.identification.choices.left_out.LeftOut.score`; the least is best
+    score: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A choice with its candidates.
+
+    Parameters
+    ----------
+    name : str
+        Setting that was chosen.
+    value : bool, float, str, tuple or None
+    candidates : tuple of Candidate
+        Those that were scored, on the same rows.
+    reason : str
+        One sentence for the summary.
+    unit : str, optional
+        Of the value.
+    interval : tuple of float, optional
+        99 % interval of a value that was estimated.
+    """
+
+    name: str
+    value: Any
+    candidates: tuple[Candidate, ...]
+    reason: str
+    unit: str | None = None
+    interval: tuple[float, float] | None = None
+
+
+COUNT = 5
+_GAP = 0.2  # of a block
+_LONGEST_GAP = 0.5  # [s]
+
+
+def time_blocks(times: Sequence[Array], count: int = COUNT) -> list[Index]:
+    """Number of the block that each instant lies in; -1 in the gaps.
+
+    Neighbouring instants have nearly the same motion and noise; a block that is predicted from its neighbours across a
+    gap shows more honestly how well another motion would be predicted [Roberts et al. 2017].
+    """  # times (N,)
+    each = max(2, -(-count // len(times)))
+    numbers = []
+    for k, time in enumerate(times):
+        if not time.size:
+            numbers.append(np.empty(0, dtype=np.intp))
+            continue
+        edges = np.linspace(time[0], time[-1], each + 1)
+        half = min(_GAP * (edges[1] - edges[0]), _LONGEST_GAP) / 2
+        block = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, each - 1)
+        inner = block > 0
+        near = (np.abs(time - edges[block]) < half) & inner
+        near |= (np.abs(time - edges[block + 1]) < half) & (block < each - 1)
+        numbers.append(np.where(near, -1, block + k * each))
+    return numbers
+
+
+@dataclass(frozen=True, eq=False)
+class BlockStatistics:
+    """``[W y]' [W y]`` of every block and equation."""
+
+    products: Array  # (B, r, p + 1, p + 1)
+    counts: Index  # (B,) instants
+
+    @classmethod
+    def of(cls, W: Sequence[Array], y: Sequence[Array], blocks: Sequence[Index]) -> BlockStatistics:
+        """Sums of the logs' rows."""  # W (N, r, p); y (N, r); blocks (N,)
+        products, counts = [], []
+        for Wk, yk, block in zip(W, y, blocks, strict=True):
+            rows = [np.flatnonzero(block == number) for number in np.unique(block[block >= 0])]
+            products.append(_products(Wk, yk, [_as_slice(index) for index in rows]))
+            counts += [index.size for index in rows]
+        if len(counts) < 2:
+            raise InputError("too few rows to leave blocks of them out")
+        return cls(np.concatenate(products), np.array(counts))
+
+    @cached_property
+    def total(self) -> Array:
+        """Sum over the blocks, shape (r, p + 1, p + 1)."""
+        return np.asarray(self.products.sum(axis=0))
+
+    def of_columns(self, columns: Sequence[int]) -> BlockStatistics:
+        """Statistics of some of the columns."""
+        kept = np.append(np.asarray(columns, dtype=np.intp), self.products.shape[2] - 1)
+        return BlockStatistics(self.products[:, :, kept[:, None], kept], self.counts)
+
+
+def _products(W: Array, y: Array, blocks: Sequence[slice | Index]) -> Array:
+    """``[W y]' [W y]`` of the rows of each block, shape (B, r, p + 1, p + 1); columns of zeros are passed over."""
+    _, r, p = W.shape
+    entries = W.transpose(1, 2, 0)
+    products = np.zeros((len(blocks), r, p + 1, p + 1))
+    present = np.einsum("rpn,rpn->rp", entries, entries) > 0
+    for j in range(r):
+        used = np.flatnonzero(present[j])
+        both, place = np.vstack([entries[j, used], y[:, j]]), np.append(used, p)
+        for block, which in enumerate(blocks):
+            rows = both[:, which]
+            products[block, j][place[:, None], place] = rows @ rows.T
+    return products
+
+
+def _as_slice(index: Index) -> slice | Index:
+    """Ascending numbers as a slice, where they follow each other."""
+    first, last = int(index[0]), int(index[-1]) + 1
+    return slice(first, last) if last - first == index.size else index
+
 
 NEGLIGIBLE = 1e-4  # of an equation's torque: smaller errors count as that
 _SMALLEST = 1e-8  # squared size of an equation that counts, of that of the largest
@@ -16,6 +135,7 @@ _RIDGE = 1e-9  # of a column's length: what the other blocks do not determine st
 _ROUNDS = 3
 
 Estimate = Callable[[Array, Array], Array]
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +161,36 @@ class LeftOut:
         """Inverse mean squares of the equations, shape (r,)."""
         return np.asarray(self.instants / self.squares.sum(axis=0))
 
+    @property
+    def percent(self) -> str:
+        """Relative error over all equations in words."""
+        return f"{100 * self.error:.3g} %"
+
+    def is_better(self, than: LeftOut, worth: float, errors: float = 1.0) -> bool:
+        """True if the score is better by more than a worth, and than some standard errors [Breiman et al. 1984]."""
+        gain, deviation = self.gain_over(than)
+        return gain > max(errors * deviation, worth)
+
     def gain_over(self, other: LeftOut) -> tuple[float, float]:
         """By how much the score is better than another, and the standard error of that (jackknife over the blocks)."""
         mine, theirs = (each.squares.sum(axis=0) - each.squares for each in (self, other))
         gains = np.log(theirs / mine).mean(axis=1) / 2  # without one block after the other
-        deviation = np.sqrt((gains.size - 1) / gains.size * np.sum((gains - gains.mean()) ** 2))
-        return other.score - self.score, float(deviation)
+        return other.score - self.score, jackknife(gains)
+
+
+def best_of(scores: Mapping[Value, LeftOut]) -> Value:
+    """The candidate of the least score."""
+    return min(scores, key=lambda value: scores[value].score)
+
+
+def candidates_of(scores: Mapping[Any, LeftOut]) -> tuple[Candidate, ...]:
+    """Candidates with their scores, as a choice lists them."""
+    return tuple(Candidate(value, errors.error, errors.score) for value, errors in scores.items())
+
+
+def jackknife(without: Array) -> float:
+    """Standard error of what was found without one block after the other, shape (B,)."""
+    return float(np.sqrt((without.size - 1) / without.size * np.sum((without - without.mean()) ** 2)))
 
 
 def left_out(
@@ -58,10 +202,10 @@ def left_out(
 ) -> LeftOut:
     """Predict every block from the others."""  # estimate (p,); weights (r,)
     judged = statistics if judged is None else judged
-    sizes = np.maximum(judged.sizes, _SMALLEST * (judged.sizes.max() or 1.0))
+    measured = judged.total[:, -1, -1]
+    sizes = np.maximum(measured, _SMALLEST * (measured.max() or 1.0))
     floor = NEGLIGIBLE**2 * sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
     weights = statistics.counts.sum() / sizes if weights is None else weights
-    result = None
     for _ in range(_ROUNDS):
         x = np.ones((statistics.counts.size, judged.products.shape[-1]))
         x[:, :-1] = -_estimates(statistics, estimate, weights)
@@ -70,7 +214,6 @@ def left_out(
         if np.all(np.abs(np.log(result.weights / weights)) < 0.1):
             break
         weights = result.weights
-    assert result is not None
     return result
 
 
@@ -81,9 +224,8 @@ def least_squares_of_products(products: Array, weights: Array) -> Array:
 
 def _estimates(statistics: BlockStatistics, estimate: Estimate | None, weights: Array) -> Array:
     """Estimates without one block after the other, shape (B, p)."""
-    blocks = range(statistics.counts.size)
     if estimate is not None:
-        return np.array([estimate(statistics.without(block), weights) for block in blocks])
+        return np.array([estimate(statistics.total - products, weights) for products in statistics.products])
     B, r, width, _ = statistics.products.shape
     weighted = (weights @ statistics.products.reshape(B, r, -1)).reshape(B, width, width)
     return _solutions(weighted.sum(axis=0) - weighted)

@@ -2,28 +2,26 @@
 
 Friction at standstill takes any value, and jumps where a drive breaks loose. To predict such rows, a low cutoff and a
 delay help that blur them, and bias what moving drives show.
+
+Where friction is not a function of the motion, rows may also be left out of the estimate: those of slow drives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.identification.choices.choice import Candidate, Choice
-from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing
-from excite.identification.choices.cutoffs import choose_delay
-from excite.identification.choices.left_out import LeftOut, left_out
+from excite.identification.biases import SPEEDS, least_speeds, standstill_candidates, typical_speed
+from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing, choose_delay
+from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, jackknife
 from excite.identification.choices.scoring import Scoring
-from excite.identification.choices.sliding import softened
 from excite.identification.choices.trial import Mask
-from excite.identification.known_instants import nearest
+from excite.identification.equations import nearest
 from excite.identification.recipe import Recipe
-from excite.identification.standstill_bias import least_speeds, typical_speed
 from regressors.samples import Array
 
-NAME = "rows"
 MOVING = 0.1  # of the typical speed
 _ALL, _MOVING, _FAST_DELAY = "all", "of moving drives", "all, but for the delay"
 _FAST = 0.4  # of the typical speed: rows that what happens at reversals does not reach
@@ -58,17 +56,23 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     moving, fast = (_of_faster(scoring, recipe, share) for share in (MOVING, _FAST))
     if moving is None or fast is None:
         return every
-    if not _spoilt(scoring, moving, every.recipe):
+    if not _spoilt(scoring, moving, recipe):
         return replace(every, spoilt=False)
-    others = [(_MOVING, replace(_with_delay_of(fast, moving, plain, cutoffs, free), least=MOVING))]
+    tried = {_ALL: every, _MOVING: replace(_with_delay_of(fast, moving, plain, cutoffs, free), least=MOVING)}
     if _misled(fast, recipe, plain):
-        others.append((_FAST_DELAY, _with_delay_of(fast, scoring, plain, cutoffs, free)))
-    tried = {_ALL: every, **dict(others)}
+        tried[_FAST_DELAY] = _with_delay_of(fast, scoring, plain, cutoffs, free)
     errors = {name: _errors(one.scoring, one.recipe, moving) for name, one in tried.items()}
-    best = min(errors, key=lambda name: errors[name].score)
-    gain, deviation = errors[best].gain_over(errors[_ALL])
-    name = best if gain > max(deviation, _WORTH) else _ALL
-    return replace(tried[name], choices=(*tried[name].choices, _choice(errors, name)))
+    best = best_of(errors)
+    name = best if errors[best].is_better(errors[_ALL], _WORTH) else _ALL
+    reason = "settings are chosen by all rows: without those near standstill others are not predicted clearly better"
+    if name != _ALL:
+        reason = (
+            f"{'settings are' if name == _MOVING else 'the delay is'} chosen by the rows of moving drives, since "
+            "friction near standstill misleads the choice by all rows: left-out torques of moving drives are then "
+            f"predicted to {errors[name].percent} instead of {errors[_ALL].percent}"
+        )
+    choice = Choice("rows", name, candidates_of(errors), reason)
+    return replace(tried[name], choices=(*tried[name].choices, choice))
 
 
 def _with_delay_of(
@@ -78,37 +82,19 @@ def _with_delay_of(
     settled = free - {"delay"}
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
     if "delay" in free:
-        delay, choice = _delay(fast, recipe)
+        soft = fast.softened(recipe)
+        parts, trial = soft.parts(recipe), soft.trial
+        step = min(1 / part.log.rate for part in parts)
+        delay, choice = choose_delay(lambda d: soft.of(trial.statistics(soft.target, parts, recipe, d)), step)
         if delay:
             recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
         choices = (*choices, choice)
     return RowChoice(scoring, recipe, choices, settled)
 
 
-def _delay(fast: Scoring, recipe: Recipe) -> tuple[float, Choice]:
-    target = softened(fast.target, recipe)
-    parts = fast.trial.prepared(target, recipe)
-    step = min(1 / part.log.rate for part in parts)
-    return choose_delay(lambda delay: fast.of(fast.trial.statistics(target, parts, recipe, delay)), step)
-
-
-def _choice(errors: Mapping[str, LeftOut], name: str) -> Choice:
-    listed = tuple(Candidate(rows, one.error, one.score) for rows, one in errors.items())
-    if name == _ALL:
-        reason = "without those near standstill others are not predicted clearly better"
-        return Choice(NAME, name, listed, f"settings are chosen by all rows: {reason}")
-    what = "settings are" if name == _MOVING else "the delay is"
-    reason = (
-        f"{what} chosen by the rows of moving drives, since friction near standstill misleads the choice by all rows: "
-        f"left-out torques of moving drives are then predicted to {100 * errors[name].error:.3g} % instead of "
-        f"{100 * errors[_ALL].error:.3g} %"
-    )
-    return Choice(NAME, name, listed, reason)
-
-
 def _of_faster(scoring: Scoring, recipe: Recipe, share: float) -> Scoring | None:
     """Scoring by rows whose drives are faster than a share of the typical speed; None where no others are there."""
-    parts = scoring.trial.prepared(scoring.target, recipe)
+    parts = scoring.parts(recipe)
     least = share * typical_speed(scoring.target, parts)
     masks: list[Mask] = [
         least_speeds(part, scoring.target)[nearest(part.samples.time, time)] >= least
@@ -132,8 +118,7 @@ def _spoilt(scoring: Scoring, moving: Scoring, recipe: Recipe) -> bool:
     """True if rows of slow drives are predicted worse than those of moving ones, beyond a standard error."""
     fast = _errors(scoring, recipe, moving).squares
     slow = np.maximum(_errors(scoring, recipe, scoring).squares - fast, 0.0)
-    assert moving.trial.rows is not None
-    masks = moving.trial.rows
+    masks = moving.trial.rows or ()
     moved, total = _counts(scoring, masks), _counts(scoring, [np.ones_like(mask) for mask in masks])
 
     def excess(blocks: Array) -> float:
@@ -144,9 +129,8 @@ def _spoilt(scoring: Scoring, moving: Scoring, recipe: Recipe) -> bool:
         return float(np.mean(ratio[0] - ratio[1])) / 2 if np.any(shown) else 0.0
 
     count = len(slow)
-    each = np.array([excess(1.0 - one) for one in np.eye(count)])
-    deviation = np.sqrt((count - 1) / count * np.sum((each - each.mean()) ** 2))
-    return bool(excess(np.ones(count)) > max(float(deviation), _WORTH))
+    deviation = jackknife(np.array([excess(1.0 - one) for one in np.eye(count)]))
+    return excess(np.ones(count)) > max(deviation, _WORTH)
 
 
 def _counts(scoring: Scoring, masks: Sequence[Mask]) -> Array:
@@ -159,8 +143,43 @@ def _counts(scoring: Scoring, masks: Sequence[Mask]) -> Array:
 
 def _errors(scoring: Scoring, recipe: Recipe, judge: Scoring) -> LeftOut:
     """Left-out errors of the judge's rows, with estimates from those of the scoring."""
-    target = softened(scoring.target, recipe)
-    parts = scoring.trial.prepared(target, recipe)
-    statistics, judged = (one.trial.statistics(target, parts, recipe) for one in (scoring, judge))
-    free = left_out(statistics, judged=judged)
-    return free if scoring.estimate is None else left_out(statistics, scoring.estimate, free.weights, judged=judged)
+    soft = scoring.softened(recipe)
+    parts = soft.parts(recipe)
+    statistics, judged = (one.trial.statistics(soft.target, parts, recipe) for one in (scoring, judge))
+    return soft.of(statistics, judged)
+
+
+_KEPT_WORTH = 0.01  # of the score: below that every row stays
+
+
+def choose_standstill(
+    scoring: Scoring, recipe: Recipe, least: float = 0.0, *, needed: bool = True
+) -> tuple[Recipe, tuple[Choice, ...]]:
+    """Choose the speed below which rows are left out, by the rows that every candidate keeps.
+
+    The smallest speed is taken that is as good as the best within a standard error, and clearly better than none.
+    """
+    parts = scoring.parts(recipe)
+    candidates = standstill_candidates(scoring.target, parts)
+    if len(candidates) < 2:
+        return recipe, ()
+    speeds = [least_speeds(part, scoring.target) for part in parts]
+    statistics = {
+        v: scoring.trial.statistics(scoring.target, parts, recipe, kept=[speed >= v for speed in speeds])
+        for v in candidates
+    }
+    scores = {v: scoring.of(one, statistics[candidates[-1]]) for v, one in statistics.items()}
+    allowed = {v: scores[v] for share, v in zip(SPEEDS, candidates, strict=True) if share >= least}
+    best, chosen, reason = allowed[best_of(allowed)], 0.0, "rows of slow drives are kept"
+    if not needed:
+        reason += ": left-out torques are predicted as well there as in the others"
+    else:
+        chosen = next(v for v, errors in allowed.items() if not best.is_better(errors, _KEPT_WORTH))
+    value = float(f"{chosen:.3g}")
+    if chosen:
+        reason = (
+            f"rows are left out while a drive is slower than {value:g} rad/s (or m/s), where friction may hold it: the "
+            f"others are then predicted to {scores[chosen].percent} instead of {scores[0.0].percent}"
+        )
+        recipe = replace(recipe, standstill=value)
+    return recipe, (Choice("standstill", value, candidates_of(scores), reason, "rad/s or m/s"),)

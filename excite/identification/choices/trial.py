@@ -1,4 +1,4 @@
-"""Equations of the logs under trial settings, on the same instants for all of them."""
+"""Equations of the logs, or of stretches of long ones, under trial settings, on the same instants for all of them."""
 
 from __future__ import annotations
 
@@ -9,22 +9,36 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.identification.choices.block_statistics import BlockStatistics
-from excite.identification.choices.pieces import LogPiece
-from excite.identification.choices.time_blocks import time_blocks
-from excite.identification.equations import DirectedFriction, friction_drives
-from excite.identification.friction_directions import drive_directions, drive_rows
+from excite.identification.choices.left_out import BlockStatistics, time_blocks
+from excite.identification.equations import DirectedFriction, drive_directions, drive_rows, friction_drives, nearest
 from excite.identification.known_friction import without_friction
-from excite.identification.known_instants import nearest
-from excite.identification.preparation import PreparedLog, UsableRows, usable_rows, with_motion
+from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
-from excite.logs.saturation import within
-from excite.signals.delay import DelayedMotion
-from regressors.friction.curves import FrictionCurves
+from excite.logs.saturation import Spans, within
+from excite.logs.signals.resampling import DelayedMotion
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
+
+_LONGEST = 50_000  # rows of a log that are tried
+_PIECES = 5
+
+
+LogPiece = tuple[Log, Spans]  # without faulty rows; first and last instant of what makes no equations [s]
+
+
+def pieces_of(part: PreparedLog) -> list[LogPiece]:
+    """The exciting stretch of a log, or evenly spaced pieces of a very long one."""
+    log = part.log
+    if log.count <= _LONGEST:
+        return [(log, part.left_out)]
+    length = _LONGEST // _PIECES
+    spacing = (log.count - length) // (_PIECES - 1)
+    starts = (k * spacing for k in range(_PIECES))
+    return [(log.rows(slice(first, first + length)), part.left_out) for first in starts]
+
 
 _MOST = 128_000_000  # [bytes]
 _LOGS = 8  # whose motion is kept as splines
@@ -66,33 +80,6 @@ class TrialRows:
         return self.W
 
 
-class RecentRows:
-    """The equations that were last used, as many as 128 MB hold."""
-
-    def __init__(self) -> None:
-        self._kept: deque[TrialRows] = deque()
-        self._motions: deque[DelayedMotion] = deque(maxlen=_LOGS)
-
-    def of(self, target: IdentificationTarget, part: PreparedLog, delay: float, time: Array) -> TrialRows:
-        """Equations of the last ones, or new ones; arguments as of `TrialRows`."""
-        for known in self._kept:
-            if known.target is target and known.part is part and known.delay == delay and known.time is time:
-                return known
-        new = TrialRows.of(target, part, delay, time, self._motion(part).by(delay))
-        self._kept.append(new)
-        while len(self._kept) > 1 and sum(known.W.nbytes for known in self._kept) > _MOST:
-            self._kept.popleft()
-        return new
-
-    def _motion(self, part: PreparedLog) -> DelayedMotion:
-        """A log's motion, to be delayed."""
-        for motion in self._motions:
-            if motion.samples is part.samples:
-                return motion
-        self._motions.append(DelayedMotion(part.samples))
-        return self._motions[-1]
-
-
 Mask = NDArray[np.bool_]
 _INSTANTS = 6000  # of all logs together
 
@@ -108,15 +95,12 @@ class Trial:
     friction: FrictionCurves | None = None  # known friction, which is subtracted
     rows: tuple[Mask, ...] | None = None  # (M, r) rows of each log's instants that count; all if not given
 
-    _usable: dict[tuple[object, ...], list[UsableRows]] = field(default_factory=dict, repr=False)
-    _recent: RecentRows = field(default_factory=RecentRows, repr=False)
+    _recent: deque[TrialRows] = field(default_factory=deque, repr=False)  # as many as 128 MB hold
+    _motions: deque[DelayedMotion] = field(default_factory=lambda: deque(maxlen=_LOGS), repr=False)
 
     def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
         """The logs under a recipe; what no filter changes is done once."""
-        key = target.robot.joint_names, target.model.channel, recipe.rows, recipe.torque_factors
-        if key not in self._usable:
-            self._usable[key] = [usable_rows(log, self.robot, target, recipe) for log in self.logs]
-        return [with_motion(rows, target, recipe) for rows in self._usable[key]]
+        return [prepare(log, self.robot, target, recipe) for log in self.logs]
 
     def statistics(
         self,
@@ -147,13 +131,31 @@ class Trial:
     def _equations(
         self, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, time: Array, delay: float
     ) -> tuple[Array, Array]:
-        trial = self._recent.of(target, part, delay, time)
-        rows = trial.rows
-        measured = part.measured
+        trial = self._rows(target, part, delay, time)
+        rows, measured = trial.rows, part.measured
         if self.friction is not None:
             measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
         y = target.model.right_side(trial.motion.rows(rows), measured[rows]).reshape(rows.size, -1)
         return trial.regressor(recipe), y
+
+    def _rows(self, target: IdentificationTarget, part: PreparedLog, delay: float, time: Array) -> TrialRows:
+        """Equations of the last ones, or new ones; arguments as of `TrialRows`."""
+        for known in self._recent:
+            if known.target is target and known.part is part and known.delay == delay and known.time is time:
+                return known
+        new = TrialRows.of(target, part, delay, time, self._motion(part).by(delay))
+        self._recent.append(new)
+        while len(self._recent) > 1 and sum(known.W.nbytes for known in self._recent) > _MOST:
+            self._recent.popleft()
+        return new
+
+    def _motion(self, part: PreparedLog) -> DelayedMotion:
+        """A log's motion, to be delayed."""
+        for motion in self._motions:
+            if motion.samples is part.samples:
+                return motion
+        self._motions.append(DelayedMotion(part.samples))
+        return self._motions[-1]
 
 
 def _masked(equations: Sequence[tuple[Array, Array]], masks: Sequence[Mask]) -> list[tuple[Array, Array]]:
@@ -161,12 +163,16 @@ def _masked(equations: Sequence[tuple[Array, Array]], masks: Sequence[Mask]) -> 
 
 
 def trial_of(
-    robot: Robot, pieces: Sequence[LogPiece], parts: Sequence[PreparedLog], friction: FrictionCurves | None = None
+    robot: Robot,
+    pieces: Sequence[LogPiece],
+    target: IdentificationTarget,
+    recipe: Recipe,
+    friction: FrictionCurves | None = None,
 ) -> Trial:
-    """Logs and trial instants: evenly spaced ones of prepared logs, without those that make no equations."""
-    total = sum(part.samples.time.size for part in parts)
-    every = max(1, -(-total // _INSTANTS))
-    kept = [part.samples.time[::every] for part in parts]
-    instants = [time[~within(time, piece.left_out)] for time, piece in zip(kept, pieces, strict=True)]
-    logs = tuple(piece.log for piece in pieces)
-    return Trial(robot, logs, tuple(instants), tuple(time_blocks(instants)), friction)
+    """Logs and trial instants: evenly spaced ones that a recipe leaves, without those that make no equations."""
+    empty = Trial(robot, tuple(log for log, _ in pieces), (), (), friction)
+    times = [part.samples.time for part in empty.prepared(target, recipe)]
+    every = max(1, -(-sum(time.size for time in times) // _INSTANTS))
+    kept = [time[::every] for time in times]
+    instants = [time[~within(time, left_out)] for time, (_, left_out) in zip(kept, pieces, strict=True)]
+    return replace(empty, instants=tuple(instants), blocks=tuple(time_blocks(instants)))

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
-from excite.identification.estimator import Context, Estimator, LinearSolution, solve_triangular_system
-from excite.identification.estimators.least_squares import scaled_covariance
+from excite.identification.estimator import (
+    Context,
+    Estimator,
+    LinearSolution,
+    solve_triangular_system,
+    stated_estimate,
+)
+from excite.identification.estimators.least_squares import scaled_covariance, weighting
 from excite.identification.observations import Observations
-from excite.identification.weights import weighting
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
@@ -20,15 +22,6 @@ _NORMAL = 1.482602218505602  # standard deviation over median magnitude of a nor
 _ITERATIONS = 300
 _TOLERANCE = 1e-9  # last step over standard deviation
 _FLOOR = 1e-11
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    solution: LinearSolution  # of the whitened rows; its values are the initial guess
-    values: Array
-    scale: Array
-    ratio: Array  # residuals divided by their scale
-    step: float
 
 
 def huber(observations: Observations, threshold: float = THRESHOLD) -> Estimate:
@@ -42,11 +35,11 @@ def huber(observations: Observations, threshold: float = THRESHOLD) -> Estimate:
     """
     if not threshold > 0:
         raise InputError(f"huber: the threshold must be greater than zero, given {threshold}")
-    fit = _fit(observations, threshold)
-    solution, count = fit.solution, observations.y.size
+    solution, values, scale, ratio, step = _fit(observations, threshold)
+    count = observations.y.size
     freedom = count - solution.rank
-    inside = float(np.mean(np.abs(fit.ratio) <= threshold))
-    psi = np.clip(fit.ratio, -threshold, threshold)
+    inside = float(np.mean(np.abs(ratio) <= threshold))
+    psi = np.clip(ratio, -threshold, threshold)
     variance = np.nan
     if freedom > 0 and inside > 0:
         correction = 1 + solution.rank / count * (1 - inside) / inside
@@ -57,18 +50,18 @@ def huber(observations: Observations, threshold: float = THRESHOLD) -> Estimate:
         if observations.noise is None
         else "the threshold uses the given noise",
     )
-    if fit.step > _TOLERANCE:
+    if step > _TOLERANCE:
         notes += (
-            f"not converged: the last of {_ITERATIONS} iterations changed the estimate by {fit.step:.1e} "
+            f"not converged: the last of {_ITERATIONS} iterations changed the estimate by {step:.1e} "
             "standard deviations",
         )
-    shown = estimability(solution, observations.names, variance, freedom)
     covariance = scaled_covariance(solution.half, variance)
-    noise = fit.scale if observations.noise is None else observations.noise.ravel()
-    return shown_estimate("huber", observations, shown, fit.values, covariance, noise, freedom, notes)
+    noise = scale if observations.noise is None else observations.noise.ravel()
+    return stated_estimate("huber", observations, solution, variance, freedom, values, covariance, noise, notes)
 
 
-def _fit(observations: Observations, threshold: float) -> _Fit:
+def _fit(observations: Observations, threshold: float) -> tuple[LinearSolution, Array, Array, Array, float]:
+    """Solution of the whitened rows, the values, scale of each group, residuals divided by it, and the last step."""
     problem = weighting(observations)
     factors, scale, solution = problem.factors, problem.scale, problem.solution
     values, group = solution.values.copy(), observations.group
@@ -88,7 +81,7 @@ def _fit(observations: Observations, threshold: float) -> _Fit:
         change = solution.half.T @ (modified @ observations.matrix)  # in standard deviations
         values = values + solution.half @ change
         step = float(np.linalg.norm(change))
-    return _Fit(solution, values, scale, ratio, step)
+    return solution, values, scale, ratio, step
 
 
 def _median_scale(residual: Array, members: list[Index], inflation: Array) -> Array:

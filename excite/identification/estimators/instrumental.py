@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
-from excite.identification.commanded import instruments
-from excite.identification.estimability import estimability, shown_estimate
+import numpy as np
+import scipy.optimize
+
+from excite.identification.equations import equations
 from excite.identification.estimate import Estimate
-from excite.identification.estimator import TOLERANCE, Context, Estimator, LinearSolution, solve_triangular_system
-from excite.identification.estimators.least_squares import residual_noise, scaled_covariance
+from excite.identification.estimator import (
+    TOLERANCE,
+    Context,
+    Estimator,
+    LinearSolution,
+    solve_triangular_system,
+    stated_estimate,
+)
+from excite.identification.estimators.least_squares import residual_noise, scaled_covariance, weighting
 from excite.identification.observations import GroupFactors, Observations
-from excite.identification.weights import weighting
+from excite.identification.preparation import PreparedLog
+from excite.identification.recipe import Recipe
+from excite.information.target import IdentificationTarget
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
-from regressors.samples import Array
+from regressors.samples import Array, Samples
 
 _ITERATIONS = 200
 _SETTLED = 1e-9  # relative change of the noise
@@ -45,16 +56,10 @@ def instrumental(observations: Observations, instruments: Array) -> Estimate:
             break
     freedom = factors.rows - solution.rank
     variance = 1.0 if freedom > 0 or observations.noise is not None else np.nan
-    return shown_estimate(
-        "instrumental",
-        observations,
-        estimability(solution, observations.names, variance, freedom),
-        solution.values,
-        scaled_covariance(solution.half, variance),
-        residual_noise(observations, factors, solution.values, factors.count - spare),
-        freedom,
-        ("instruments taken as free of the noise of the rows", start.notes[0]),
-    )
+    values, covariance = solution.values, scaled_covariance(solution.half, variance)
+    noise = residual_noise(observations, factors, values, factors.count - spare)
+    notes = ("instruments taken as free of the noise of the rows", start.notes[0])
+    return stated_estimate("instrumental", observations, solution, variance, freedom, values, covariance, noise, notes)
 
 
 def _projected(R: Array) -> LinearSolution:
@@ -85,3 +90,45 @@ class Instrumental(Estimator):
         assert commanded is not None
         Z = instruments(commanded, context.target, context.prepared, context.recipe)
         return instrumental(observations, Z)
+
+
+_FEW = 300  # instants that suffice to find the shift
+FAR = 0.2  # of the motion's size: a log that deviates more did not follow the commanded motion
+
+
+def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
+    """Commanded motion at the instants of a prepared log, shifted in time so that it fits best."""
+    time, q = part.samples.time, part.samples.q
+    period = trajectory.family.duration
+
+    def at(delay: float) -> Samples:
+        wrapped = trajectory.samples(np.mod(time - delay, period))
+        return replace(wrapped, time=time)
+
+    few = slice(None, None, max(1, time.size // _FEW))
+
+    def misfit(delay: float) -> float:
+        return float(np.sum((trajectory.samples(np.mod(time[few] - delay, period)).q - q[few]) ** 2))
+
+    start = float(time[0])
+    coarse = start + np.linspace(-period / 2, period / 2, 201)
+    nearest = coarse[int(np.argmin([misfit(delay) for delay in coarse]))]
+    step = period / 200
+    minimum = scipy.optimize.minimize_scalar(misfit, bounds=(nearest - step, nearest + step), method="bounded")
+    motion = at(float(minimum.x))
+    size = float(np.linalg.norm(q - q.mean(axis=0)))
+    astray = float(np.linalg.norm(motion.q - q)) / size if size > 0 else np.inf
+    if astray > FAR:
+        raise InputError(
+            f"{part.log.source} does not follow the design's motion: "
+            f"it deviates by {100 * astray:.0f} % of the size of the motion"
+        )
+    return motion
+
+
+def instruments(
+    trajectory: Trajectory, target: IdentificationTarget, parts: tuple[PreparedLog, ...], recipe: Recipe
+) -> Array:
+    """Regressor of the commanded motion, with the same rows as the measured one, shape (m, p)."""
+    played = [replace(part, samples=commanded(trajectory, part)) for part in parts]
+    return equations(target, played, recipe).matrix

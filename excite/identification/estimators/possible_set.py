@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from excite.errors import ConicSolverError
 from excite.identification.estimate import Estimate
+from excite.identification.estimators.least_squares import GroupWeights, weighted_estimate
 from excite.identification.estimators.standard import StandardProblem
-from excite.identification.estimators.weighted import weighted_estimate
 from excite.identification.observations import Observations
-from excite.identification.weights import GroupWeights
 from regressors.robot.inertia import pseudo_inertia
 from regressors.samples import Array
 

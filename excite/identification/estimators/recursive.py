@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
-from excite.identification.estimator import Context, Estimator, solve_triangular_system
+from excite.identification.estimator import Context, Estimator, solve_triangular_system, stated_estimate
 from excite.identification.estimators.least_squares import plain_covariance, residual_noise, scaled_covariance
 from excite.identification.observations import GroupFactors, Observations
 from regressors.errors import InputError
@@ -109,10 +108,11 @@ def _estimate(
     else:
         covariance = plain_covariance(observations, factors, solution, variance)
         note = "the intervals use the given noise"
-    shown = estimability(solution, observations.names, variance, freedom)
     noise = residual_noise(observations, factors, state.values, factors.leverages(solution.half))
     notes = (f"started from zero with P = {prior:g} E", f"forgetting factor {forgetting:g}", note)
-    estimate = shown_estimate("recursive", observations, shown, state.values, covariance, noise, freedom, notes)
+    estimate = stated_estimate(
+        "recursive", observations, solution, variance, freedom, state.values, covariance, noise, notes
+    )
     return replace(estimate, history=history)
 
 

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 
-from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
-from excite.identification.estimators.least_squares import residual_noise
+from excite.identification.estimators.least_squares import GroupWeights, scaled_covariance, weighting
 from excite.identification.observations import Observations
-from excite.identification.weights import GroupWeights, weighting
 from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.samples import Array
@@ -26,8 +24,8 @@ _GRID = 200
 def ridge(observations: Observations, weight: float | None = None, reference: Array | None = None) -> Estimate:
     """Minimiser of ``||Sigma^-1/2 (y - W beta)||^2 + weight ||S (beta - beta_0)||^2``.
 
-    Rows are divided by their noise, as by `excite.identification.estimators.weighted.weighted`; S has the lengths of
-    the resulting columns, so that the weight has no unit and units of parameters do not matter. With
+    Rows are divided by their noise, as by `excite.identification.estimators.least_squares.weighted`; S has the lengths
+    of the resulting columns, so that the weight has no unit and units of parameters do not matter. With
     ``Sigma^-1/2 W S^-1 = U diag(s) V'`` the shrinkage factors are ``f = s^2 / (s^2 + weight)``, and the covariance, of
     the noise alone, is ``S^-1 V diag(f^2 / s^2) V' S^-1``: the bias ``S^-1 V diag(1 - f) V' S (beta_0 - beta)`` is not
     in it. If no weight is given, it minimises ``||e||^2 / (m - sum f)^2`` with the residuals e of the m rows [Golub,
@@ -45,18 +43,13 @@ def ridge(observations: Observations, weight: float | None = None, reference: Ar
     weight = spectrum.best_weight() if weight is None else weight
     factors = spectrum.factors(weight)
     values = reference + spectrum.back @ (factors * spectrum.coordinates)
-    covariance = problem.variance * (spectrum.back * factors**2) @ spectrum.back.T
-    if np.isnan(problem.variance):
-        covariance = np.diag(np.full(p, np.inf))
-    leverages = problem.factors.leverages(problem.solution.half) / problem.scale**2
-    noise = residual_noise(observations, problem.factors, values, leverages)
+    covariance = scaled_covariance(spectrum.back * factors, problem.variance)
     notes = (
         f"weight {weight:.3g}, {how}: {factors.sum():.4g} effective parameters of {p}",
         "intervals are those of the noise alone: they ignore the bias that the pull causes",
         *problem.notes,
     )
-    shown = estimability(problem.solution, observations.names, problem.variance, problem.freedom)
-    return shown_estimate("ridge", observations, shown, values, covariance, noise, problem.freedom, notes)
+    return problem.stated("ridge", observations, problem.variance, values, covariance, notes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.identification.estimators.least_squares import GroupWeights
 from excite.identification.observations import Observations
-from excite.identification.weights import GroupWeights
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
 from regressors.models.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
-from excite.identification.estimators.least_squares import residual_noise
+from excite.identification.estimators.least_squares import GroupWeights, weighting
 from excite.identification.observations import Observations
-from excite.identification.weights import GroupWeights, weighting
 from regressors.errors import InputError
 from regressors.models.independence import independent_columns
 from regressors.samples import Array
@@ -33,11 +31,7 @@ def total(observations: Observations, ratio: float = 1.0, column_noise: Array | 
     values, covariance = np.zeros(p), np.zeros((p, p))
     values[index] = x
     covariance[np.ix_(index, index)] = C
-    shown = estimability(problem.solution, observations.names, variance, problem.freedom)
-    leverages = problem.factors.leverages(problem.solution.half) / problem.scale**2
-    noise = residual_noise(observations, problem.factors, values, leverages)
-    notes = (note, *problem.notes)
-    return shown_estimate("total", observations, shown, values, covariance, noise, problem.freedom, notes)
+    return problem.stated("total", observations, variance, values, covariance, (note, *problem.notes))
 
 
 def _column_noise(

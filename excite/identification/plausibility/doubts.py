@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.identification.observations import GroupFactors
-from excite.identification.plausibility.doubt import Doubt, left_out_rows
 from excite.identification.plausibility.expected_error import expected_error, few_data
 from excite.identification.plausibility.impossible_parameters import (
     allowed_poses,
@@ -19,24 +18,26 @@ from excite.identification.plausibility.impossible_parameters import (
 )
 from excite.identification.plausibility.large_residual import (
     LARGEST,
+    Doubt,
     NoisyDerivatives,
     ResidualCauses,
     large_residual,
+    left_out_rows,
     missing_terms,
     noisy_derivatives,
     wrong_factors,
 )
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
-from excite.signals.measurement_noise import measurement_noise, motion_ends
-from regressors.friction.curves import drives_with_friction
+from excite.identification.preparation import PreparedLog
+from excite.information.target import IdentificationTarget
+from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.models.nominal import standard_values
+from regressors.robot.friction.curves import drives_with_friction
 from regressors.robot.plausibility import implausible_inertias
 from regressors.samples import Array, Samples
 
 if TYPE_CHECKING:
     from excite.identification.identification import Identification
-    from excite.identification.preparation import PreparedLog
-    from excite.information.target import IdentificationTarget
 
 
 def doubts_of(result: Identification) -> tuple[Doubt, ...]:
@@ -93,7 +94,7 @@ def _residual_size(result: Identification) -> float:
 
 
 def _derivatives(result: Identification) -> NoisyDerivatives:
-    above = max(motion_ends(part.log.q, _rate(part.log.time)) for part in result.prepared)
+    above = max(motion_ends(part.log.q, mean_rate(part.log.time)) for part in result.prepared)
     return noisy_derivatives(result.observations, result.estimate.predicted(result.observations), above)
 
 
@@ -123,15 +124,11 @@ def _residual(result: Identification, target: IdentificationTarget, noise: Noisy
     return large_residual(relative, _noise(parts, noise.above), _causes(result, target, parts, noise))
 
 
-def _rate(time: Array) -> float:
-    return (time.size - 1) / float(time[-1] - time[0])
-
-
 def _noise(parts: list[LogPrediction], above: float) -> float:
     """Norm of the noise of the measurements over that of the measurements."""
     square = sum(
         p.time.size
-        * float(np.sum(measurement_noise(p.measured, p.measured - p.predicted, _rate(p.time), above).square))
+        * float(np.sum(measurement_noise(p.measured, p.measured - p.predicted, mean_rate(p.time), above).square))
         for p in parts
         if p.time.size > 1
     )

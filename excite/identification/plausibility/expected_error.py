@@ -9,7 +9,7 @@ import numpy as np
 from excite.identification.equations import measured_regressor
 from excite.identification.estimate import Estimate
 from excite.identification.observations import GroupFactors, Observations
-from excite.identification.plausibility.doubt import Doubt
+from excite.identification.plausibility.large_residual import Doubt
 from excite.identification.residuals import residual_diagnostics
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array, Samples

@@ -10,14 +10,12 @@ import numpy as np
 import scipy.stats
 
 from excite.identification.estimate import CONFIDENCE, Estimate
-from excite.identification.mass_matrix import mass_matrix_regressor
-from excite.identification.plausibility.doubt import Doubt
-from excite.identification.plausibility.large_residual import NoisyDerivatives
+from excite.identification.plausibility.large_residual import Doubt, NoisyDerivatives
 from excite.information.target import IdentificationTarget
 from regressors.models.base import Base
 from regressors.models.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
 from regressors.robot.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Samples
 
 _NAMED = 4
 _NEGLIGIBLE = 0.01  # of the torques
@@ -224,3 +222,23 @@ def _more_data(method: str) -> str:
     if method == "physical":
         return more
     return f"admit only parameters of real bodies with `estimator='physical'`, or {more}"
+
+
+def mass_matrix_regressor(target: IdentificationTarget, q: Array) -> Array | None:
+    """Regressor of ``M(q)``, linear in the base parameters: ``M_ij = sum_b K_ijb beta_b``.
+
+    Column j of M is what a unit acceleration of moving coordinate j adds to the torques at rest,
+    ``M e_j = N' (Y(q, 0, N e_j) - Y(q, 0, 0)) beta``, with ``q = N s + q0``.
+    """  # q (N, n)
+    equations = target.model.torque_equations()
+    if equations is None or equations.unused:
+        return None
+    N = equations.motion.matrix
+    k, count = N.shape[1], len(q)
+    q = (q - equations.motion.offset) @ (N @ np.linalg.pinv(N)).T + equations.motion.offset
+    accelerations = np.vstack([np.zeros(N.shape[0]), N.T])  # (k + 1, n)
+    ddq = np.tile(accelerations, (count, 1))
+    still = np.zeros_like(ddq)
+    states = Samples(np.arange(len(ddq), dtype=float), np.repeat(q, k + 1, axis=0), still, ddq, still)
+    rows = target.model.instants(states)[:, target.base.index].reshape(count, k + 1, k, -1)
+    return np.asarray((rows[:, 1:] - rows[:, :1]).swapaxes(1, 2))

@@ -1,8 +1,7 @@
-"""Doubt where the model does not explain what was measured, with its measured causes."""
+"""Reasons to doubt a result, and the doubt where the model does not explain what was measured, with its causes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +9,37 @@ import scipy.linalg
 import scipy.signal
 
 from excite.identification.observations import Observations, rows_of_groups
-from excite.identification.plausibility.doubt import Doubt
 from regressors.samples import Array
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason to doubt a result."""
+
+    what: str  # what cannot be right, with its numbers
+    cause: str  # why, as far as the data show it
+    cure: str  # what to do, with options in backticks
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        return f"{self.what}: {self.cause}; {self.cure}"
+
+
+_MOST_LEFT_OUT = 0.05  # of the exciting rows
+
+
+def left_out_rows(source: str, share: float) -> Doubt | None:
+    """Doubt where more than 5 % of the exciting rows are left out."""
+    if not share > _MOST_LEFT_OUT:
+        return None
+    return Doubt(
+        f"{100 * share:.2g} % of the exciting rows of {source} are left out, more than {100 * _MOST_LEFT_OUT:g} %",
+        "the motion that remains is no longer the one that was played",
+        "see the notes on this log for which rows and why; record it again without these events, or give the stretch "
+        "that is sound (`rows`)",
+    )
+
 
 LARGEST = 0.30  # residual over measurement
 _ODD = 1.3  # factor from which on a measurement counts as scaled
@@ -68,7 +96,7 @@ def _term(causes: ResidualCauses, term: str) -> tuple[str, str]:
         )
     option = {"friction": "friction=True", "rotor": "joint_rotors=True", "offset": "offset=True"}[term]
     return (
-        f"{_TERMS[term]} of {_listed(largest)} explains {share} and is not in the model",
+        f"{_TERMS[term]} of {', '.join(largest)} explains {share} and is not in the model",
         f"identify it too (`{option}`)",
     )
 
@@ -88,10 +116,6 @@ def _factor(odd: dict[str, float], explained: float) -> tuple[str, str]:
         f"the measurements fit each other only with {shown}, which explains {100 * explained:.0f} % of it (squared)",
         "check sign, unit, gain and ratio of these joints in the mapping",
     )
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names)
 
 
 MOST = 0.5  # share of the squared residual that makes a cause the cause

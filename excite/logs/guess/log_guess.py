@@ -1,33 +1,57 @@
-"""A guess of the mapping that reads a recording: what was recognised, how certainly, and what remains to be asked."""
+"""A guess of the mapping that reads a recording: what was recognised, how certainly, and what remains to be asked.
+
+The mapping is written as YAML, with what is known and what is asked as comments.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+import textwrap
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from excite.logs.guess.channel_choice import ChosenChannels, chosen_channels
-from excite.logs.guess.channel_group import ChannelGroup, channel_groups, numbered_groups
-from excite.logs.guess.clock_choice import Clock, StreamSummary, chosen_clock, clock_candidates, summaries
-from excite.logs.guess.motion_units import CERTAIN, STATED, FoundUnit, consistency, motion_units, time_unit
+from excite.logs.guess.channels import ChannelGroup, channel_groups, chosen_channels, numbered_groups
+from excite.logs.guess.units import (
+    CERTAIN,
+    STATED,
+    UNKNOWN,
+    Clock,
+    FoundUnit,
+    StreamSummary,
+    chosen_clock,
+    clock_candidates,
+    motion_units,
+    summaries,
+    time_units,
+    velocity_ratios,
+)
 from excite.logs.mapping import LogMapping
+from excite.logs.recorded_log import seconds_of
 from excite.logs.recordings.formats import Preloaded, recording_format
 from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording, RecordingFormat
-from excite.logs.sampled_channels import seconds_of
+from excite.storage.atomic import replacing
+from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
 from regressors.errors import InputError
+from regressors.quoting import printable
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
-Read = Callable[[Path, Mapping[str, Sequence[str]]], Recording]
 _SURE = (STATED, CERTAIN)
+_WHOLE = ""  # part of the mapping that a sentence on all of it is about
 _PLURAL = {
     "position": "positions", "velocity": "velocities", "effort": "efforts", "current": "currents",
     "temperature": "temperatures", "wrench": "wrenches",
 }  # fmt: skip
+_DEFAULT = {"velocity": "rad/s", "effort": "Nm", "current": "A", "temperature": "degC", "wrench": "N"}
+_CURRENTS = (
+    "Some drivers of robots publish motor currents [A] as efforts, such as those of Universal Robots: see its manual."
+)
+_APART = 0.1  # of the ratios of joints
 _MOST_COLUMNS = 500  # that are loaded where no name says what they are
 
 
@@ -88,224 +112,6 @@ def guess_mapping(path: str | Path, robot: Robot | None = None) -> LogGuess:
     return _guess(form, path, form.read, robot)[0]
 
 
-def _guess(form: RecordingFormat, path: Path, read: Read, robot: Robot | None) -> tuple[LogGuess, Preloaded]:
-    with np.errstate(over="ignore", invalid="ignore"):  # of columns that hold anything
-        return _guess_of(form, path, read, robot)
-
-
-def _guess_of(form: RecordingFormat, path: Path, read: Read, robot: Robot | None) -> tuple[LogGuess, Preloaded]:
-    contents = form.contents(path)
-    groups = channel_groups(contents)
-    by_name = any(group.quantity == "position" and group.measured for group in groups)
-    recording = read(path, _wanted(contents, groups if by_name else None))
-    clocks = _clocks(contents, recording)
-    if not by_name:
-        groups = [*groups, *numbered_groups(contents, recording, clocks, None if robot is None else robot.n)]
-    chosen = chosen_channels(groups, robot)
-    found = _Guessing(contents, recording, clocks, chosen, robot)
-    guess = found.guess(form.mapping_fields(path))
-    return guess, Preloaded(form, contents, recording)
-
-
-def _wanted(contents: Contents, groups: Sequence[ChannelGroup] | None) -> dict[str, list[str]]:
-    """Columns to load: those of the groups and the clocks; all where names say nothing."""
-    wanted: dict[str, dict[str, None]] = {}
-    for stream in contents.streams:
-        if groups is None:
-            if len(stream.columns) > _MOST_COLUMNS:
-                continue
-            wanted[stream.name] = dict.fromkeys(stream.columns)
-            continue
-        columns = [c for g in groups if g.stream == stream.name and g.quantity and g.measured for c in g.columns]
-        columns += [c for g in groups if g.stream == stream.name and not g.quantity for c in g.columns][:_MOST_COLUMNS]
-        if columns or stream.clocks:
-            wanted[stream.name] = dict.fromkeys([*clock_candidates(stream)[:_MOST_COLUMNS], *columns])
-    return {name: list(columns) for name, columns in wanted.items()}
-
-
-def _clocks(contents: Contents, recording: Recording) -> dict[str, Clock]:
-    clocks = {}
-    for stream in contents.streams:
-        if stream.name in recording.streams:
-            clock = chosen_clock(stream, recording.streams[stream.name])
-            if clock is not None:
-                clocks[stream.name] = clock
-    return clocks
-
-
-@dataclass(frozen=True, eq=False)
-class _Guessing:
-    """What a guess is made from."""
-
-    contents: Contents
-    recording: Recording
-    clocks: Mapping[str, Clock]
-    chosen: ChosenChannels
-    robot: Robot | None
-
-    def guess(self, fields: Mapping[str, object]) -> LogGuess:
-        remarks: dict[str, list[str]] = {"": [], "time": []}
-        questions: dict[str, list[str]] = {}
-        for part, question in self.chosen.questions:
-            questions.setdefault(part, []).append(question)
-        mapping, units = None, self._units()
-        positions = self.chosen.groups.get("position")
-        if positions is None:
-            questions.setdefault("", []).append(
-                f"Which columns are the positions of the joints? None was recognised among {self._names()}"
-            )
-        elif positions.stream not in self.clocks:
-            questions.setdefault("", []).append(f"When was each row taken? No column of {positions.stream} increases")
-        else:
-            self._tell(units, remarks, questions)
-            mapping = self._mapping(units, fields)
-        told = [text for several in remarks.values() for text in several]
-        asked = [text for several in questions.values() for text in several]
-        about = {
-            part: (*remarks.get(part, ()), *(f"QUESTION: {text}" for text in questions.get(part, ())))
-            for part in dict.fromkeys([*remarks, *questions])
-        }
-        streams = summaries(self.contents, self.recording, self.clocks, units.get("time", FoundUnit("", "", "")).unit)
-        return LogGuess(self.contents, streams, tuple(told), tuple(asked), mapping, about)
-
-    def _names(self) -> str:
-        names = [stream.title(name) for stream in self.contents.streams for name in stream.columns]
-        more = f" and {len(names) - 12} more" if len(names) > 12 else ""
-        return ", ".join(names[:12]) + more
-
-    def _units(self) -> dict[str, FoundUnit]:
-        """Units of time, positions and velocities."""
-        group = self.chosen.groups.get("position")
-        if group is None or (clock := self.clocks.get(group.stream)) is None:
-            return {}
-        raw, q = self._samples(group)
-        candidates = time_unit(raw, clock.unit)
-        if q.shape[0] < 4 or not candidates:
-            unit = FoundUnit(clock.unit or "s", STATED if clock.unit else "unknown", "no unit makes a likely rate")
-            return {"time": unit, "position": FoundUnit(group.unit or "rad", "unknown", "too few rows show it")}
-        speed = self.chosen.groups.get("velocity")
-        ratio, signs = float("nan"), np.zeros(0)
-        if speed is not None and speed.stream in self.clocks:
-            other, dq = self._samples(speed)
-            if other.size > 1:
-                aligned = np.column_stack([np.interp(raw, other, column) for column in dq.T])
-                agreement = consistency(raw - raw[0], q, aligned)
-                ratio, signs = agreement.ratio, agreement.ratios
-        turning = self._turning(group)
-        stated = None if speed is None else speed.unit
-        time, angle, rate = motion_units(candidates, group.unit, stated, ratio, q, turning)
-        if clock.unit and time.level != "unknown":
-            time = FoundUnit(clock.unit, STATED, "as the file says")
-        units = {"time": time, "position": angle}
-        if rate is not None:
-            units["velocity"] = rate
-        if np.any(signs < 0) or (np.isfinite(ratio) and np.nanmax(np.abs(np.abs(signs) / ratio - 1)) > _APART):
-            units["signs"] = FoundUnit("", "unknown", self._unlike(group, signs))
-        return units
-
-    def _unlike(self, group: ChannelGroup, ratios: Array) -> str:
-        each = ", ".join(f"{joint} {ratio:.3g}" for joint, ratio in zip(group.joints, ratios, strict=True))
-        return f"ratio of velocity to rate of change of position: {each}"
-
-    def _samples(self, group: ChannelGroup) -> tuple[Array, Array]:
-        """Times, in their unit, and values of the rows that have all columns of a group."""
-        columns = self.recording.streams[group.stream].columns
-        values = np.column_stack([np.asarray(columns[name], dtype=float) for name in group.columns])
-        clock = columns[self.clocks[group.stream].column]
-        zero = float(clock[0]) if clock.dtype.kind in "iu" and clock.size else 0.0
-        time = seconds_of(clock, 1.0, zero) + zero if zero else np.asarray(clock, dtype=float)
-        there = np.isfinite(values).all(axis=1) & np.isfinite(time)
-        return time[there], values[there]
-
-    def _turning(self, group: ChannelGroup) -> Array:
-        """How far the joints can move, infinite where it is not known [rad]."""
-        n = len(group.columns)
-        if self.robot is None or self.robot.n != n:
-            return np.full(n, np.inf)
-        limits = self.robot.limits
-        return np.asarray(limits.upper - limits.lower, dtype=float)
-
-    def _tell(
-        self, units: Mapping[str, FoundUnit], remarks: dict[str, list[str]], questions: dict[str, list[str]]
-    ) -> None:
-        group = self.chosen.groups["position"]
-        clock = self.clocks[group.stream]
-        if clock.why:
-            remarks["time"].append(f"{_capital(clock.why)}.")
-        time, column = units["time"], _shown(clock.column)
-        how = "." if time.level == STATED else f" ({time.level}): {time.why}."
-        remarks["time"].append(f"The time is {column} in {time.unit}{how}")
-        if time.level not in _SURE or not clock.certain:
-            questions.setdefault("time", []).append(f"Is {column} the time in {time.unit}? ({time.level}: {time.why})")
-        for quantity, each in self.chosen.groups.items():
-            found = units.get(quantity, FoundUnit(each.unit, STATED, ""))
-            remarks.setdefault(quantity, []).append(_columns_sentence(quantity, each, found))
-            if quantity == "effort" and each.why == JOINT_STATE:
-                remarks[quantity].append(_CURRENTS)
-            if each.guessed and quantity == "position":
-                questions.setdefault(quantity, []).append(f"Are the positions of all joints {each.span}?")
-            if found.level != STATED:
-                sentence = f"{_capital(_PLURAL[quantity])} are in {found.unit} ({found.level}): {found.why}."
-                remarks[quantity].append(sentence)
-                follows = quantity == "velocity" and units["position"].level not in _SURE
-                if found.level not in _SURE and not follows:
-                    questions.setdefault(quantity, []).append(
-                        f"Are the {_PLURAL[quantity]} in {found.unit}? ({found.level}: {found.why})"
-                    )
-        if "signs" in units:
-            questions.setdefault("velocity", []).append(
-                f"Do all velocities belong to the positions of their joints, with the same sign? ({units['signs'].why})"
-            )
-
-    def _mapping(self, units: Mapping[str, FoundUnit], fields: Mapping[str, object]) -> LogMapping:
-        groups = self.chosen.groups
-        home = groups["position"].stream
-        content: dict[str, Any] = dict(fields)
-        if self.chosen.names is not None:
-            content["joints"] = list(self.chosen.names)
-        content["time"] = {"column": self._column(self.clocks[home].column, fields), "unit": units["time"].unit}
-        for quantity, group in groups.items():
-            unit = units[quantity].unit if quantity in units else group.unit or _DEFAULT[quantity]
-            section: dict[str, Any] = {
-                "columns": [self._column(name, fields) for name in group.columns],
-                "unit": [unit],
-            }
-            if group.stream != home and (clock := self.clocks.get(group.stream)) is not None:
-                section["time"] = {"column": clock.column, "unit": clock.unit or units["time"].unit}
-            if quantity == "current":
-                section["gain"] = [1.0] * len(group.columns)
-            content[quantity] = section
-        return LogMapping.model_validate(content)
-
-    def _column(self, name: str, fields: Mapping[str, object]) -> str | int:
-        """Column in the mapping: its number where a text has no header."""
-        return int(name) if fields.get("header") is False else name
-
-
-_DEFAULT = {"velocity": "rad/s", "effort": "Nm", "current": "A", "temperature": "degC", "wrench": "N"}
-_CURRENTS = (
-    "Some drivers of robots publish motor currents [A] as efforts, such as those of Universal Robots: see its manual."
-)
-_APART = 0.1  # of the ratios of joints
-
-
-def _columns_sentence(quantity: str, group: ChannelGroup, found: FoundUnit) -> str:
-    how = f"as {group.why} defines" if group.why else group.how
-    of = "component" if quantity == "wrench" else "joint"
-    count = f"{len(group.columns)} {of}{'s' * (len(group.columns) != 1)}"
-    verb = "may be" if group.guessed else "are"
-    unit = f" [{found.unit}]" if found.unit and found.level == STATED else ""
-    return f"{_capital(_PLURAL[quantity])}{unit} {verb} {group.span}, of {count}, {how}."
-
-
-def _shown(column: str) -> str:
-    return f"column {column}" if column.isdigit() else column
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | None = None) -> tuple[LogGuess, Preloaded]:
     """The guess of a recording that leaves no question, and what was read for it."""
     try:
@@ -324,3 +130,247 @@ def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | Non
         f"{path}, {guess.contents.format}, leaves a question: {guess.questions[0]}{more}; `guess_mapping` shows what "
         "is in it and writes a mapping to be corrected, which is given as `mapping`"
     )
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of columns that hold anything
+def _guess(
+    form: RecordingFormat,
+    path: Path,
+    read: Callable[[Path, Mapping[str, Sequence[str]]], Recording],
+    robot: Robot | None,
+) -> tuple[LogGuess, Preloaded]:
+    contents = form.contents(path)
+    groups = channel_groups(contents)
+    by_name = any(group.quantity == "position" and group.measured for group in groups)
+    recording = read(path, _wanted(contents, groups if by_name else None))
+    guessing = _Guessing(contents, recording)
+    if not by_name:
+        groups += numbered_groups(contents, recording, guessing.clocks, None if robot is None else robot.n)
+    return guessing.guess(groups, robot, form.mapping_fields(path)), Preloaded(form, contents, recording)
+
+
+def _wanted(contents: Contents, groups: Sequence[ChannelGroup] | None) -> dict[str, list[str]]:
+    """Columns to load: those of the groups and the clocks; all where names say nothing."""
+    wanted: dict[str, list[str]] = {}
+    for stream in contents.streams:
+        if groups is None:
+            if len(stream.columns) <= _MOST_COLUMNS:
+                wanted[stream.name] = list(stream.columns)
+            continue
+        own = [group for group in groups if group.stream == stream.name]
+        columns = [column for group in own if group.quantity and group.measured for column in group.names]
+        columns += [column for group in own if not group.quantity for column in group.names][:_MOST_COLUMNS]
+        if columns or stream.clocks:
+            wanted[stream.name] = list(dict.fromkeys([*clock_candidates(stream)[:_MOST_COLUMNS], *columns]))
+    return wanted
+
+
+class _Guessing:
+    """The guess of one recording, with what was recognised and what is to be asked by the parts of the mapping."""
+
+    def __init__(self, contents: Contents, recording: Recording) -> None:
+        self.contents, self.recording = contents, recording
+        self.told: dict[str, list[str]] = {_WHOLE: [], "time": []}
+        self.asked: dict[str, list[str]] = {}
+        self.clocks: dict[str, Clock] = {}
+        for stream in contents.streams:
+            loaded = recording.streams.get(stream.name)
+            if loaded is not None and (clock := chosen_clock(stream, loaded.columns)) is not None:
+                self.clocks[stream.name] = clock
+
+    def tell(self, part: str, sentence: str) -> None:
+        self.told.setdefault(part, []).append(sentence[:1].upper() + sentence[1:])
+
+    def ask(self, part: str, question: str) -> None:
+        self.asked.setdefault(part, []).append(question)
+
+    def guess(self, groups: Sequence[ChannelGroup], robot: Robot | None, fields: Mapping[str, object]) -> LogGuess:
+        chosen, joints = chosen_channels(groups, robot, self.ask)
+        mapping, time = None, ""
+        if (position := chosen.get("position")) is None:
+            names = [stream.title(name) for stream in self.contents.streams for name in stream.columns]
+            more = f" and {len(names) - 12} more" if len(names) > 12 else ""
+            listed = ", ".join(names[:12]) + more
+            self.ask(_WHOLE, f"Which columns are the positions of the joints? None was recognised among {listed}")
+        elif position.stream not in self.clocks:
+            self.ask(_WHOLE, f"When was each row taken? No column of {position.stream} increases")
+        else:
+            units, unlike = self._units(chosen, robot)
+            time = units["time"].unit
+            self._describe(chosen, units)
+            if unlike:
+                sign = "Do all velocities belong to the positions of their joints, with the same sign?"
+                self.ask("velocity", f"{sign} ({unlike})")
+            mapping = self._mapping(chosen, joints, units, fields)
+        remarks = {
+            part: (*self.told.get(part, ()), *(f"QUESTION: {text}" for text in self.asked.get(part, ())))
+            for part in dict.fromkeys([*self.told, *self.asked])
+        }
+        told, asked = (tuple(text for part in some.values() for text in part) for some in (self.told, self.asked))
+        streams = summaries(self.contents, self.recording, self.clocks, time)
+        return LogGuess(self.contents, streams, told, asked, mapping, remarks)
+
+    def _units(self, chosen: Mapping[str, ChannelGroup], robot: Robot | None) -> tuple[dict[str, FoundUnit], str]:
+        """Units of time, positions and velocities; and how velocities of single joints disagree with positions."""
+        position, speed = chosen["position"], chosen.get("velocity")
+        stated = self.clocks[position.stream].unit
+        raw, q = self._samples(position)
+        candidates = time_units(raw, stated)
+        if q.shape[0] < 4 or not candidates:
+            time = FoundUnit(stated or "s", STATED if stated else UNKNOWN, "no unit makes a likely rate")
+            return {"time": time, "position": FoundUnit(position.unit or "rad", UNKNOWN, "too few rows show it")}, ""
+        ratios = np.zeros(0)
+        if speed is not None and speed.stream in self.clocks:
+            other, dq = self._samples(speed)
+            if other.size > 1:
+                aligned = np.column_stack([np.interp(raw, other, column) for column in dq.T])
+                ratios = velocity_ratios(raw - raw[0], q, aligned)
+        there = ratios[np.isfinite(ratios)]
+        ratio = float(np.median(np.abs(there))) if there.size else float("nan")
+        turning = np.full(q.shape[1], np.inf)  # how far the joints can move [rad]
+        if robot is not None and robot.n == turning.size:
+            turning = robot.limits.upper - robot.limits.lower
+        of_velocity = None if speed is None else speed.unit
+        time, angle, rate = motion_units(candidates, position.unit, of_velocity, ratio, q, turning)
+        if stated and time.level != UNKNOWN:
+            time = FoundUnit(stated, STATED, "as the file says")
+        units = {"time": time, "position": angle} | ({} if rate is None else {"velocity": rate})
+        if np.any(ratios < 0) or (there.size and np.nanmax(np.abs(np.abs(ratios) / ratio - 1)) > _APART):
+            each = ", ".join(f"{joint} {one:.3g}" for joint, one in zip(position.joints, ratios, strict=True))
+            return units, f"ratio of velocity to rate of change of position: {each}"
+        return units, ""
+
+    def _samples(self, group: ChannelGroup) -> tuple[Array, Array]:
+        """Times, in their unit, and values of the rows that have all columns of a group."""
+        columns = self.recording.streams[group.stream].columns
+        values = np.column_stack([np.asarray(columns[name], dtype=float) for name in group.names])
+        clock = columns[self.clocks[group.stream].column]
+        zero = float(clock[0]) if clock.dtype.kind in "iu" and clock.size else 0.0
+        time = seconds_of(clock, 1.0, zero) + zero if zero else np.asarray(clock, dtype=float)
+        there = np.isfinite(values).all(axis=1) & np.isfinite(time)
+        return time[there], values[there]
+
+    def _describe(self, chosen: Mapping[str, ChannelGroup], units: Mapping[str, FoundUnit]) -> None:
+        """Tell what was recognised, each with how it is known, and ask where that is not certain."""
+        clock, time = self.clocks[chosen["position"].stream], units["time"]
+        column = f"{'column ' * clock.column.isdigit()}{clock.column}"
+        if clock.why:
+            self.tell("time", f"{clock.why}.")
+        how = "" if time.level == STATED else f" ({time.level}): {time.why}"
+        self.tell("time", f"the time is {column} in {time.unit}{how}.")
+        if time.level not in _SURE or not clock.certain:
+            self.ask("time", f"Is {column} the time in {time.unit}? ({time.level}: {time.why})")
+        for quantity, group in chosen.items():
+            found, plural = units.get(quantity, FoundUnit(group.unit, STATED, "")), _PLURAL[quantity]
+            of = f"{'component' if quantity == 'wrench' else 'joint'}{'s' * (len(group.columns) != 1)}"
+            unit = f" [{found.unit}]" if found.unit and found.level == STATED else ""
+            what = f"{plural}{unit} {'may be' if group.guessed else 'are'} {group.span}, of {len(group.columns)} {of}"
+            self.tell(quantity, f"{what}, {f'as {group.why} defines' if group.why else group.how}.")
+            if quantity == "effort" and group.why == JOINT_STATE:
+                self.tell(quantity, _CURRENTS)
+            if group.guessed and quantity == "position":
+                self.ask(quantity, f"Are the positions of all joints {group.span}?")
+            if found.level != STATED:
+                self.tell(quantity, f"{plural} are in {found.unit} ({found.level}): {found.why}.")
+                follows = quantity == "velocity" and units["position"].level not in _SURE
+                if found.level not in _SURE and not follows:
+                    self.ask(quantity, f"Are the {plural} in {found.unit}? ({found.level}: {found.why})")
+
+    def _mapping(
+        self,
+        chosen: Mapping[str, ChannelGroup],
+        joints: Sequence[str] | None,
+        units: Mapping[str, FoundUnit],
+        fields: Mapping[str, object],
+    ) -> LogMapping:
+        def column(name: str) -> str | int:  # its number where a text has no header
+            return int(name) if fields.get("header") is False else name
+
+        home = chosen["position"].stream
+        content: dict[str, Any] = dict(fields) | ({} if joints is None else {"joints": list(joints)})
+        content["time"] = {"column": column(self.clocks[home].column), "unit": units["time"].unit}
+        for quantity, group in chosen.items():
+            unit = units[quantity].unit if quantity in units else group.unit or _DEFAULT[quantity]
+            content[quantity] = section = {"columns": list(map(column, group.names)), "unit": [unit]}
+            if group.stream != home and (clock := self.clocks.get(group.stream)) is not None:
+                section["time"] = {"column": clock.column, "unit": clock.unit or units["time"].unit}
+            if quantity == "current":
+                section["gain"] = [1.0] * len(group.columns)
+        return LogMapping.model_validate(content)
+
+
+_WIDTH = 110
+_DEFAULTS: dict[str, object] = {"separator": ",", "header": True, "skip": 0}
+_SECTIONS = ("position", "velocity", "effort", "current", "temperature", "wrench")
+_WORDS = frozenset({"true", "false", "null", "yes", "no", "on", "off", "y", "n", "True", "False", "Null", "nan", "inf"})
+
+
+def mapping_text(guess: LogGuess) -> str:
+    """Text of the mapping file of a guess."""
+    if guess.mapping is None:
+        raise InputError(f"{guess.contents.source}: no mapping can be written; {guess.questions[0]}")
+    content = guess.mapping.model_dump(exclude_unset=True)
+    lines = _comments(
+        [
+            f"Mapping of {guess.contents.source} ({guess.contents.format}), to be corrected.",
+            "Give it as the mapping of the log once the lines with QUESTION are answered.",
+            *guess.remarks.get("", ()),
+        ]
+    )
+    fields = [name for name, default in _DEFAULTS.items() if content.get(name, default) != default]
+    fields += ["joints"] if content.get("joints") else []
+    lines += [f"{name}: {_value(content[name])}" for name in fields]
+    for name in ("time", *_SECTIONS):
+        if name in content:
+            lines += ["", *_comments(guess.remarks.get(name, ()))]
+            if name == "time":
+                lines.append(f"time: {_value(content['time'])}")
+            else:
+                lines += [f"{name}:", *(f"  {key}: {_value(_single(key, v))}" for key, v in content[name].items())]
+    for name in _SECTIONS:
+        if name not in content and guess.remarks.get(name):
+            lines += ["", *_comments(guess.remarks[name])]
+    return "\n".join(lines) + "\n"
+
+
+def _comments(texts: Iterable[str]) -> list[str]:
+    wrapper = textwrap.TextWrapper(
+        _WIDTH, initial_indent="# ", subsequent_indent="#   ", break_long_words=False, break_on_hyphens=False
+    )
+    return [line for text in texts for line in wrapper.wrap(printable(text))]
+
+
+def _single(key: str, value: Any) -> Any:
+    """One value for all, where a field has only one."""
+    one = key in ("unit", "sign", "offset") and isinstance(value, list) and len(value) == 1
+    return value[0] if one else value
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_value(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, str) and value.replace("/", "").isalnum() and not value[:1].isdigit():
+        return value if value not in _WORDS else json.dumps(value)
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "[" + ", ".join(_value(each) for each in value) + "]"
+    return json.dumps(value, ensure_ascii=not (isinstance(value, str) and value.isprintable()))
+
+
+def check_mapping_free(path: Path, *, replace: bool) -> None:
+    """Refuse to write a mapping where a file is, unless it is to be replaced."""
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; give the name of a file for the mapping")
+    if path.exists() and not replace:
+        raise InputError(f"{path} exists; give another name, or `replace=True`")
+
+
+def write_mapping_file(guess: LogGuess, path: str | Path, *, replace: bool = False) -> None:
+    """Write the mapping of a guess, with what is known and what is asked as comments."""
+    text = mapping_text(guess)
+    path = Path(path)
+    if not path.name:
+        raise InputError("the name of the mapping to write is empty")
+    with result_file(path):
+        check_mapping_free(path, replace=replace)
+        with replace_files(path) as staged, replacing(staged / path.name) as stream:
+            stream.write(text)

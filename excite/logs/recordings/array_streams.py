@@ -1,6 +1,6 @@
-"""Streams from named arrays, in files that hold nothing but arrays (NPZ, HDF5, MATLAB), and the formats of NumPy.
+"""Streams from named arrays, in files that hold nothing but arrays, and the formats NPY, NPZ and HDF5.
 
-Arrays of Python objects are not read: they would need pickle.
+Arrays of Python objects are not read: they would need pickle. What refers to other files is not followed.
 """
 
 from __future__ import annotations
@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 import re
 import zipfile
-from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import IO, Any, ClassVar, TypeAlias
+from typing import IO, Any, TypeAlias
 
 import numpy as np
 from numpy.lib import format as npy
@@ -24,24 +23,22 @@ from excite.logs.recordings.column_name import is_clock
 from excite.logs.recordings.recording import (
     LARGEST_ARRAY,
     Contents,
-    Numbers,
     Recording,
     RecordingFormat,
     Stream,
     StreamContents,
     check_table,
     foreign_reader,
+    left_out_note,
     numbers_of,
+    optional_package,
 )
 from regressors.errors import InputError
-from regressors.input_files import LOG, opened
+from regressors.input_files import LOG, in_bytes, opened
 from regressors.quoting import cut, listed_names
 
 _SHORTEST = 2  # rows of a stream
-_MOST_MEMBERS = 1000
-_ENCRYPTED = 1  # bit of the flags of a member of a ZIP archive
-_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-_Opener: TypeAlias = Callable[[], AbstractContextManager[IO[bytes]]]
+_Group: TypeAlias = tuple[str, ...]  # groups or structs that something is in, the outermost first
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +46,10 @@ class NamedArray:
     """An array of a file, which is not loaded yet."""
 
     name: str  # flattened, such as robot.q
-    group: tuple[str, ...]  # groups or structs that it is in, the outermost first
+    group: _Group
     shape: tuple[int, ...]
     load: Callable[[], NDArray[Any]]  # in this shape
-    unit: str = ""  # that the file states; empty if none
+    unit: str  # that the file states; empty if none
 
     @property
     def sides(self) -> tuple[int, ...]:
@@ -64,6 +61,16 @@ class NamedArray:
         """Whether its name is that of a time."""
         return len(self.sides) == 1 and is_clock(re.split(r"[./]", self.name)[-1], self.unit)
 
+    def columns(self, rows: int) -> tuple[str, ...]:
+        """Names of its columns of so many rows."""
+        count = math.prod(self.sides) // rows
+        return (self.name,) if len(self.sides) == 1 else tuple(f"{self.name}[{k}]" for k in range(count))
+
+    def table(self, rows: int) -> NDArray[Any]:
+        """Its numbers, with a row for each instant; it may hold a column for each."""
+        table = np.asarray(self.load()).reshape(self.sides)
+        return (table if self.sides[0] == rows else table.T).reshape(rows, -1)
+
 
 @dataclass(eq=False)
 class ArrayFile:
@@ -74,7 +81,23 @@ class ArrayFile:
     arrays: list[NamedArray] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)  # why others are not read, by their names
 
-    def add(self, array: NamedArray, kind: np.dtype[Any]) -> None:
+    def add(
+        self,
+        name: str,
+        group: _Group,
+        shape: tuple[int, ...],
+        kind: np.dtype[Any],
+        load: Callable[..., NDArray[Any]],
+        unit: str = "",
+    ) -> None:
+        """Add an array, or the fields of one of records, which are loaded by their names."""
+        if kind.names is None:
+            self._add(NamedArray(name, group, shape, load, unit), kind)
+        for key in kind.names or ():
+            part, own = kind[key], (*group, name)
+            self._add(NamedArray(f"{name}.{key}", own, (*shape, *part.shape), partial(load, key), ""), part.base)
+
+    def _add(self, array: NamedArray, kind: np.dtype[Any]) -> None:
         """Add an array if it holds real numbers, at many instants; else note why it is left out."""
         if kind.kind not in "biuf":
             kinds = {"c": "complex numbers", "O": "objects, which only code could read", "V": "records"}
@@ -84,45 +107,40 @@ class ArrayFile:
         elif array.sides and 0 not in array.shape:
             self.arrays.append(array)
 
-    def streams(self) -> dict[str, list[_Placed]]:
-        """Arrays by stream: of equal length, and of the group that has their clock.
+    def streams(self) -> dict[str, tuple[int, list[NamedArray]]]:
+        """Rows and arrays of each stream: of equal length, and of the group that has their clock.
 
         An array belongs to the nearest group around it in which a time of its length is named, else to the file.
         """
         clocks = {(array.group, array.sides[0]) for array in self.arrays if array.is_clock}
         lengths = {array.sides[0] for array in self.arrays if len(array.sides) == 1}
-        found: dict[tuple[tuple[str, ...], int], list[_Placed]] = {}
+        found: dict[tuple[_Group, int], list[NamedArray]] = {}
         for array in self.arrays:
             anchor, rows = _place(array, clocks, lengths)
             columns = math.prod(array.sides) // rows
             if columns > LARGEST_ARRAY:
                 self.left_out[array.name] = f"has {columns} columns"
             elif rows >= _SHORTEST:
-                found.setdefault((anchor, rows), []).append(_Placed(array, rows))
-        taken: dict[tuple[str, ...], int] = {}
-        streams = {}
+                found.setdefault((anchor, rows), []).append(array)
+        streams: dict[str, tuple[int, list[NamedArray]]] = {}
+        taken: set[_Group] = set()
         for (anchor, rows), several in found.items():
-            name = several[0].joined(anchor) or "arrays"
-            taken[anchor] = taken.get(anchor, 0) + 1
-            streams[name if taken[anchor] == 1 else f"{name} of {rows} rows"] = several
+            name = ("/" if "/" in several[0].name else ".").join(anchor) or "arrays"
+            streams[f"{name} of {rows} rows" if anchor in taken else name] = rows, several
+            taken.add(anchor)
         return streams
 
     def contents(self) -> Contents:
         """Contents of the file, which must have an array of numbers at many instants."""
-        streams = self.streams()
-        if not streams:
+        contents = []
+        for name, (rows, arrays) in self.streams().items():
+            units = {column: array.unit for array in arrays if array.unit for column in array.columns(rows)}
+            columns = tuple(column for array in arrays for column in array.columns(rows))
+            contents.append(StreamContents(name, columns, rows, units=units))
+        if not contents:
             why = "; ".join(f"{cut(name)} {why}" for name, why in list(self.left_out.items())[:5])
             raise InputError(f"{self.path} has no array of numbers" + (f": {why}" if why else ""))
-        contents = tuple(
-            StreamContents(
-                name,
-                tuple(column for one in placed for column in one.columns),
-                placed[0].rows,
-                units={column: one.array.unit for one in placed if one.array.unit for column in one.columns},
-            )
-            for name, placed in streams.items()
-        )
-        return Contents(str(self.path), self.form, contents, self._notes())
+        return Contents(str(self.path), self.form, tuple(contents), left_out_note(self.left_out))
 
     def read(self, wanted: Mapping[str, Sequence[str]]) -> Recording:
         """Columns of the file; see `RecordingFormat.read`."""
@@ -131,128 +149,94 @@ class ArrayFile:
             raise InputError(f"{self.path} has no {cut(missing[0])}; it has {listed_names(streams)}")
         read = {}
         for name, columns in wanted.items():
-            needed = [one for one in streams[name] if not set(columns).isdisjoint(one.columns)]
-            check_table(self.path, streams[name][0].rows, sum(len(one.columns) for one in needed))
-            values = {column: numbers for one in needed for column, numbers in one.load(set(columns), self)}
+            rows, arrays = streams[name]
+            asked = set(columns)
+            needed = [array for array in arrays if not asked.isdisjoint(array.columns(rows))]
+            check_table(self.path, rows, sum(len(array.columns(rows)) for array in needed))
+            values = {}
+            for array in needed:
+                table = array.table(rows)
+                named = enumerate(array.columns(rows))
+                values.update({column: numbers_of(table[:, k]) for k, column in named if column in asked})
             if absent := [column for column in columns if column not in values]:
                 raise InputError(f"{self.path} has no column {cut(absent[0])}; it has {listed_names(values)}")
             read[name] = Stream(name, {column: values[column] for column in columns})
-        return Recording(str(self.path), self.form, read, self._notes())
-
-    def _notes(self) -> tuple[str, ...]:
-        if not self.left_out:
-            return ()
-        names, more = list(self.left_out.items())[:5], len(self.left_out) - 5
-        listed = "; ".join(f"{cut(name)} {why}" for name, why in names)
-        return (f"left out: {listed}" + (f"; and {more} more" if more > 0 else ""),)
+        return Recording(str(self.path), self.form, read, left_out_note(self.left_out))
 
 
-@dataclass(frozen=True, eq=False)
-class _Placed:
-    """An array whose rows are known."""
-
-    array: NamedArray
-    rows: int
-
-    @property
-    def transposed(self) -> bool:
-        """Whether it has a column for each instant."""
-        return len(self.array.sides) == 2 and self.array.sides[0] != self.rows
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of its columns."""
-        name, sides = self.array.name, self.array.sides
-        if len(sides) == 1:
-            return (name,)
-        return tuple(f"{name}[{k}]" for k in range(sides[0] if self.transposed else sides[1]))
-
-    def joined(self, group: tuple[str, ...]) -> str:
-        """Name of a group, written as in the name of the array."""
-        return ("/" if "/" in self.array.name else ".").join(group)
-
-    def load(self, wanted: set[str], file: ArrayFile) -> Iterator[tuple[str, Numbers]]:
-        """Columns that are wanted."""
-        table = np.asarray(self.array.load()).reshape(self.array.sides)
-        if self.transposed:
-            table = table.T
-        for k, column in enumerate(self.columns):
-            if column in wanted:
-                yield column, numbers_of(table if table.ndim == 1 else table[:, k])
-
-
-def _place(
-    array: NamedArray, clocks: set[tuple[tuple[str, ...], int]], lengths: set[int]
-) -> tuple[tuple[str, ...], int]:
+def _place(array: NamedArray, clocks: set[tuple[_Group, int]], lengths: set[int]) -> tuple[_Group, int]:
     """Group whose clock an array has, and its rows."""
-    sides = array.sides
     for depth in range(len(array.group), -1, -1):
-        for rows in sides:
+        for rows in array.sides:
             if (array.group[:depth], rows) in clocks:
                 return array.group[:depth], rows
-    return (), next((rows for rows in sides if rows in lengths), max(sides))
+    return (), next((rows for rows in array.sides if rows in lengths), max(array.sides))
 
 
 class ArrayFormat(RecordingFormat):
-    """A format that holds nothing but arrays."""
+    """A format that holds nothing but arrays.
 
-    @abstractmethod
-    def arrays(self, path: Path) -> AbstractContextManager[ArrayFile]:
+    Parameters
+    ----------
+    name : str
+    recognises : callable
+        Whether a file is of it, by its first bytes.
+    fill : callable
+        Adds the arrays of a file, which can be loaded within the context that it returns.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        recognises: Callable[[bytes], bool],
+        fill: Callable[[ArrayFile], AbstractContextManager[Any]],
+    ) -> None:
+        self.name, self._recognises, self._fill = name, recognises, fill
+
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """See `RecordingFormat.recognises`."""
+        return self._recognises(head)
+
+    @contextmanager
+    def arrays(self, path: Path) -> Iterator[ArrayFile]:
         """Arrays of a file, which can be loaded within the context."""
+        file = ArrayFile(path, self.name)
+        with foreign_reader(path, self.name), self._fill(file):
+            yield file
 
     def contents(self, path: Path) -> Contents:
         """See `RecordingFormat.contents`."""
-        with foreign_reader(path, self.name), self.arrays(path) as file:
+        with self.arrays(path) as file:
             return file.contents()
 
     def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
         """See `RecordingFormat.read`."""
-        with foreign_reader(path, self.name), self.arrays(path) as file:
+        with self.arrays(path) as file:
             return file.read(wanted)
 
 
-class NpyFile(ArrayFormat):
-    """One array in a file."""
-
-    name: ClassVar[str] = "NPY"
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        return head.startswith(npy.MAGIC_PREFIX)
-
-    @contextmanager
-    def arrays(self, path: Path) -> Iterator[ArrayFile]:
-        """See `ArrayFormat.arrays`."""
-        file = ArrayFile(path, self.name)
-        _add(file, path.stem, partial(opened, path, LOG))
-        yield file
+_MOST_MEMBERS = 1000
+_ENCRYPTED = 1  # bit of the flags of a member of a ZIP archive
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+_Opener: TypeAlias = Callable[[], AbstractContextManager[IO[bytes]]]
 
 
-class NpzFile(ArrayFormat):
-    """Several arrays in an archive."""
+def _fill_from_npy(file: ArrayFile) -> AbstractContextManager[Any]:
+    _add_npy(file, file.path.stem, partial(opened, file.path, LOG))
+    return nullcontext()
 
-    name: ClassVar[str] = "NPZ"
 
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        if not head.startswith(b"PK\x03\x04"):
-            return False
-        end = 30 + int.from_bytes(head[26:28], "little")  # of the first member's name
-        return head[30:end].endswith(b".npy")
-
-    @contextmanager
-    def arrays(self, path: Path) -> Iterator[ArrayFile]:
-        """See `ArrayFormat.arrays`."""
-        file = ArrayFile(path, self.name)
-        with opened(path, LOG) as content, zipfile.ZipFile(content) as archive:
-            members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
-            if len(members) > _MOST_MEMBERS:
-                raise InputError(f"{path} has {len(members)} arrays, more than the {_MOST_MEMBERS} that are read")
-            for member in members:
-                if member.flag_bits & _ENCRYPTED:
-                    raise InputError(f"{path} is encrypted: {cut(member.filename)}; save it without a password")
-                _add(file, member.filename.removesuffix(".npy"), partial(_member, path, member.filename))
-        yield file
+def _fill_from_npz(file: ArrayFile) -> AbstractContextManager[Any]:
+    path = file.path
+    with opened(path, LOG) as content, zipfile.ZipFile(content) as archive:
+        members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
+        if len(members) > _MOST_MEMBERS:
+            raise InputError(f"{path} has {len(members)} arrays, more than the {_MOST_MEMBERS} that are read")
+        for member in members:
+            if member.flag_bits & _ENCRYPTED:
+                raise InputError(f"{path} is encrypted: {cut(member.filename)}; save it without a password")
+            _add_npy(file, member.filename.removesuffix(".npy"), partial(_member, path, member.filename))
+    return nullcontext()
 
 
 @contextmanager
@@ -261,36 +245,112 @@ def _member(path: Path, name: str) -> Iterator[IO[bytes]]:
         yield member
 
 
-def _add(file: ArrayFile, name: str, stream: _Opener) -> None:
-    """Add an array, or the fields of an array of records."""
+def _add_npy(file: ArrayFile, name: str, stream: _Opener) -> None:
+    shape, kind = _header(stream)
+    whole = np.dtype("O") if kind.hasobject else kind
+    file.add(name, tuple(name.split("/")[:-1]), shape, whole, partial(_loaded_npy, file.path, stream))
+
+
+def _header(stream: _Opener) -> tuple[tuple[int, ...], np.dtype[Any]]:
     with stream() as content:
-        shape, kind = _header(content)
-    group = tuple(name.split("/")[:-1])
-    if kind.names is None or kind.hasobject:
-        file.add(
-            NamedArray(name, group, shape, partial(_loaded, file.path, stream)),
-            np.dtype("O") if kind.hasobject else kind,
-        )
-        return
-    for key in kind.names:
-        part = kind[key]
-        load = partial(_loaded, file.path, stream, key)
-        file.add(NamedArray(f"{name}.{key}", (*group, name), (*shape, *part.shape), load), part.base)
+        version = npy.read_magic(content)
+        if version not in _HEADERS:
+            raise ValueError(f"version {version} of NPY is not read")
+        shape, _, kind = _HEADERS[version](content)
+        return shape, kind
 
 
-def _header(content: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    version = npy.read_magic(content)
-    if version not in _HEADERS:
-        raise ValueError(f"version {version} of NPY is not read")
-    shape, _, kind = _HEADERS[version](content)
-    return shape, kind
-
-
-def _loaded(path: Path, stream: _Opener, key: str = "") -> NDArray[Any]:
+def _loaded_npy(path: Path, stream: _Opener, key: str = "") -> NDArray[Any]:
     """An array, or a field of its records."""
-    with stream() as content:
-        shape, kind = _header(content)
+    shape, kind = _header(stream)
     check_table(path, float(np.prod(shape, dtype=float)) * kind.itemsize / 8, 1.0)
     with stream() as content:
         array = npy.read_array(content, allow_pickle=False)
     return np.asarray(array[key] if key else array)
+
+
+def _is_npz(head: bytes) -> bool:
+    end = 30 + int.from_bytes(head[26:28], "little")  # of the first member's name
+    return head.startswith(b"PK\x03\x04") and head[30:end].endswith(b".npy")
+
+
+NPY = ArrayFormat("NPY", lambda head: head.startswith(npy.MAGIC_PREFIX), _fill_from_npy)
+NPZ = ArrayFormat("NPZ", _is_npz, _fill_from_npz)
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+MOST_OBJECTS, DEEPEST = 10_000, 32
+_LARGEST_CHUNK = 2**28  # bytes, which are held beside the numbers
+_STARTS = (0, 512, 1024, 2048)  # of the signature, behind a user block
+_UNITS = ("units", "unit", "Units", "Unit")
+
+
+@contextmanager
+def _fill_from_hdf5(file: ArrayFile) -> Iterator[None]:
+    with hdf5_opened(file.path, "hdf5") as base:
+        _walk(file, base, ())
+        yield
+
+
+def hdf5_opened(path: Path, extra: str) -> Any:
+    """An HDF5 file, opened by h5py."""
+    h5py = optional_package("h5py", extra, path)
+    try:
+        with opened(path, LOG) as stream:  # not a device or a pipe
+            stream.read(1)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
+    return h5py.File(path, "r", locking=False)
+
+
+def _walk(file: ArrayFile, group: Any, above: _Group, met: set[Any] | None = None) -> None:
+    """Add all datasets of a group and of those in it."""
+    import h5py
+
+    met = {h5py.h5o.get_info(group.id).addr} if met is None else met
+    for key in group:
+        name = "/".join((*above, key))
+        if not isinstance(group.get(key, getlink=True), h5py.HardLink):
+            file.left_out[name] = "is a link"
+            continue
+        one = group[key]
+        address = h5py.h5o.get_info(one.id).addr
+        if address in met:  # a group may contain itself
+            continue
+        met.add(address)
+        if len(met) > MOST_OBJECTS or len(above) > DEEPEST:
+            raise InputError(f"{file.path} has more than {MOST_OBJECTS} objects, or groups nested too deeply")
+        if isinstance(one, h5py.Group):
+            _walk(file, one, (*above, key), met)
+        elif isinstance(one, h5py.Dataset) and not left_unread(file, one, name):
+            file.add(name, above, one.shape or (), one.dtype, partial(_loaded_hdf5, one), _unit_of(one))
+
+
+def left_unread(file: ArrayFile, data: Any, name: str) -> bool:
+    """Whether a dataset is left out, since it is not in this file or in pieces that are too large."""
+    chunk = math.prod(data.chunks or (0,)) * data.dtype.itemsize
+    if data.external:
+        file.left_out[name] = "is stored in another file"
+    elif data.is_virtual:
+        file.left_out[name] = "is put together from others"
+    elif chunk > _LARGEST_CHUNK:
+        file.left_out[name] = f"is stored in pieces of {in_bytes(chunk)}"
+    return name in file.left_out
+
+
+def _unit_of(data: Any) -> str:
+    """Unit that an attribute of a dataset states; empty if none does."""
+    value = next((data.attrs[key] for key in _UNITS if key in data.attrs), "")
+    value = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return str(value) if isinstance(value, str) else ""
+
+
+def _loaded_hdf5(data: Any, field: str = "") -> NDArray[Any]:
+    """A dataset, or a field of it, while its file is open."""
+    return np.asarray(data[field] if field else data[()])
+
+
+HDF5 = ArrayFormat(
+    "HDF5",
+    lambda head: any(head[start : start + len(_SIGNATURE)] == _SIGNATURE for start in _STARTS),
+    _fill_from_hdf5,
+)

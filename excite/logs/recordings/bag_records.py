@@ -138,16 +138,13 @@ def _checked_mcap(path: Path, state: Hashable) -> tuple[int, bool, bytes, bytes]
 def _check_chunk(path: Path, content: bytes, at: int) -> None:
     """Refuse a chunk that unpacks to more than it declares, or to other bytes, or whose last record is cut off."""
     size, crc = struct.unpack_from("<QI", content, 16)
-    raw = _chunk_records(path, content)
+    raw, chunk, wrong = _chunk_records(path, content), f"the chunk at byte {at}", ""
     if len(raw) != size or _end_of_records(raw) != size:
-        raise InputError(
-            f"{path}: the chunk at byte {at} is damaged; recover what is left, such as with `mcap recover`"
-        )
-    if crc and zlib.crc32(raw) != crc:
-        raise InputError(
-            f"{path}: the checksum of the chunk at byte {at} does not match; recover what is left, such as with "
-            "`mcap recover`"
-        )
+        wrong = f"{chunk} is damaged"
+    elif crc and zlib.crc32(raw) != crc:
+        wrong = f"the checksum of {chunk} does not match"
+    if wrong:
+        raise InputError(f"{path}: {wrong}; recover what is left, such as with `mcap recover`")
 
 
 def _cut_chunk(path: Path, content: bytes) -> bytes:
@@ -293,18 +290,8 @@ def _full_name(name: str) -> str:
 def _unpacked(path: Path, kind: str, packed: bytes, size: int, known: tuple[str, str]) -> bytes:
     """A chunk, of which hardly more is unpacked than it declares; nothing where it is damaged."""
     check_bytes(path, size)
-    if kind not in ("", "none"):
-        decompressor = _decompressor(path, kind, known)
-        try:
-            packed = decompressor.decompress(packed, max_length=size + 1) if size else b""
-        except MemoryError:
-            raise
-        except Exception:  # each library has its own
-            return b""
-    return packed
-
-
-def _decompressor(path: Path, kind: str, known: tuple[str, str]) -> Any:
+    if kind in ("", "none"):
+        return packed
     if kind not in known:
         remedy = ", convert it, such as with `mcap convert`" if known is _MCAP_KINDS else ""
         raise InputError(
@@ -312,10 +299,18 @@ def _decompressor(path: Path, kind: str, known: tuple[str, str]) -> Any:
             f"{remedy}"
         )
     if kind == "bz2":
-        return bz2.BZ2Decompressor()
-    if kind == "lz4":
-        return optional_package("lz4.frame", "ros", path).LZ4FrameDecompressor()
-    return zstandard(path).ZstdDecompressor()
+        decompressor: Any = bz2.BZ2Decompressor()
+    elif kind == "lz4":
+        decompressor = optional_package("lz4.frame", "ros", path).LZ4FrameDecompressor()
+    else:
+        decompressor = zstandard(path).ZstdDecompressor()
+    try:
+        unpacked: bytes = decompressor.decompress(packed, max_length=size + 1) if size else b""
+    except MemoryError:
+        raise
+    except Exception:  # each library has its own
+        return b""
+    return unpacked
 
 
 def zstandard(path: Path) -> Any:

@@ -6,13 +6,12 @@ Databases are read by rosbags, behind a check of ours: views and virtual tables 
 from __future__ import annotations
 
 import sqlite3
-from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar
+from typing import Any
 from urllib.parse import quote
 
 from ruamel.yaml import YAML
@@ -42,70 +41,29 @@ from regressors.memory_cap import memory_cap
 from regressors.quoting import cut, listed_names
 
 _ROS1, _SQLITE, _ZSTD = b"#ROSBAG V", b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
-_METADATA = "metadata.yaml"
+_ROSBAG2, _METADATA = "rosbag2", "metadata.yaml"
 _REINDEX = "is not the metadata of a bag; `ros2 bag reindex` writes it again"
 _BLOCK = 2**20
 _LONGEST = 2**31 - 1  # bytes of a value in a database, SQLite's own limit
 
 
-class _Bag(RecordingFormat):
-    """A format of bags."""
+class BagFormat(RecordingFormat):
+    """A format of bags: how it is recognised, and what reads the messages of a file or folder."""
 
-    @abstractmethod
-    def bag(self, path: Path) -> BagFile:
-        """Bag of a file or folder."""
+    def __init__(self, name: str, recognises: Callable[[bytes, Path], bool], bag: Callable[[Path], BagFile]) -> None:
+        self.name, self._recognises, self._bag = name, recognises, bag
+
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """See `RecordingFormat.recognises`."""
+        return self._recognises(head, path)
 
     def contents(self, path: Path) -> Contents:
         """See `RecordingFormat.contents`."""
-        return bag_contents(self.bag(path), self.name)
+        return bag_contents(self._bag(path), self.name)
 
     def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
         """See `RecordingFormat.read`."""
-        return bag_columns(self.bag(path), self.name, wanted)
-
-
-class Rosbag1(_Bag):
-    """A bag of ROS 1."""
-
-    name: ClassVar[str] = "bag of ROS 1"
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        return head.startswith(_ROS1)
-
-    def bag(self, path: Path) -> BagFile:
-        """See `_Bag.bag`."""
-        return BagOfRos1(path)
-
-
-class McapBag(_Bag):
-    """A file in MCAP, as rosbag2 records it by default."""
-
-    name: ClassVar[str] = "MCAP"
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        return head.startswith(MCAP[:6])
-
-    def bag(self, path: Path) -> BagFile:
-        """See `_Bag.bag`."""
-        return McapFile(path)
-
-
-class Rosbag2(_Bag):
-    """A bag of ROS 2: a folder with ``metadata.yaml`` and files in MCAP or SQLite, or one such SQLite file."""
-
-    name: ClassVar[str] = "rosbag2"
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        if head:
-            return head.startswith(_SQLITE)
-        return path.is_dir() and ((path / _METADATA).is_file() or bool(_bags_in(path)))
-
-    def bag(self, path: Path) -> BagFile:
-        """See `_Bag.bag`."""
-        return BagFolder(path) if path.is_dir() else SqliteBag(path)
+        return bag_columns(self._bag(path), self.name, wanted)
 
 
 class BagFolder(BagFile):
@@ -182,7 +140,7 @@ def _bag_of(file: Path) -> BagFile:
 
 
 def _head(file: Path) -> bytes:
-    with bag_opened(file, Rosbag2.name) as stream:
+    with bag_opened(file, _ROSBAG2) as stream:
         return stream.read(16)
 
 
@@ -223,7 +181,7 @@ class SqliteBag(BagFile):
         """See `BagFile.messages`."""
         sqlite = optional_package("rosbags.rosbag2.storage_sqlite3", "ros", self.path)
         self.notes, count = [], 0
-        with bag_opened(self.path, Rosbag2.name):  # not a device or a pipe
+        with bag_opened(self.path, _ROSBAG2):  # not a device or a pipe
             self._check_tables()
             reader = sqlite.Sqlite3Reader(Path(quote(str(self.path.absolute()))))
             reader.open()
@@ -231,7 +189,12 @@ class SqliteBag(BagFile):
                 reader.dbconn.limit(sqlite.apsw.SQLITE_LIMIT_LENGTH, int(min(memory_cap(), _LONGEST)))
                 topics = topics_of(reader.connections)
                 read = [one for one in reader.connections if wanted(topics[one.id])]
-                self._note_journal()
+                journal = self.path.with_name(f"{self.path.name}-wal")
+                if journal.is_file() and journal.stat().st_size:
+                    self.notes.append(
+                        f"messages that are still in {journal.name} were not read; `sqlite3 {self.path.name} .tables` "
+                        "puts them into the bag"
+                    )
                 try:
                     for connection, time, raw in reader.messages(read):
                         if not isinstance(time, int) or not isinstance(raw, bytes):
@@ -257,10 +220,14 @@ class SqliteBag(BagFile):
             if not made[name].upper().startswith("CREATE TABLE"):
                 raise InputError(f"{self.path}: {name!r} is no plain table; this is no bag of rosbag2")
 
-    def _note_journal(self) -> None:
-        journal = self.path.with_name(f"{self.path.name}-wal")
-        if journal.is_file() and journal.stat().st_size:
-            self.notes.append(
-                f"messages that are still in {journal.name} were not read; `sqlite3 {self.path.name} .tables` puts "
-                "them into the bag"
-            )
+
+def _is_rosbag2(head: bytes, path: Path) -> bool:
+    """Whether it is a folder with ``metadata.yaml`` or files in MCAP or SQLite, or one such SQLite file."""
+    if head:
+        return head.startswith(_SQLITE)
+    return path.is_dir() and ((path / _METADATA).is_file() or bool(_bags_in(path)))
+
+
+MCAP_BAG = BagFormat("MCAP", lambda head, _: head.startswith(MCAP[:6]), McapFile)
+ROSBAG1 = BagFormat("bag of ROS 1", lambda head, _: head.startswith(_ROS1), BagOfRos1)
+ROSBAG2 = BagFormat(_ROSBAG2, _is_rosbag2, lambda path: BagFolder(path) if path.is_dir() else SqliteBag(path))

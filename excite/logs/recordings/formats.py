@@ -6,29 +6,27 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from excite.logs.recordings.array_streams import NpyFile, NpzFile
-from excite.logs.recordings.bags import McapBag, Rosbag1, Rosbag2
-from excite.logs.recordings.hdf5 import Hdf5File
-from excite.logs.recordings.matlab import MatlabFile, MatlabHdf5
+from excite.logs.recordings.array_streams import HDF5, NPY, NPZ
+from excite.logs.recordings.bags import MCAP_BAG, ROSBAG1, ROSBAG2
+from excite.logs.recordings.matlab import MATLAB, MATLAB_7_3
 from excite.logs.recordings.parquet import ParquetTable
-from excite.logs.recordings.recording import HEAD, Contents, Recording, RecordingFormat, Stream
+from excite.logs.recordings.recording import Contents, Recording, RecordingFormat, Stream, head_of
 from excite.logs.recordings.signal_folder import SignalFolder
 from excite.logs.recordings.text_table import TextTable
 from excite.storage.manifest import sha256_of
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
-from regressors.input_files import LOG, opened
 
 FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file reads it
-    McapBag(),
-    Rosbag2(),
-    Rosbag1(),
+    MCAP_BAG,
+    ROSBAG2,
+    ROSBAG1,
     ParquetTable(),
-    NpzFile(),
-    NpyFile(),
-    MatlabHdf5(),  # is HDF5 too
-    Hdf5File(),
-    MatlabFile(),
+    NPZ,
+    NPY,
+    MATLAB_7_3,  # is HDF5 too
+    HDF5,
+    MATLAB,
     SignalFolder(),
     TextTable(),
 )
@@ -89,17 +87,6 @@ def format_of(path: str | Path) -> RecordingFormat | None:
     path = Path(path)
     head = head_of(path)
     return next((form for form in FORMATS if form.recognises(head, path)), None)
-
-
-def head_of(path: Path) -> bytes:
-    """First bytes of a file; empty for a folder."""
-    if path.is_dir():
-        return b""
-    try:
-        with opened(path, LOG) as stream:
-            return stream.read(HEAD)
-    except OSError as error:
-        raise InputError(f"cannot read log {path}: {error.strerror}") from error
 
 
 class Preloaded(RecordingFormat):

@@ -20,13 +20,19 @@ from contextlib import contextmanager, suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import IO, Any, BinaryIO, ClassVar
+from typing import IO, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.logs.recordings.array_streams import ArrayFile, ArrayFormat, NamedArray
-from excite.logs.recordings.hdf5 import DEEPEST, MOST_OBJECTS, hdf5_opened, unread_dataset
+from excite.logs.recordings.array_streams import (
+    DEEPEST,
+    MOST_OBJECTS,
+    ArrayFile,
+    ArrayFormat,
+    hdf5_opened,
+    left_unread,
+)
 from excite.logs.recordings.recording import Contents, check_bytes, foreign_reader
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
@@ -45,14 +51,8 @@ _NUMBERS = {
 _OWN = ("#refs#", "#subsystem#")  # where MATLAB 7.3 keeps what is referred to
 
 
-class MatlabFile(ArrayFormat):
-    """A MAT-file of MATLAB 5 to 7.2."""
-
-    name: ClassVar[str] = "MAT-file"
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        return head.startswith(b"MATLAB 5.0 MAT-file") or head[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
+class _Matlab(ArrayFormat):
+    """A format whose files do not tell their contents without being loaded, so that they are kept."""
 
     def contents(self, path: Path) -> Contents:
         """See `RecordingFormat.contents`."""
@@ -60,30 +60,35 @@ class MatlabFile(ArrayFormat):
             status = path.stat()
             return _contents(path, status.st_size, status.st_mtime_ns)
 
-    @contextmanager
-    def arrays(self, path: Path) -> Iterator[ArrayFile]:
-        """See `ArrayFormat.arrays`."""
-        with opened(path, LOG) as stream:
-            _check_size(path, stream)
-        with TemporaryFile() as answer:
-            _let_scipy_read(path, answer)
-            answer.seek(0)
-            with np.load(answer, allow_pickle=False) as archive:
-                found = json.loads(archive["found"].tobytes())
-                if "refused" in found:
-                    raise InputError(f"{path} has {found['refused']}")
-                file = ArrayFile(path, self.name, left_out=found["left_out"])
-                for k, (name, above, shape, kind) in enumerate(found["arrays"]):
-                    load = partial(archive.__getitem__, f"{k}")
-                    file.add(NamedArray(name, tuple(above), tuple(shape), load), np.dtype(kind))
-                yield file
-
 
 @lru_cache(maxsize=4)
 def _contents(path: Path, size: int, changed: int) -> Contents:
-    """Contents of a file of this size and time; the file does not tell them without being loaded."""
-    with MatlabFile().arrays(path) as file:
+    with MATLAB.arrays(path) as file:
         return file.contents()
+
+
+@contextmanager
+def _fill(file: ArrayFile) -> Iterator[None]:
+    with opened(file.path, LOG) as stream:
+        _check_size(file.path, stream)
+    with TemporaryFile() as answer:
+        _let_scipy_read(file.path, answer)
+        answer.seek(0)
+        with np.load(answer, allow_pickle=False) as archive:
+            found = json.loads(archive["found"].tobytes())
+            if "refused" in found:
+                raise InputError(f"{file.path} has {found['refused']}")
+            file.left_out |= found["left_out"]
+            for k, (name, above, shape, kind) in enumerate(found["arrays"]):
+                file.add(name, tuple(above), tuple(shape), np.dtype(kind), partial(archive.__getitem__, f"{k}"))
+            yield
+
+
+MATLAB = _Matlab(
+    "MAT-file",
+    lambda head: head.startswith(b"MATLAB 5.0 MAT-file") or head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),
+    _fill,
+)
 
 
 def _check_size(path: Path, stream: BinaryIO) -> None:
@@ -190,29 +195,22 @@ class _Loaded:
 
 def _opaque_name(one: Any, name: str) -> str:
     """Name of an object of a class, which SciPy keeps inside it."""
-    own = one["s0"].item() if one.dtype.names and "s0" in one.dtype.names else name
-    return own.decode("utf-8", "replace") if isinstance(own, bytes) else str(own)
+    return _text(one["s0"].item()) if one.dtype.names and "s0" in one.dtype.names else name
 
 
-class MatlabHdf5(ArrayFormat):
-    """A MAT-file of MATLAB 7.3."""
+@contextmanager
+def _fill_from_hdf5(file: ArrayFile) -> Iterator[None]:
+    with hdf5_opened(file.path, "matlab") as base:
+        variables = _Hdf5Variables(file, base)
+        for name in base:
+            if name not in _OWN:
+                variables.add(base[name], name, ())
+        yield
 
-    name: ClassVar[str] = "MAT-file of MATLAB 7.3"
 
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        return head.startswith(b"MATLAB 7.3 MAT-file")
-
-    @contextmanager
-    def arrays(self, path: Path) -> Iterator[ArrayFile]:
-        """See `ArrayFormat.arrays`."""
-        file = ArrayFile(path, self.name)
-        with hdf5_opened(path, "matlab") as base:
-            variables = _Hdf5Variables(file, base)
-            for name in base:
-                if name not in _OWN:
-                    variables.add(base[name], name, ())
-            yield file
+MATLAB_7_3 = ArrayFormat(
+    "MAT-file of MATLAB 7.3", lambda head: head.startswith(b"MATLAB 7.3 MAT-file"), _fill_from_hdf5
+)
 
 
 class _Hdf5Variables:
@@ -239,7 +237,9 @@ class _Hdf5Variables:
         elif isinstance(one, h5py.Dataset) and h5py.check_ref_dtype(one.dtype) is not None:
             self._referred(one, name, above, kind)
         elif isinstance(one, h5py.Dataset) and kind in _NUMBERS and "MATLAB_object_decode" not in one.attrs:
-            self._numbers(one, name, above)
+            if not left_unread(self.file, one, name):
+                shape, numbers = (one.shape or ())[::-1], one.dtype if one.dtype.names is None else np.dtype("V1")
+                self.file.add(name, above, shape, numbers, lambda: np.asarray(one[()]).T)
         else:
             handle = kind == "function_handle"
             what = "a function handle" if handle else f"an object of class {cut(kind) or 'unknown'}"
@@ -257,17 +257,6 @@ class _Hdf5Variables:
                 self.add(self.base[reference], f"{name}[{k}]", above)
             else:  # a field of an array of structs: the index belongs to the struct
                 self.add(self.base[reference], f"{parent}[{k}].{last}", (*above[:-1], f"{above[-1]}[{k}]"))
-
-    def _numbers(self, one: Any, name: str, above: tuple[str, ...]) -> None:
-        if why := unread_dataset(one):
-            self.file.left_out[name] = why
-        else:
-            self.file.add(NamedArray(name, above, (one.shape or ())[::-1], partial(_transposed, one)), one.dtype)
-
-
-def _transposed(data: Any) -> NDArray[Any]:
-    """A dataset as MATLAB shows it, while its file is open."""
-    return np.asarray(data[()]).T
 
 
 def _text(value: object) -> str:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,7 @@ _MOST_FILES, _EPISODES_SHOWN = 10_000, 4
 class ParquetTable(RecordingFormat):
     """A table in Parquet, or all tables of a data set of LeRobot."""
 
-    name: ClassVar[str] = "Parquet"
+    name = "Parquet"
 
     def recognises(self, head: bytes, path: Path) -> bool:
         """See `RecordingFormat.recognises`."""
@@ -102,25 +103,30 @@ class _Table:
         self.left_out: dict[str, str] = {}
         self.rows = 0
         for file in self.files:
-            with foreign_reader(file, "Parquet"), self._opened(file) as table:
+            with self._opened(file) as table:
                 self.rows += int(table.metadata.num_rows)
                 if file == self.files[0]:
                     self.columns = list(self._columns(table))
 
-    def _opened(self, file: Path) -> Any:
-        with opened(file, LOG) as stream:
-            if stream.read(4) == _ENCRYPTED or (stream.seek(-4, 2) and stream.read(4) == _ENCRYPTED):
-                raise InputError(f"{file} is encrypted; save it without encryption")
-        return self.pq.ParquetFile(file, memory_map=False)
+    @contextmanager
+    def _opened(self, file: Path) -> Iterator[Any]:
+        with foreign_reader(file, "Parquet"):
+            with opened(file, LOG) as stream:
+                if stream.read(4) == _ENCRYPTED or (stream.seek(-4, 2) and stream.read(4) == _ENCRYPTED):
+                    raise InputError(f"{file} is encrypted; save it without encryption")
+            with self.pq.ParquetFile(file, memory_map=False) as table:
+                yield table
 
     def _columns(self, table: Any) -> Iterator[_Column]:
         for entry in table.schema_arrow:
             name, kind = entry.name, entry.type
             if self.types.is_timestamp(kind):
                 yield _Column(name, (name,), kind.unit, is_clock=True)
-            elif self._is_number(kind):
+            elif self._is(kind, "integer", "floating", "boolean"):
                 yield _Column(name, (name,), _unit(entry.metadata))
-            elif not (self._is_list(kind) and self._is_number(kind.value_type)):
+            elif not self._is(kind, "list", "large_list", "fixed_size_list") or not self._is(
+                kind.value_type, "integer", "floating", "boolean"
+            ):
                 self.left_out[name] = cut(str(kind))
             elif (count := _values_of(table, name)) > value_cap():  # few bytes may stand for many equal ones
                 self.left_out[name] = f"{count:.3g} values"
@@ -129,11 +135,8 @@ class _Table:
             else:
                 self.left_out[name] = f"lists of {length}"
 
-    def _is_number(self, kind: Any) -> bool:
-        return bool(self.types.is_integer(kind) or self.types.is_floating(kind) or self.types.is_boolean(kind))
-
-    def _is_list(self, kind: Any) -> bool:
-        return bool(self.types.is_list(kind) or self.types.is_large_list(kind) or self.types.is_fixed_size_list(kind))
+    def _is(self, kind: Any, *names: str) -> bool:
+        return any(getattr(self.types, f"is_{name}")(kind) for name in names)
 
     def _length(self, table: Any, name: str) -> int:
         """Elements of the first list of a column."""
@@ -143,8 +146,9 @@ class _Table:
         return 0
 
     def _names(self, name: str, length: int) -> tuple[str, ...]:
-        feature = self.info.get("features", {}).get(name) if isinstance(self.info.get("features"), dict) else None
-        names = feature.get("names") if isinstance(feature, dict) else None
+        names: Any = self.info
+        for key in ("features", name, "names"):
+            names = names.get(key) if isinstance(names, dict) else None
         while isinstance(names, dict) and len(names) == 1:  # {"motors": [...]} of earlier versions
             names = next(iter(names.values()))
         if isinstance(names, list) and len(names) == length == len({str(one) for one in names}):
@@ -167,7 +171,7 @@ class _Table:
         uneven = 0
         episodes: list[Numbers] = []
         for file in self.files:
-            with foreign_reader(file, "Parquet"), self._opened(file) as table:
+            with self._opened(file) as table:
                 if self.is_lerobot and _EPISODE in table.schema_arrow.names:
                     episodes.append(self._numbers(_values(table, _EPISODE)))
                 for column in columns:

@@ -12,13 +12,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
+from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from regressors.errors import ExciteError, InputError
+from regressors.input_files import LOG, opened
 from regressors.quoting import cut, one_line
 
 HEAD = 4096  # bytes by which a file is recognised
@@ -71,10 +72,6 @@ class Contents:
         """All columns, each once."""
         return tuple(dict.fromkeys(name for stream in self.streams for name in stream.columns))
 
-    def streams_of(self, column: str) -> tuple[StreamContents, ...]:
-        """Streams that have a column."""
-        return tuple(stream for stream in self.streams if column in stream.columns)
-
 
 @dataclass(frozen=True, eq=False)
 class Stream:
@@ -115,10 +112,11 @@ class Recording:
 class RecordingFormat(ABC):
     """A format of recordings; a new one is one subclass, and its line in `excite.logs.recordings.formats`.
 
-    A format needs no state: its object is made without arguments.
+    One of named arrays is an `excite.logs.recordings.array_streams.ArrayFormat`, one of messages of ROS an
+    `excite.logs.recordings.bags.BagFormat`.
     """
 
-    name: ClassVar[str]
+    name: str
 
     @abstractmethod
     def recognises(self, head: bytes, path: Path) -> bool:
@@ -148,6 +146,24 @@ def check_table(source: Path, rows: float, columns: float, copies: float = _COPI
     WorkPrediction(f"reading {source}", (part,)).check()
 
 
+def left_out_note(left_out: Mapping[str, str]) -> tuple[str, ...]:
+    """Note on what is not read, with the reasons; none where nothing is left out."""
+    listed = "; ".join(f"{cut(name)} {why}" for name, why in list(left_out.items())[:5])
+    more = f"; and {len(left_out) - 5} more" if len(left_out) > 5 else ""
+    return (f"left out: {listed}{more}",) * bool(left_out)
+
+
+def head_of(path: Path) -> bytes:
+    """First bytes of a file; empty for a folder."""
+    if path.is_dir():
+        return b""
+    try:
+        with opened(path, LOG) as stream:
+            return stream.read(HEAD)
+    except OSError as error:
+        raise InputError(f"cannot read log {path}: {error.strerror}") from error
+
+
 def check_bytes(source: Path, size: float) -> None:
     """Refuse to unpack more bytes than may be held in memory."""
     check_table(source, size / FLOAT, 1.0, copies=1.0)
@@ -155,11 +171,9 @@ def check_bytes(source: Path, size: float) -> None:
 
 def numbers_of(values: NDArray[Any]) -> Numbers:
     """Whole numbers as they are, since they may be clocks, and all others as floats."""
-    if values.dtype.kind == "i" or (values.dtype.kind == "u" and values.dtype.itemsize < 8):
-        return np.ascontiguousarray(values, dtype=np.int64)
-    if values.dtype.kind == "u" and not np.any(values > np.iinfo(np.int64).max):
-        return np.ascontiguousarray(values, dtype=np.int64)
-    return np.ascontiguousarray(values, dtype=float)
+    kind, largest = values.dtype.kind, np.iinfo(np.int64).max
+    whole = kind == "i" or (kind == "u" and (values.dtype.itemsize < 8 or not np.any(values > largest)))
+    return np.ascontiguousarray(values, dtype=np.int64 if whole else float)
 
 
 def optional_package(module: str, extra: str, source: Path) -> Any:

@@ -163,15 +163,19 @@ class _Walk:
         self._step()
         if node == _NAME:
             self.message(str(args), path, depth + 1)
-        elif node == _BASE:
-            self._base(path, args[0])
-        else:
+        elif node != _BASE:
             self._elements(path, args[0], args[1] if node == _ARRAY else self._length(), depth)
+        elif args[0] == "string":
+            self._text(False)
+        elif args[0] in _SIZES:
+            self._numbers(path, args[0], 1, array=False)
+        else:
+            raise UnreadableMessage(f"values of kind {args[0]} are not read")
 
     def _elements(self, path: str, element: tuple[Any, Any], count: int, depth: int) -> None:
         node, kind = element
         if node == _BASE and kind[0] in _SIZES:
-            self._numbers(path, kind[0], count)
+            self._numbers(path, kind[0], count, array=True)
             return
         names = []
         for number in range(count):
@@ -188,20 +192,11 @@ class _Walk:
         if self.steps > _MOST_STEPS:
             raise UnreadableMessage("it has too many parts")
 
-    def _base(self, path: str, kind: str) -> None:
-        if kind == "string":
-            self._text(False)
-        elif kind in _SIZES:
-            size = int(_SIZES[kind][1])
-            self.layout.places[path] = NumberPlace(self._skip(size, size), self.layout.order + _SIZES[kind])
-        else:
-            raise UnreadableMessage(f"values of kind {kind} are not read")
-
-    def _numbers(self, path: str, kind: str, count: int) -> None:
+    def _numbers(self, path: str, kind: str, count: int, *, array: bool) -> None:
         size = int(_SIZES[kind][1])
         at = self._skip(size, size * count) if count else self.at
         if 0 < count <= LARGEST_ARRAY:
-            self.layout.places[path] = NumberPlace(at, self.layout.order + _SIZES[kind], count, array=True)
+            self.layout.places[path] = NumberPlace(at, self.layout.order + _SIZES[kind], count, array)
 
     def _length(self) -> int:
         at = self._skip(4, 4)

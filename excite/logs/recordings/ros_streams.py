@@ -51,18 +51,19 @@ _LEFT_OUT_SHOWN = 8
 
 def bag_contents(bag: BagFile, form: str) -> Contents:
     """Contents of a bag; all of it is read once, but no number is decoded."""
-    scan = _scanned(bag)
+    topics, notes = _scan_of(type(bag), bag.path, bag.state)
     streams = tuple(
         _stream_contents(name, rows.topic, layouts)
-        for rows in scan.topics.values()
+        for rows in topics.values()
         for name, layouts in rows.streams().items()
     )
+    left_out = {topic.name: rows.unread for topic, rows in topics.items() if rows.unread}
+    shown = [(cut(name), why) for name, why in list(left_out.items())[:_LEFT_OUT_SHOWN]]
     if not streams:
-        why = "; ".join(f"{cut(name)}: {why}" for name, why in list(scan.left_out.items())[:_LEFT_OUT_SHOWN])
-        raise InputError(f"{bag.path}: no topic has messages with numbers" + (f"; {why}" if why else ""))
-    left_out = list(scan.left_out.items())[:_LEFT_OUT_SHOWN]
-    notes = (*scan.notes, *(f"topic {cut(name)} is left out: {why}" for name, why in left_out))
-    return Contents(str(bag.path), form, streams, notes)
+        why = "".join(f"; {name}: {why}" for name, why in shown)
+        raise InputError(f"{bag.path}: no topic has messages with numbers{why}")
+    left = (f"topic {name} is left out: {why}" for name, why in shown)
+    return Contents(str(bag.path), form, streams, (*notes, *left))
 
 
 def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamContents:
@@ -78,10 +79,10 @@ def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamCo
 
 def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) -> Recording:
     """Columns of a bag, by the names of their streams."""
-    scan = _scanned(bag)
+    topics, notes = _scan_of(type(bag), bag.path, bag.state)
     tables: dict[str, _Table] = {}
     by_topic: dict[Topic, dict[int, _Table]] = {}
-    for topic, rows in scan.topics.items():
+    for topic, rows in topics.items():
         for name, layouts in rows.streams().items():
             if name in wanted:
                 check_table(bag.path, sum(one.rows for one in layouts), len(wanted[name]))
@@ -89,12 +90,12 @@ def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) ->
                 rows.faulty = 0
                 by_topic.setdefault(topic, {}).update({id(one): table for one in layouts})
     if missing := [name for name in wanted if name not in tables]:
-        names = [name for rows in scan.topics.values() for name in rows.streams()]
+        names = [name for rows in topics.values() for name in rows.streams()]
         raise InputError(f"{bag.path} has no topic {cut(missing[0])}; it has {listed_names(names)}")
     for topic, times, raws in _batches(bag, by_topic.__contains__):
-        _fill(by_topic[topic], scan.topics[topic], times, raws)
+        _fill(by_topic[topic], topics[topic], times, raws)
     streams = {name: Stream(name, table.columns) for name, table in tables.items()}
-    return Recording(str(bag.path), form, streams, scan.notes)
+    return Recording(str(bag.path), form, streams, notes)
 
 
 def _fill(tables: Mapping[int, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
@@ -156,13 +157,9 @@ def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
     return numbers
 
 
-def _scanned(bag: BagFile) -> _Scan:
-    """Scan of a bag; that of the last bags is kept, since contents and columns are usually asked for in turn."""
-    return _scan_of(type(bag), bag.path, bag.state)
-
-
 @lru_cache(maxsize=4)
-def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> _Scan:
+def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> tuple[Mapping[Topic, _TopicRows], tuple[str, ...]]:
+    """Topics of a bag with all their layouts, and notes; contents and columns are usually asked for in turn."""
     bag = kind(path)
     topics: dict[Topic, _TopicRows] = {}
 
@@ -171,8 +168,13 @@ def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> _Scan:
         return not topic.unread
 
     for topic, _, raws in _batches(bag, wanted):
-        if not topics[topic].unread:
-            _count(topics[topic], raws)
+        rows = topics[topic]
+        try:
+            for one, numbers, _ in [] if rows.unread else rows.groups(raws):
+                one.rows += numbers.size
+            rows.met += len(raws)
+        except (_TopicUnread, UnreadableMessage) as error:
+            rows.unread = str(error)
     for rows in topics.values():
         if not rows.unread and not rows.streams():
             rows.unread = f"its messages ({cut(rows.topic.kind)}) have no numbers"
@@ -181,16 +183,7 @@ def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> _Scan:
         for topic, rows in topics.items()
         if rows.faulty and not rows.unread
     ]
-    return _Scan(topics, (*bag.notes, *faulty))
-
-
-def _count(rows: _TopicRows, raws: list[bytes]) -> None:
-    try:
-        for one, numbers, _ in rows.groups(raws):
-            one.rows += numbers.size
-        rows.met += len(raws)
-    except (_TopicUnread, UnreadableMessage) as error:
-        rows.unread = str(error)
+    return topics, (*bag.notes, *faulty)
 
 
 def _batches(bag: BagFile, wanted: Callable[[Topic], bool]) -> Iterator[_Batch]:
@@ -208,19 +201,6 @@ def _batches(bag: BagFile, wanted: Callable[[Topic], bool]) -> Iterator[_Batch]:
     yield from held.values()
 
 
-@dataclass(frozen=True, eq=False)
-class _Scan:
-    """Topics of a bag with all their layouts."""
-
-    topics: Mapping[Topic, _TopicRows]
-    notes: tuple[str, ...]
-
-    @property
-    def left_out(self) -> dict[str, str]:
-        """Why topics are not read."""
-        return {topic.name: rows.unread for topic, rows in self.topics.items() if rows.unread}
-
-
 @dataclass(eq=False)
 class _Known:
     """A layout that some messages of a topic have; the first of them is number ``first``."""
@@ -229,11 +209,6 @@ class _Known:
     columns: list[RosColumn]
     first: int
     rows: int = 0
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Joints of the message, by which it is put into a stream."""
-        return self.layout.names or ("",)
 
     @property
     def has_numbers(self) -> bool:
@@ -302,7 +277,10 @@ class _TopicRows:
         try:
             layout = self._layout(message.tobytes())
         except UnreadableMessage as error:
-            self._count_fault(str(error))
+            self.faulty += 1
+            if self.faulty > _MOST_FAULTS:
+                why = f"more than {_MOST_FAULTS} messages do not follow its definition: {error}"
+                raise _TopicUnread(why) from error
             return None
         fixed = layout.fixed
         one = _Known(layout, layout_columns(self.topic.name, self.topic.kind, layout), number)
@@ -336,18 +314,13 @@ class _TopicRows:
                 return layout
         raise _TopicUnread(why)
 
-    def _count_fault(self, why: str) -> None:
-        self.faulty += 1
-        if self.faulty > _MOST_FAULTS:
-            raise _TopicUnread(f"more than {_MOST_FAULTS} messages do not follow its definition: {why}")
-
     def streams(self) -> dict[str, list[_Known]]:
         """Layouts of each stream: messages that share a joint, directly or through others, are of one stream."""
         groups: list[tuple[set[str], list[_Known]]] = []
         if self.unread:
             return {}
         for one in (one for one in self.layouts if one.layout.names or one.has_numbers):
-            joints, layouts = set(one.keys), [one]
+            joints, layouts = set(one.layout.names or ("",)), [one]  # by which it is put into a stream
             for group in [group for group in groups if group[0] & joints]:
                 groups.remove(group)
                 joints |= group[0]

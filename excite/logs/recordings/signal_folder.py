@@ -13,20 +13,19 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.logs.recordings.array_streams import NpyFile
+from excite.logs.recordings.array_streams import NPY
 from excite.logs.recordings.column_name import is_clock
 from excite.logs.recordings.recording import (
-    HEAD,
     Contents,
     Numbers,
     Recording,
     RecordingFormat,
     Stream,
     StreamContents,
+    head_of,
 )
 from excite.logs.recordings.text_table import TextTable
 from regressors.errors import InputError
-from regressors.input_files import LOG, opened
 
 _MOST_FILES = 1000
 
@@ -92,13 +91,9 @@ def _files(folder: Path) -> list[Path]:
 
 def _form(path: Path) -> RecordingFormat | None:
     """Format of a file of numbers; None for any other."""
-    try:
-        with opened(path, LOG) as stream:
-            head = stream.read(HEAD)
-    except OSError as error:
-        raise InputError(f"cannot read log {path}: {error.strerror}") from error
-    if NpyFile().recognises(head, path):
-        return NpyFile()
+    head = head_of(path)
+    if NPY.recognises(head, path):
+        return NPY
     first = head.split(b"\n", 1)[0].lstrip()
     return TextTable() if TextTable().recognises(head, path) and first[:1] not in (b"{", b"<", b"%") else None
 
@@ -107,8 +102,8 @@ def _signals(folder: Path) -> tuple[list[_Signals], tuple[str, ...]]:
     signals, left = list[_Signals](), list[str]()
     for path in _files(folder):
         form = _form(path)
-        if isinstance(form, NpyFile):
-            signals.append(_of_array(path, form))
+        if form is NPY:
+            signals.append(_of_array(path))
         elif isinstance(form, TextTable) and (one := _of_text(path, form)) is not None:
             signals.append(one)
         else:
@@ -119,13 +114,13 @@ def _signals(folder: Path) -> tuple[list[_Signals], tuple[str, ...]]:
     return signals, (note,) * bool(left)
 
 
-def _of_array(path: Path, form: NpyFile) -> _Signals:
-    (table,) = form.contents(path).streams
-    with form.arrays(path) as file:
+def _of_array(path: Path) -> _Signals:
+    (table,) = NPY.contents(path).streams
+    with NPY.arrays(path) as file:
         upright = len(table.columns) == 1 and len(file.arrays[0].shape) == 2  # of shape (N, 1)
-    names = (f"{path.stem}[0]",) if upright else table.columns
-    clocks = names if names == (path.stem,) and is_clock(path.stem) else ()
-    return _Signals(path, form, table.name, table.rows or 0, dict(zip(names, table.columns, strict=True)), clocks)
+    columns = {f"{path.stem}[0]" if upright else name: name for name in table.columns}
+    clocks = (path.stem,) if list(columns) == [path.stem] and is_clock(path.stem) else ()
+    return _Signals(path, NPY, table.name, table.rows or 0, columns, clocks)
 
 
 def _of_text(path: Path, form: TextTable) -> _Signals | None:
@@ -133,23 +128,15 @@ def _of_text(path: Path, form: TextTable) -> _Signals | None:
         (table,) = form.contents(path).streams
     except InputError:
         return None
-    own = table.columns
-    if len(own) == 1:
-        names = [path.stem]
-    elif all(name.isdigit() for name in own):
-        names = [f"{path.stem}[{k}]" for k in range(len(own))]
-    else:
-        names = [f"{path.stem}/{name}" for name in own]
+    own, stem = table.columns, path.stem
+    numbers = all(name.isdigit() for name in own)
+    names = [stem] if len(own) == 1 else [f"{stem}[{k}]" if numbers else f"{stem}/{name}" for k, name in enumerate(own)]
     signals = _Signals(path, form, table.name, table.rows or 0, dict(zip(names, own, strict=True)), ())
     clocks = [name for name, title in zip(names, own, strict=True) if is_clock(title) or is_clock(name)]
-    if not clocks and len(own) > 1 and _increases(signals, names[0]):
-        clocks = names[:1]
+    if not clocks and len(own) > 1:
+        values = signals.load([names[0]])[0][names[0]]
+        clocks = names[:1] if values.size > 2 and np.all(np.diff(values) > 0) else []
     return replace(signals, clocks=tuple(clocks))
-
-
-def _increases(signals: _Signals, name: str) -> bool:
-    values = signals.load([name])[0][name]
-    return values.size > 2 and bool(np.all(np.diff(values) > 0))
 
 
 def _streams(signals: Sequence[_Signals]) -> list[StreamContents]:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from excite.logs.layout import MOST_COLUMNS, Layout, cells, is_number, listed, twice
+from excite.logs.layout import MOST_COLUMNS, Layout, cells, is_number, listed, si_channel, twice
 from excite.logs.recordings.recording import (
     JOINT_STATE,
     Contents,
@@ -93,27 +93,15 @@ def _read(path: Path, wanted: Mapping[str, Sequence[str]], most: int | None) -> 
         found = _table_layout(text)
         columns = dict.fromkeys(wanted.get(TABLE, ()))
         place = {name: found.names.index(name) for name in columns}
-        used = tuple(sorted(place.values()))
-        layout = _Columns(found.separator, found.first, found.titles_or_names, used)
+        used = sorted(place.values()) or [0]
+        shown = tuple(title or name for title, name in zip(found.titles, found.names, strict=True))
+        layout = Layout(found.separator, found.first, shown, used[0], 1.0, (), {"columns": si_channel(used)})
         rows = len(text.lines) - found.first
         only = None if most is None or rows <= most else (1, most)
         table = sparse_table(text, layout, frozenset({"truncated"}), only)
         values = {name: table.values[:, used.index(k)] for name, k in place.items()}
         notes = (*text.mended, *table.left_out)
         return Recording(text.source, _kind_of(found), {TABLE: Stream(TABLE, values)}, notes)
-
-
-class _Columns(Layout):
-    """Layout of which nothing but the columns is known."""
-
-    def __init__(self, separator: str | None, first: int, names: tuple[str, ...], used: tuple[int, ...]) -> None:
-        super().__init__(separator, first, names, used[0] if used else 0, 1.0, (), {})
-        object.__setattr__(self, "_used", used)
-
-    @property
-    def used(self) -> tuple[int, ...]:
-        """Columns that are read."""
-        return self.__dict__["_used"] or (0,)
 
 
 def _table_layout(text: Text) -> TextLayout:
@@ -142,11 +130,6 @@ class TextLayout:
     titles: tuple[str, ...]  # what stands above the columns, for whoever guesses what they are, or empty strings
     units: tuple[str, ...]  # what a row of units above the columns says, or empty strings
     header: int | None  # line of the header, 0 for the first; None where columns have numbers
-
-    @property
-    def titles_or_names(self) -> tuple[str, ...]:
-        """What columns are called in messages."""
-        return tuple(title or name for title, name in zip(self.titles, self.names, strict=True))
 
 
 def text_layout(lines: Sequence[str]) -> TextLayout | None:
@@ -218,14 +201,12 @@ class TextMaker:
 
     def meanings(self, names: Sequence[str]) -> dict[str, Meaning]:
         """What the columns of a table are, of those that are defined."""
-        defined = ((name, self._meaning(name)) for name in names)
-        return {name: meaning for name, meaning in defined if meaning is not None}
-
-    def _meaning(self, name: str) -> Meaning | None:
-        for pattern, (quantity, unit) in self.columns.items():
-            if match := re.fullmatch(pattern, name):
-                return Meaning(quantity, match[1], unit, self.why)
-        return None
+        meanings = {}
+        for name in names:
+            for pattern, (quantity, unit) in self.columns.items():
+                if match := re.fullmatch(pattern, name):
+                    meanings[name] = Meaning(quantity, match[1], unit, self.why)
+        return meanings
 
 
 MAKERS = (

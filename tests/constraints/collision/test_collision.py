@@ -32,22 +32,22 @@ from constraints.feasibility.diagnosis import ContradictionError
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.certification import limits_of
 from excite.design.design import Design
+from excite.design.design_folder import design_content
 from excite.design.formulation import formulate
 from excite.design.optimisation import design_trajectory
-from excite.files.design_folder import design_content
-from excite.files.task_file import task_from_options
-from excite.plots import clearance_figure, write_figures
-from excite.plots.style import VERMILLION
-from excite.plots.workspace_plot import _NEAREST, _POSES, _SOME, workspace_figure
+from excite.design.task_file import task_from_options
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
+from excite.views.figures import write_figures
+from excite.views.style import VERMILLION
+from excite.views.world_plot import _NEAREST_LINKS, _POSES, _SOME, clearance_figure, workspace_figure
 from regressors.errors import InputError, UnknownName
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.readers.library import built_in
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import bodies
 from regressors.samples import Samples
-from regressors.symbolic.kinematics import bodies
 
 SEED = st.integers(0, 2**32 - 1)
 TOLERANCE = 0.004
@@ -382,7 +382,7 @@ def test_a_home_that_collides_is_refused_once_per_pair() -> None:
 def test_poses_of_links_and_branches_relative_to_each_other() -> None:
     """``T_a^-1 T_b`` of the whole chain's recursion, for bodies beside the chain too."""
     robot = built_in("irp6-full")
-    assert robot.branches
+    robot = robot.replace(branches=tuple(dataclasses.replace(branch, offset=0.2) for branch in robot.branches))
     q = ca.SX.sym("q", robot.n)
     frames, zero = Frames(robot, q), ca.SX(robot.n, 1)
     moved = {body.name: m for body, m in zip(robot.bodies, bodies(robot, q, zero, zero), strict=True)}
@@ -448,7 +448,11 @@ def test_workspace_shows_every_object_and_pose_as_a_whole(far: float) -> None:
     poses = _POSES + 1
     for ax, view in zip(figure.axes, ((0, 1), (0, 2), (1, 2)), strict=True):
         (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
-        shown = [*outlines(ax, _SOME["edgecolor"]), *outlines(ax, _NEAREST["edgecolor"]), ax.lines[0].get_xydata()]
+        shown = [
+            *outlines(ax, _SOME["edgecolor"]),
+            *outlines(ax, _NEAREST_LINKS["edgecolor"]),
+            ax.lines[0].get_xydata(),
+        ]
         assert len(shown) == poses * len(ARM) + 1
         solid = outlines(ax, VERMILLION)
         planes = [xy for xy in solid if np.ptp(xy) > 5]

@@ -16,13 +16,13 @@ from constraints.bounds.enclosure import enclose
 from constraints.collision.collision_limits import Clearance, limits_of_pairs
 from constraints.collision.floor import CLEARANCE, assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
 from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, World
+from constraints.collision.urdf_shapes import lowest_point
+from constraints.collision.world_file import world_of
+from excite.design.design_json import load_design
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.stated_limits import StatedWorld, stated_world
-from excite.files.design_json import load_design
-from excite.files.task_file import task_content, task_from_options
-from excite.files.urdf_shapes import lowest_point
-from excite.files.world_file import world_of
+from excite.design.task_file import task_content, task_from_options
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
 from excite.trajectories.family import Trajectory

@@ -10,13 +10,16 @@ import pytest
 from friction_curves import TUSTIN
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pinocchio_motions import drive_torques, joint_torques
+from pinocchio_chains import drive_torques, joint_torques
 from slow_dynamics import random_chain
 
 from constraints.friction.drive_friction import friction_bound
 from constraints.limits.torque import torque_limits
 from regressors.errors import InputError, UnknownName
-from regressors.friction.curves import (
+from regressors.models.nominal import standard_values
+from regressors.models.partial import of_joints
+from regressors.readers.library import built_in
+from regressors.robot.friction.curves import (
     CoulombViscous,
     FrictionCurve,
     FrictionCurves,
@@ -29,9 +32,6 @@ from regressors.friction.curves import (
     TableFriction,
     Warm,
 )
-from regressors.models.nominal import standard_values
-from regressors.models.partial import of_joints
-from regressors.readers.library import built_in
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
 

@@ -15,9 +15,8 @@ from constraints.limits.torque import torque_limits
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import random_states
-from regressors.models.nominal import standard_values
+from regressors.models.nominal import standard_values, stated_deviations
 from regressors.models.partial import of_joints
-from regressors.models.stated_deviations import stated_deviations
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples

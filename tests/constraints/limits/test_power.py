@@ -7,17 +7,16 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
-from pinocchio_chains import chain_model
-from pinocchio_motions import drive_torques, joint_torques
+from pinocchio_chains import chain_model, drive_torques, joint_torques
 
 import excite
 from constraints.bounds.enclosure import enclose
 from constraints.limits.power import PowerLimit
 from constraints.nonlinear import NonlinearConstraint
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import click
 import pytest
-from all_commands import COMMANDS
 from click.testing import CliRunner
+from commands import COMMANDS
 
 from excite.cli.command import LINES, Command, FurtherOption, heading_of
-from excite.cli.main import cli
+from excite.cli.main import _GROUPS, cli
 from excite.tasks.task import PLACE
 
 PARTS = {
@@ -63,7 +63,7 @@ def test_the_help_fits_a_screen(name: str, columns: int) -> None:
     assert isinstance(command, Command)
     visible = command.visible_options(click.Context(command, **command.context_settings))
     assert sorted(options) == sorted(each.opts[0] for each in visible if not isinstance(each, FurtherOption))
-    assert lines[-1] == f"All {len(visible)} options: cli {name} --help-all"
+    assert lines[-1] == f"All {len(visible)} options: cli {name} --help-all; set any by --set NAME=VALUE"
 
 
 def test_the_help_of_a_design_has_what_most_uses_need() -> None:
@@ -163,3 +163,21 @@ def test_help_wins_over_wrong_settings() -> None:
     for word in ("--help", "--help-all", "-h"):
         ended = CliRunner().invoke(cli, ["design", "--set", "perod=8", word])
         assert (ended.exit_code, ended.output[:6]) == (0, "Usage:")
+
+
+def test_every_command_is_below_one_heading_in_their_order() -> None:
+    below = [name for names in _GROUPS.values() for name in names]
+    assert sorted(below) == sorted(cli.list_commands(click.Context(cli)))
+    text = CliRunner().invoke(cli, ["--help"]).output
+    places = [text.index(f"\n{heading}:") for heading in _GROUPS]
+    assert places == sorted(places)
+    assert all(f"\n  {name} " in text for name in below)
+
+
+def test_a_former_name_still_works_with_a_note(capsys: pytest.CaptureFixture[str]) -> None:
+    context = click.Context(cli)
+    name, command, rest = cli.resolve_command(context, ["campaign", "run", "x.yaml"])
+    assert (name, rest) == ("sweep", ["run", "x.yaml"])
+    assert command is cli.get_command(context, "sweep")
+    assert capsys.readouterr().err == "excite: note: 'excite campaign' is now 'excite sweep'\n"
+    assert "campaign" not in cli.list_commands(context)

@@ -16,41 +16,32 @@ import numpy as np
 import pytest
 from commands import Here, files_below, table_of
 from played import LOAD
-from recorded import link_files, write_files
+from recordings import write_sidecar
 
-from excite import plots
-from excite.cli import repetition_text
+from excite.cli import repetition_run
 from excite.errors import LostWorkersError
-from excite.files.result_json import load_result
+from excite.identification.result_json import load_result
 from excite.logs.log_reading import read_log, write_log
-from excite.logs.sidecar import write_sidecar
 from excite.storage.manifest import read_manifest
-from excite.study import repetition as repetition
+from excite.study import repetitions as repetition
+from excite.views import figures
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 
-DRAW = plots.write_identification_figures
+DRAW = figures.write_figures
 COMPLETE = {"result.json", "curves.npz", "manifest.json", "torques.png", "residuals.png", "parameters.png"}
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("files")
-    write_files(folder)
-    return folder
-
-
 @pytest.fixture
-def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    link_files(files, tmp_path)
-    monkeypatch.setattr(plots, "write_identification_figures", lambda *_, **__: [])
-    return Here(tmp_path, monkeypatch, capfd)
+def here(recorded: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
+    monkeypatch.setattr(figures, "write_figures", lambda *_, **__: [])
+    return recorded
 
 
 @pytest.fixture
 def drawing(here: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
     """The same, with figures."""
-    monkeypatch.setattr(plots, "write_identification_figures", DRAW)
+    monkeypatch.setattr(figures, "write_figures", DRAW)
     return here
 
 
@@ -91,23 +82,15 @@ def test_a_result_holds_what_it_rests_on(drawing: Here) -> None:
     assert (content["provenance"]["mapping"], content["provenance"]["drop"]) == (None, [])
     assert values(content)["F1c"] == pytest.approx(28.0, rel=0.05)
     for text in (
-        "irp6: differential model, 13 base parameters from",
-        "of 2 logs; physical",
+        "differential model, ",
+        "of 2 logs; estimator physical",
         "described",
-        "run.csv: 401 rows, 0.00 s to 4.00 s",
+        "rows 1 to 401 of 401",
         "joints q4, q5 are not in the log and are assumed to rest",
         "written to results/irp6: ",
         "next: excite verify results/irp6 OTHER.csv",
     ):
         assert text in ended.stdout
-
-
-def test_the_same_numbers_as_json(here: Here) -> None:
-    ended = here.run("identify", "irp6", "run.csv", "--out", "out", "--format", "json")
-    printed, written = json.loads(ended.stdout), json.loads((here.cwd / "out" / "result.json").read_text())
-    assert printed["parameters"] == written["parameters"]
-    assert printed["out"] == "out"
-    assert "covariance" not in printed
 
 
 def test_a_design_gives_the_model_and_typed_options_change_it(here: Here) -> None:
@@ -121,14 +104,16 @@ def test_a_design_gives_the_model_and_typed_options_change_it(here: Here) -> Non
     assert doubt["cure"] == "identify it too (`friction=True`)"
 
 
-def test_simulated_logs_show_the_truth(here: Here) -> None:
+def test_simulated_logs_show_the_truth_as_text_and_as_json(here: Here) -> None:
     truth = {**standard_values(built_in("irp6")), "F1c": 27.5}
     write_sidecar(here.cwd / "run.csv", built_in("irp6"), truth=truth)
-    ended = here.run("identify", "irp6", "run.csv", "-v", "--out", "out")
-    assert "truth" in ended.stdout
-    content = json.loads((here.cwd / "out" / "result.json").read_text())
+    assert "truth" in here.run("identify", "irp6", "run.csv", "-v", "--out", "out").stdout
+    ended = here.run("identify", "irp6", "run.csv", "--out", "out", "--force", "--format", "json")
+    printed, content = json.loads(ended.stdout), json.loads((here.cwd / "out" / "result.json").read_text())
     assert content["reference"] == "truth"
     assert {p["name"]: p["reference"] for p in content["parameters"]}["F1c"] == 27.5
+    assert (printed["parameters"], printed["out"]) == (content["parameters"], "out")
+    assert "covariance" not in printed
 
 
 def test_a_load(here: Here) -> None:
@@ -202,10 +187,7 @@ BAD = (
     ("run.csv --model load", "run.csv has the joints q1, q2, q3, but not q4, q5, which the model moves"),
     ("run.csv --model energy --every 2", "--low-pass and --every are for models of single instants"),
     ("run.csv --estimator instrumental", "the estimator instrumental needs the commanded motion: name the --design"),
-    (
-        "other.csv --estimator instrumental --design design",
-        "other.csv does not follow the design's motion: it deviates",
-    ),
+    ("other.csv --estimator instrumental --design design", "other.csv does not follow the design's motion"),
     ("run.csv --estimator best", "Invalid value for '--estimator': 'best' is not one of"),
     ("run.csv --pull 1", "--pull is for the estimator physical, not for weighted"),
     ("run.csv --sign-width 0.1 --breakaway 0.1", "give --sign-width or --breakaway, not both"),
@@ -221,19 +203,15 @@ BAD = (
     ("run.csv --mapping friction.yaml", "friction.yaml: time (line 1): is missing"),
     ("run.csv --friction-curves nothing.yaml", "cannot read friction file nothing.yaml: No such file or directory"),
     ("run.csv --friction-curves run.csv", "run.csv"),
+    ("run.csv --executor serial", "--executor is for repetitions: give their number, --repeat N"),
+    ("run.csv --workers 2", "--workers is for repetitions: give their number, --repeat N"),
     ("run.csv --bogus", "No such option"),
     ("", "Missing argument 'LOG...'"),
 )
 
 
 def refused(here: Here, message: str, *arguments: str, out: str = "out") -> None:
-    before = files_below(here.cwd)
-    ended = here.run("identify", *arguments, "--out", out)
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert len(ended.stderr.splitlines()) == 1
-    assert ended.stderr.startswith("excite: ")
-    assert message in ended.stderr
-    assert files_below(here.cwd) == before
+    assert message in here.refused("identify", *arguments, "--out", out)
 
 
 @pytest.mark.parametrize(("arguments", "message"), BAD)
@@ -365,7 +343,7 @@ def test_an_interrupt_while_writing_is_too_late(here: Here, monkeypatch: pytest.
         signal.raise_signal(signal.SIGINT)
         return DRAW(*arguments, **how)
 
-    monkeypatch.setattr(plots, "write_identification_figures", interrupted)
+    monkeypatch.setattr(figures, "write_figures", interrupted)
     assert done(here, "run.csv")["schema"] == "excite.result/2"
     assert files_below(here.cwd / "out") == COMPLETE
 
@@ -377,36 +355,14 @@ def test_repetitions_join_the_result(here: Here) -> None:
     assert ended.stderr == "excite: 30 of 30 repetitions\n"
     assert "30 repetitions in simulation: the 99 % intervals hold the truth in " in ended.stdout
     assert "repetitions.png" in read_manifest(here.cwd / "out")["result"].files
-    found = json.loads((here.cwd / "out" / "result.json").read_text())["repetitions"]
+    content = json.loads((here.cwd / "out" / "result.json").read_text())
+    found = content["repetitions"]
     assert (found["count"], found["seed"]) == (30, 3)
-    stated = {
-        p["name"]: p["standard_deviation"]
-        for p in json.loads((here.cwd / "out" / "result.json").read_text())["parameters"]
-    }
+    stated = {p["name"]: p["standard_deviation"] for p in content["parameters"]}
     for p in found["parameters"]:
         assert 0.3 < p["deviation"] / p["predicted_deviation"] < 3.0
         assert 0.1 < p["deviation"] / stated[p["name"]] < 10.0
         assert p["coverage"] > 0.5
-
-
-@pytest.mark.slow
-def test_an_interrupt_keeps_the_repetitions_that_were_completed(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    repeat = repetition.repeat_experiment
-
-    def interrupted(e: Any, count: int, seed: int, progress: Callable[[int, int], None], **where: Any) -> Any:
-        def counted(done: int, of: int) -> None:
-            if done == 4:
-                signal.raise_signal(signal.SIGINT)
-            progress(done, of)
-
-        return repeat(e, count, seed, progress=counted, **where)
-
-    monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
-    ended = here.run("identify", "irp6", "run.csv", "--repeat", "9", "--out", "out")
-    assert ended.returncode == 130
-    assert ended.stderr.splitlines()[-1].startswith("excite: interrupted; the result is saved, with 4 of 9 repetitions")
-    assert json.loads((here.cwd / "out" / "result.json").read_text())["repetitions"]["count"] == 4
-    assert (here.cwd / "out" / "repetitions.png").exists()
 
 
 def test_lost_workers_of_the_repetitions_keep_the_result(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -429,41 +385,36 @@ def test_lost_workers_of_the_repetitions_keep_the_result(here: Here, monkeypatch
 
 
 @pytest.mark.slow
-def test_repetitions_that_are_kept_are_not_computed_again(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stop(done: int, answer: Callable[[], None]) -> None:
-        if done == 4:
-            signal.raise_signal(signal.SIGINT)
-        answer()
-
-    repeat = repetition.repeat_experiment
+def test_repetitions_that_an_interrupt_keeps_are_not_computed_again(drawing: Here) -> None:
+    here, repeat = drawing, repetition.repeat_experiment
 
     def interrupted(e: Any, count: int, seed: int, progress: Callable[[int, int], None], **where: Any) -> Any:
-        return repeat(e, count, seed, progress=lambda done, of: stop(done, lambda: progress(done, of)), **where)
+        def counted(done: int, of: int) -> None:
+            if done == 4:
+                signal.raise_signal(signal.SIGINT)
+            progress(done, of)
+
+        return repeat(e, count, seed, progress=counted, **where)
+
+    def repetitions(out: str) -> Any:
+        return json.loads((here.cwd / out / "result.json").read_text())["repetitions"]
 
     run = ("identify", "irp6", "run.csv", "--repeat", "9")
-    with monkeypatch.context() as patch:
+    with here.monkeypatch.context() as patch:
         patch.setattr(repetition, "repeat_experiment", interrupted)
         ended = here.run(*run, "--out", "out")
-    assert ended.stderr.splitlines()[-1] == (
-        "excite: interrupted; the result is saved, with 4 of 9 repetitions; with --force, the same command goes on"
+    assert (ended.returncode, ended.stderr.splitlines()[-1]) == (
+        130,
+        "excite: interrupted; the result is saved, with 4 of 9 repetitions; with --force, the same command goes on",
     )
-    assert (here.cwd / "out" / "repetitions-so-far.npz").exists()
+    assert repetitions("out")["count"] == 4
+    assert {"repetitions.png", "repetitions-so-far.npz"} <= files_below(here.cwd / "out")
     again = here.run(*run, "--out", "out", "--force")
     assert again.returncode == 0, again.stderr
     assert f"excite: 4 of 9 repetitions are already done in out{os.sep}repetitions-so-far.npz" in again.stderr
     assert not (here.cwd / "out" / "repetitions-so-far.npz").exists()
     here.run(*run, "--out", "whole")
-    contents = [json.loads((here.cwd / out / "result.json").read_text())["repetitions"] for out in ("out", "whole")]
-    assert contents[0] == contents[1]
-
-
-@pytest.mark.parametrize("option", [("--executor", "serial"), ("--workers", "2")])
-def test_where_repetitions_run_is_refused_without_repetitions(here: Here, option: tuple[str, str]) -> None:
-    before = files_below(here.cwd)
-    ended = here.run("identify", "irp6", "run.csv", *option, "--out", "out")
-    assert ended.returncode == 2
-    assert ended.stderr.startswith(f"excite: {option[0]} is for repetitions: give their number, --repeat N")
-    assert files_below(here.cwd) == before
+    assert repetitions("out") == repetitions("whole")
 
 
 def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -475,7 +426,7 @@ def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatc
 
     monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
     for wait in ("_SILENCE", "_PAUSE"):
-        monkeypatch.setattr(repetition_text, wait, 0.0)
+        monkeypatch.setattr(repetition_run, wait, 0.0)
     ended = here.run("identify", "irp6", "run.csv", "--repeat", "9", "--out", "out")
     assert ended.returncode == 130
     assert [line.partition(", about")[0] for line in ended.stderr.splitlines()] == [

@@ -5,45 +5,39 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 
 import pytest
-from commands import ENVIRONMENT, MODULE, content_of, files_below, run, table_of
-from processes import alive, until, workers
+from commands import Here, content_of, files_below, run, table_of
+from processes import alive, running, stderr_of, until, workers
 
-from excite.design.multistart import RUNNING, read_starts
 from excite.design.optimisation import design_trajectory
+from excite.design.start_results import RUNNING, read_starts
 from excite.tasks.task import Task
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
 SAVED = "excite: interrupted; the best feasible motion so far is saved"
 FIGURES = {"motion.png", "phase.png", "spectrum.png", "workspace.png", "convergence.png"}
 COMPLETE = {"design.json", "trajectory.csv", "manifest.json", *FIGURES, "starts"}
+NOTHING = "excite: interrupted before any result"
+COMMANDS = {
+    "plan": ("plan panda --model differential --at-once 7", " ...", NOTHING),
+    "study": ("study irp6 --design design --repeats 2000 --out out", "repetition 10 of", NOTHING),
+    "friction plan": ("friction plan panda --speeds 5,10,20,50,100 --repeats 300 --out out", " ...", NOTHING),
+    "identify": (
+        "identify irp6 run.csv --choose none --repeat 400000 --out out",
+        "about",
+        "excite: interrupted; the result is saved, with",
+    ),
+}
 LONG = ("irp6", "--starts", "200")
 SERIAL = ("--executor", "serial")
 
 
-@contextmanager
-def running(cwd: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """``excite design ARGUMENTS --out out`` at work, the leader of its own group of processes."""
-    with (cwd / "stdout").open("w") as out, (cwd / "stderr").open("w") as err:
-        process = subprocess.Popen(
-            [*MODULE, "design", *arguments, "--out", "out"],
-            cwd=cwd,
-            env=ENVIRONMENT,
-            stdout=out,
-            stderr=err,
-            start_new_session=True,
-            text=True,
-        )
-    try:
-        yield process
-    finally:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+def designing(cwd: Path, *arguments: str) -> AbstractContextManager[subprocess.Popen[str]]:
+    """``excite design ARGUMENTS --out out`` at work."""
+    return running(cwd, "design", *arguments, "--out", "out")
 
 
 def finished(cwd: Path) -> int:
@@ -52,15 +46,9 @@ def finished(cwd: Path) -> int:
     return sum(start.status != RUNNING for start in read_starts(folder)) if folder.exists() else 0
 
 
-def stderr(cwd: Path) -> str:
-    text = (cwd / "stderr").read_text()
-    assert "Traceback" not in text
-    return text
-
-
 def saved(cwd: Path) -> dict[str, object]:
     """Content of a design that was saved after an interruption, looked at from all sides."""
-    assert stderr(cwd).splitlines()[-1] == SAVED
+    assert stderr_of(cwd).splitlines()[-1] == SAVED
     assert "condition number " in (cwd / "stdout").read_text()
     assert {path.name for path in (cwd / "out").iterdir()} == COMPLETE
     assert not [name for name in files_below(cwd / "out") if Path(name).name.startswith(".")]
@@ -89,19 +77,19 @@ def saved(cwd: Path) -> dict[str, object]:
     [
         ((), "group", signal.SIGINT),
         (SERIAL, "parent", signal.SIGINT),
-        pytest.param((), "group", signal.SIGTERM, marks=pytest.mark.slow),
+        ((), "group", signal.SIGTERM),
         (SERIAL, "group", signal.SIGHUP),
-        pytest.param(SERIAL, "group", signal.SIGINT, marks=pytest.mark.slow),
-        pytest.param((), "parent", signal.SIGINT, marks=pytest.mark.slow),
-        pytest.param((), "group", signal.SIGHUP, marks=pytest.mark.slow),
-        pytest.param((), "parent", signal.SIGTERM, marks=pytest.mark.slow),
-        pytest.param(SERIAL, "parent", signal.SIGTERM, marks=pytest.mark.slow),
+        (SERIAL, "group", signal.SIGINT),
+        ((), "parent", signal.SIGINT),
+        ((), "group", signal.SIGHUP),
+        ((), "parent", signal.SIGTERM),
+        (SERIAL, "parent", signal.SIGTERM),
     ],
 )
 def test_a_signal_saves_the_best_so_far(
     options: tuple[str, ...], whom: str, signal_: signal.Signals, tmp_path: Path
 ) -> None:
-    with running(tmp_path, *LONG, *options) as process:
+    with designing(tmp_path, *LONG, *options) as process:
         until(lambda: finished(tmp_path))
         (os.killpg if whom == "group" else os.kill)(process.pid, signal_)
         assert process.wait(60) == 128 + signal_
@@ -118,7 +106,7 @@ def test_interrupt_before_a_start_has_finished_saves_its_best_point(tmp_path: Pa
         folder = tmp_path / "out" / "starts"
         return folder.exists() and bool(read_starts(folder))
 
-    with running(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "40", *SERIAL) as process:
+    with designing(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "40", *SERIAL) as process:
         until(at_work)
         assert finished(tmp_path) == 0
         os.killpg(process.pid, signal.SIGINT)
@@ -129,12 +117,12 @@ def test_interrupt_before_a_start_has_finished_saves_its_best_point(tmp_path: Pa
 @pytest.mark.slow
 @pytest.mark.parametrize("options", [(), SERIAL], ids=["pool", "serial"])
 def test_interrupt_before_any_point_says_so(options: tuple[str, ...], tmp_path: Path) -> None:
-    with running(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "15", *options) as process:
+    with designing(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "15", *options) as process:
         until((tmp_path / "out" / "starts").exists)
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 130
         until(lambda: not alive(process.pid), 10)
-    assert stderr(tmp_path).splitlines()[-1] == "excite: interrupted before any result"
+    assert stderr_of(tmp_path).splitlines()[-1] == NOTHING
     assert (tmp_path / "stdout").read_text() == ""
     assert files_below(tmp_path / "out") == {"starts"}
 
@@ -146,12 +134,12 @@ def test_interrupt_while_processes_start(tmp_path: Path) -> None:
             return b"numpy" in Path(f"/proc/{pid}/maps").read_bytes()
         return False
 
-    with running(tmp_path, *LONG, "--workers", "2") as process:
+    with designing(tmp_path, *LONG, "--workers", "2") as process:
         until(lambda: any(map(importing, workers(process.pid))))
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 130
         until(lambda: not alive(process.pid), 10)
-    assert stderr(tmp_path).splitlines()[-1] == "excite: interrupted before any result"
+    assert stderr_of(tmp_path).splitlines()[-1] == NOTHING
 
 
 def test_interrupt_of_a_replacement_keeps_the_old_design(tmp_path: Path) -> None:
@@ -159,24 +147,24 @@ def test_interrupt_of_a_replacement_keeps_the_old_design(tmp_path: Path) -> None
     old = {"design.json": b"{}", "trajectory.csv": b"time\n", "motion.png": b"png"}
     for name, content in old.items():
         (tmp_path / "out" / name).write_bytes(content)
-    with running(tmp_path, *LONG, "--harmonics", "15", "--force") as process:
+    with designing(tmp_path, *LONG, "--harmonics", "15", "--force") as process:
         until((tmp_path / "out" / ".next" / "starts").exists)
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 130
-    stderr(tmp_path)
+    stderr_of(tmp_path)
     assert {name: (tmp_path / "out" / name).read_bytes() for name in old} == old
 
 
 @pytest.mark.slow
 def test_a_second_interrupt_leaves_at_once_and_spoils_nothing(tmp_path: Path) -> None:
-    with running(tmp_path, *LONG) as process:
+    with designing(tmp_path, *LONG) as process:
         until(lambda: finished(tmp_path))
         os.killpg(process.pid, signal.SIGINT)
         time.sleep(0.6)  # within half a second it counts as the same
         os.killpg(process.pid, signal.SIGTERM)
         assert process.wait(2) == 143
         until(lambda: not alive(process.pid), 5)
-    assert stderr(tmp_path).splitlines()[-1] == "excite: stopped at once; nothing more is saved"
+    assert stderr_of(tmp_path).splitlines()[-1] == "excite: stopped at once; nothing more is saved"
     ended = run("compare", "out", cwd=tmp_path)
     whole = (tmp_path / "out" / "design.json").exists()
     assert (ended.returncode == 0) == whole, ended.stderr
@@ -185,18 +173,18 @@ def test_a_second_interrupt_leaves_at_once_and_spoils_nothing(tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_an_interrupt_while_a_finished_search_is_saved_is_ignored(tmp_path: Path) -> None:
-    with running(tmp_path, "irp6", "--starts", "1", *SERIAL) as process:
+    with designing(tmp_path, "irp6", "--starts", "1", *SERIAL) as process:
         until((tmp_path / "out" / "design.json").exists)  # figures are still to be drawn
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 0
-    stderr(tmp_path)
+    stderr_of(tmp_path)
     assert content_of(tmp_path / "out")["interrupted"] is False
     assert {path.name for path in (tmp_path / "out").iterdir()} == COMPLETE
 
 
 @pytest.mark.slow
 def test_interrupt_inside_a_foreign_solver(tmp_path: Path) -> None:
-    with running(tmp_path, *LONG, "--solver", "ipopt", *SERIAL) as process:
+    with designing(tmp_path, *LONG, "--solver", "ipopt", *SERIAL) as process:
         until(lambda: (tmp_path / "out" / "starts" / "start-0000.json").exists())
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 130
@@ -205,12 +193,12 @@ def test_interrupt_inside_a_foreign_solver(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_killed_worker_costs_no_start(tmp_path: Path) -> None:
-    with running(tmp_path, "irp6", "--starts", "5", "--harmonics", "3", "--workers", "2") as process:
+    with designing(tmp_path, "irp6", "--starts", "5", "--harmonics", "3", "--workers", "2") as process:
         until(lambda: finished(tmp_path))
         os.kill(workers(process.pid)[0], signal.SIGKILL)
         assert process.wait(90) == 0
         until(lambda: not alive(process.pid), 10)
-    stderr(tmp_path)
+    stderr_of(tmp_path)
     content = content_of(tmp_path / "out")
     assert content["interrupted"] is False
     assert [start["index"] for start in content["solver"]["starts"]] == [0, 1, 2, 3, 4]
@@ -223,10 +211,26 @@ def test_a_killed_worker_costs_no_start(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
-    with running(tmp_path, *LONG, "--workers", "2") as process:
+    with designing(tmp_path, *LONG, "--workers", "2") as process:
         until(lambda: finished(tmp_path))
         assert len(workers(process.pid)) == 2
         os.kill(process.pid, signal.SIGKILL)
         process.wait(10)
         until(lambda: not alive(process.pid), 5)
     assert not (tmp_path / "out" / "design.json").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+def test_sigterm_ends_every_long_command(command: str, recorded: Here) -> None:
+    tmp_path = recorded.cwd
+    words, at_work, last = COMMANDS[command]
+    with running(tmp_path, *words.split()) as process:
+        until(lambda: at_work in (tmp_path / "stderr").read_text() or process.poll() is not None)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) == 143
+        until(lambda: not alive(process.pid), 5)
+    assert stderr_of(tmp_path).splitlines()[-1].startswith(last)
+    left = files_below(tmp_path / "out") if (tmp_path / "out").exists() else set()
+    assert not [name for name in left if Path(name).name.startswith(".")]
+    assert ("result.json" in left) is (command == "identify")

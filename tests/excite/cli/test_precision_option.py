@@ -11,7 +11,7 @@ import pytest
 from commands import Here, content_of
 
 import excite
-from excite.cli.next_motion_run import plan_next_motion
+from excite.cli.plan_run import plan_next_motion
 from excite.study import period_search as period_search
 from excite.study.next_motion import NextMotion, PrecisionInHand
 
@@ -108,7 +108,7 @@ def test_parameters_of_which_nothing_is_asked_are_named(
     rows = [PrecisionInHand(name, name, "Nm", 1.0, allowed, 0.1, 0.1) for name, allowed in ALLOWED.items()]
     task = excite.Task("irp6", precision=precision)
     monkeypatch.setattr(excite, "next_motion", lambda *_, **__: NextMotion("irp6", tuple(rows), None, (), task))
-    assert plan_next_motion(task, "measured", None, force=False)
+    assert plan_next_motion(task, "measured", None, force=False) == 0
     printed = " ".join(capfd.readouterr().out.split())
     assert "Enough: stop. All 1 parameters" in printed
     assert ("nothing is asked of F1c, F2c, F3c and 1 more: their size is not described" in printed) == said

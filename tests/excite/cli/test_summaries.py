@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from all_commands import COMMANDS
-from commands import Here
+from commands import COMMANDS, Here
 
 LINES, COLUMNS = 30, 100
 QUICK = "--starts 1 --harmonics 3 --period 4 --executor serial"

@@ -10,8 +10,8 @@ from typing import Any
 import click
 import numpy as np
 import pytest
-from commands import files_below
-from value_fuzzer import BASE, DESIGN, ROBOT, command_of, prepared, run
+from commands import COMMANDS, files_below
+from value_fuzzer import BASE, DESIGN, ROBOT, prepared, run
 
 from excite.cli.option_types import Number, Numbers
 from excite.tasks.option import options_of
@@ -27,8 +27,8 @@ WORK = {
     "study": ("excite.study.study_over_time.identify", "the study"),
     "plan": ("excite.design.campaign.moving_robot", "the campaign"),
     "compare": ("excite.design.comparison.weighting_of", "the comparison"),
-    "friction plan": ("excite.friction.plan.plan_friction.friction_plan", "the friction plan"),
-    "friction fit": ("excite.friction.fit.fit_friction._logs", "the friction fit"),
+    "friction plan": ("excite.friction.plan.plan_friction._coordinate_plan", "the friction plan"),
+    "friction fit": ("excite.friction.fit.fit_friction.read_logs", "the friction fit"),
 }
 NUMBERS = ("integer", "number", "numbers", "ranges", "box", "triple", "poses", "mount", "payload", "parameters")
 PLAN = BASE["friction plan"]
@@ -62,7 +62,11 @@ OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (PLAN, "--breakaways 2 --creep 1e-6 --creeping 1e-3", "the break-away tests creep only 2e-11 far"),
     (DESIGN, "--mount 1,2,1e99", "expected floor, wall, ceiling, or roll, pitch, yaw [rad]; given '1,2,1e99'"),
     (BASE["simulate"], "--encoder 1e-300", "'--encoder': must be a number from 1 to 1e+12 counts per revolution"),
-    (BASE["simulate"], "--torque-noise 1e308", "'--torque-noise': must be 0 or a number from 1e-12 to 1e+12, given"),
+    (
+        BASE["simulate"],
+        "--torque-noise 1e308",
+        "'--torque-noise': must be 0 or a number from 1e-12 to 1e+12 Nm or N, given",
+    ),
     (BASE["simulate"], "--breakaway 1e9", "'--breakaway': must be 0 or a number from 1e-12 to 10000"),
     (BASE["simulate"], "--impact a:1:1e300", "--impact on a: the torque must be a number from -1e+09 to"),
     (BASE["simulate"], "--load 1e300,0,0,0,1,0,0,1,0,1", "load: each of its numbers must be a number from -1e+09"),
@@ -221,7 +225,7 @@ def test_every_option_that_is_a_number_has_a_quantity() -> None:
     typed = {
         kind.quantity or param.name
         for name in BASE
-        for param in command_of(name).params
+        for param in COMMANDS[name].params
         for kind in (param.type,)
         if isinstance(kind, Number | Numbers)
     }
@@ -230,7 +234,7 @@ def test_every_option_that_is_a_number_has_a_quantity() -> None:
 
 def test_no_option_is_a_bare_number() -> None:
     bare = (click.types.FloatParamType, click.types.IntParamType)
-    assert [p.name for name in BASE for p in command_of(name).params if isinstance(p.type, bare)] == []
+    assert [p.name for name in BASE for p in COMMANDS[name].params if isinstance(p.type, bare)] == []
 
 
 @pytest.mark.parametrize("name", WORK)

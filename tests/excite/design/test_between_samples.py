@@ -10,15 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import Here
-from exported_designs import panda, planar
+from designs import panda, planar
 
 from constraints.bounds.interpolation import Curve
-from excite.design.between_samples import between_samples, between_samples_text
-from excite.design.stored_design import StoredDesign
+from excite.design.design import Design, between_samples_text
 from excite.trajectories.sequence import MotionSequence, Piece
 
 
-def sampled_at(design: StoredDesign, rate: float) -> StoredDesign:
+def sampled_at(design: Design, rate: float) -> Design:
     """A design without approach and return whose file has another rate."""
     output = replace(design.task.output, rate=rate, home=None)
     piece = next(piece for piece in design.sequence.pieces if piece.segment == "excite")
@@ -28,7 +27,7 @@ def sampled_at(design: StoredDesign, rate: float) -> StoredDesign:
     return changed
 
 
-def within(design: StoredDesign, share: float) -> StoredDesign:
+def within(design: Design, share: float) -> Design:
     """A design whose acceleration limits its exciting motion uses to a share."""
     piece = next(piece for piece in design.sequence.pieces if piece.segment == "excite")
     largest = np.abs(piece.motion.samples(np.linspace(0.0, piece.motion.duration, 20_001)).ddq).max(axis=0)
@@ -38,7 +37,7 @@ def within(design: StoredDesign, share: float) -> StoredDesign:
 
 def test_a_design_of_today_keeps_them() -> None:
     for design in (planar("fourier"), panda()):
-        certified = between_samples(design)
+        certified = design.between_samples
         assert [each.curve for each in certified] == list(Curve)
         assert between_samples_text(design, certified) == (
             "trajectory.csv, between its samples: limits kept by lines, cubics and quintics"
@@ -47,19 +46,19 @@ def test_a_design_of_today_keeps_them() -> None:
 
 def test_a_rate_that_is_enough_is_named_and_is() -> None:
     design = sampled_at(within(planar("fourier", rate=10.0), 1.0), 10.0)
-    text = between_samples_text(design, between_samples(design))
+    text = between_samples_text(design, design.between_samples)
     passed = re.search(r"quintics pass joint j\d acceleration by ([\d.e-]+) %; `rate` (\d+) keeps quintics", text)
     assert passed is not None, text
     assert 1e-4 < float(passed[1]) < 1.0
     for rate, broken in ((10.0, True), (float(passed[2]), False)):
         faster = sampled_at(within(planar("fourier", rate=10.0), 1.0), rate)
-        (quintics,) = (each for each in between_samples(faster) if each.curve is Curve.QUINTICS)
+        (quintics,) = (each for each in faster.between_samples if each.curve is Curve.QUINTICS)
         assert bool(quintics.broken) == broken
 
 
 def test_where_cubics_pass_a_limit_quintics_are_advised() -> None:
     design = sampled_at(within(planar("fourier", rate=10.0), 1.0), 100.0)
-    text = between_samples_text(design, between_samples(design))
+    text = between_samples_text(design, design.between_samples)
     assert re.search(r"kept by lines and quintics; cubics pass joint j\d acceleration by 0\.\d+ %; inter", text), text
 
 

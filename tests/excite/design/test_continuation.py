@@ -13,7 +13,7 @@ import excite
 from excite.design import continuation
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
 from excite.design.start_results import read_starts
-from excite.files.task_file import read_task_file, task_from_options
+from excite.design.task_file import read_task_file, task_from_options
 from excite.tasks.task import Task
 from excite.trajectories.fourier import Fourier
 from regressors.errors import InputError

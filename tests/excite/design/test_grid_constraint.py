@@ -13,11 +13,11 @@ from constraints.linear import LinearConstraint
 from excite.design import formulation
 from excite.design.formulation import formulate
 from excite.design.grid_limits import GridConstraint, GridJoints
-from excite.design.imposed_limits import nonlinear_limits
 from excite.design.initial_guesses import random_motion
 from excite.design.multistart import serial
 from excite.design.solvers.ipopt import Ipopt
 from excite.design.solvers.solver import Solver
+from excite.design.stated_limits import nonlinear_limits
 from excite.tasks.task import Task
 from excite.trajectories.bspline import BSpline
 from excite.trajectories.family import Family, Trajectory

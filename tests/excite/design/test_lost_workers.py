@@ -14,9 +14,10 @@ import pytest
 
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import candidates
-from excite.design.multistart import StartResult, run_in_pool
+from excite.design.multistart import run_in_pool
 from excite.design.optimisation import solve
 from excite.design.problem import Problem
+from excite.design.start_results import StartResult
 from excite.errors import LostWorkersError, NoFeasibleMotionError
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot

@@ -17,20 +17,12 @@ from commands import ENVIRONMENT, files_below
 
 from excite.design.certification import _unwound, certify, limits_of
 from excite.design.formulation import Formulation, formulate
-from excite.design.multistart import (
-    RUNNING,
-    StartResult,
-    optimise_start,
-    read_starts,
-    ready_workers,
-    run_in_pool,
-    serial,
-    start_file,
-    write_start,
-)
+from excite.design.multistart import ready_workers, run_in_pool, serial
 from excite.design.optimisation import design_trajectory
 from excite.design.problem import Problem
+from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
+from excite.design.start_results import RUNNING, StartResult, read_starts, start_file, write_start
 from excite.errors import NoFeasibleMotionError
 from excite.registry import EXECUTORS, built_in, instance
 from excite.tasks.task import Task

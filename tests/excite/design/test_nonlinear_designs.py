@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from commands import Here, content_of
-from pinocchio_motions import drive_torques, joint_torques, tool_motion, whole_motion
+from pinocchio_chains import drive_torques, joint_torques, tool_motion, whole_motion
 
 from constraints.bounds.certificate import ENCLOSED, EXACT
 from constraints.bounds.enclosure import enclose
@@ -17,12 +17,12 @@ from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.limits.tool import tool_box
 from constraints.linear import linear_limits
 from excite.design.design import Design
-from excite.design.formulation import Formulation, formulate
-from excite.design.imposed_limits import nonlinear_limits, roomy_pose
+from excite.design.formulation import Formulation, formulate, roomy_pose
 from excite.design.initial_guesses import candidates
-from excite.design.multistart import optimise_start
 from excite.design.optimisation import design_trajectory
-from excite.files.task_file import task_from_options
+from excite.design.single_start import optimise_start
+from excite.design.stated_limits import nonlinear_limits
+from excite.design.task_file import task_from_options
 from excite.registry import instance
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from short_designs import short
+from designs import short
 
 import excite
 from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, World
-from excite.information.criteria import ConditionNumber, Trace
+from excite.tasks.criteria import ConditionNumber, Trace
 from regressors.models.base import random_states
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from excite.design.formulation import formulate
 from excite.design.problem_identity import NotComparable, ProblemIdentity, plain_value
-from excite.information.criteria import ConditionNumber
+from excite.tasks.criteria import ConditionNumber
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 

@@ -11,19 +11,20 @@ import numpy as np
 import pytest
 
 import excite
-from excite.cli.design_text import print_design
-from excite.cli.estimate_text import print_estimate
+from excite.cli.view_text import print_view
 from excite.design.design import Design
+from excite.design.design_json import load_design
 from excite.design.optimisation import design_trajectory
 from excite.design.task_checks import check_required
-from excite.files.design_json import load_design
-from excite.files.result_json import load_result, result_content, save_result
 from excite.identification.identification import Identification
+from excite.identification.result_json import load_result, result_content, save_result
 from excite.information.prior import prior_of
 from excite.information.target import target_of
 from excite.information.weighting import weighting_of
 from excite.tasks.objective import Belief
 from excite.tasks.task import Task
+from excite.views.design_view import design_view
+from excite.views.identification_view import identification_view
 from regressors.errors import InputError
 from regressors.models.base import random_states
 from regressors.models.differential import DifferentialModel
@@ -76,8 +77,8 @@ def test_predictions_are_written_on_both_sides(tmp_path: Path, capsys: pytest.Ca
     own = entry["motor_side"]
     assert (entry["expression"], own["name"], own["unit"]) == ("n5^2 Ia5", "Ia5", "kg m^2")
     assert own["standard_deviation"] == pytest.approx(entry["standard_deviation"] / 76.8**2)
-    assert "motor_side" not in stored["I1zz"]
-    print_design(design, files)
+    assert stored["I1zz"]["motor_side"] is None
+    print_view(design_view(design), files)
     shown = capsys.readouterr().out
     assert "at the motor" in shown
     assert f"Ia5: {own['standard_deviation']:.3g}" in shown
@@ -96,7 +97,7 @@ def test_rotor_inertias_are_found_on_both_sides(capsys: pytest.CaptureFixture[st
         assert own["interval"][0] <= truth <= own["interval"][1]
         assert entry["interval"][0] <= truth * own["factor"] <= entry["interval"][1]
         assert own["value"] * own["factor"] == pytest.approx(entry["value"])
-    print_estimate(found, [Path("results/result.json")])
+    print_view(identification_view(found), [Path("results/result.json")])
     assert f"Ia3: {rotors['Iar3']['motor_side']['value']:.4g}" in capsys.readouterr().out
 
 

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.design.planned_start import PlannedStart
 from excite.design.search_rounds import Population, Rounds, RoundSizes
-from excite.design.start_results import StartResult
+from excite.design.start_results import PlannedStart, StartResult
 from excite.tasks.search import RANDOM_STARTS, Search
 
 

@@ -14,18 +14,19 @@ from public_arms import robots_folder
 import excite
 from constraints.collision.floor import assumed_radius, skeleton
 from constraints.feasibility.diagnosis import ContradictionError
-from excite.cli.compare_command import _verdicts as compared
-from excite.cli.design_text import design_summary
+from excite.design.design_json import load_design
 from excite.design.formulation import formulate
 from excite.design.stated_limits import Unchecked, checked_text, kept_headline, kept_text, stated_world
-from excite.files.design_json import load_design
-from excite.files.robot_yaml import robot_text
-from excite.files.task_file import task_content, task_from_options
-from excite.plots import motion_figure
-from excite.report.design_section import design_section
-from excite.report.page_text import page_text
+from excite.design.task_file import task_content, task_from_options
+from excite.export.models.robot_yaml import robot_text
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.stored_files import StoredRobot
+from excite.views.comparison_view import verdicts as compared
+from excite.views.design_view import design_view
+from excite.views.motion_plot import motion_figure
+from excite.views.page_text import page_text
+from excite.views.player_log import Appearance
+from excite.views.sections import section_of
 from regressors.errors import InputError
 from regressors.readers.description import parse_description
 from regressors.readers.library import built_in, built_in_names
@@ -190,7 +191,7 @@ def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:
 def test_a_solver_that_cannot_keep_them_is_named_with_the_remedy(solver: str) -> None:
     task = excite.Task(weak(40.0), **{**UR, "starts": 1}, solver=solver, self_collision=False)
     with pytest.raises(
-        excite.NoFeasibleMotionError,
+        excite.errors.NoFeasibleMotionError,
         match=rf"torque at .*solver {solver} does not take .*`solver='sqp'` keeps it, `torque_margin='none'` leaves",
     ):
         excite.design_trajectory(task)
@@ -242,7 +243,7 @@ def test_contact_of_a_urdf_with_itself_is_avoided_where_the_motion_has_it(tmp_pa
     assert all(use.extreme >= 0.001 - 1e-9 for use in distances)
     kept.save(tmp_path)
     assert load_design(tmp_path).task.limits.self_collision
-    assert [each["limit"] for each in load_design(tmp_path).content["unchecked"]] == [e.limit for e in kept.unchecked]
+    assert [each.limit for each in load_design(tmp_path).unchecked] == [e.limit for e in kept.unchecked]
 
 
 @pytest.mark.parametrize(
@@ -270,15 +271,15 @@ def test_every_view_of_a_design_without_a_check_of_collisions_says_so(tmp_path: 
     bold = excite.design_trajectory(excite.Task("irp6", self_collision=False, **options))
     title = "limits kept; collisions NOT checked (self-collision)"
     for design, caution in ((safe, False), (bold, True)):
-        summary = design_summary(design, ())
+        summary = design_view(design)
         assert summary.caution is caution
         assert (title in summary.verdict.replace("Limits", "limits")) is caution
         assert ("within all" in summary.verdict) is not caution
         assert (title in " ".join(motion_figure(design).get_suptitle().split())) is caution
         design.save(tmp_path / design.robot.name / str(caution))
-        section = design_section(excite.load_design(tmp_path / design.robot.name / str(caution)), "s")
-        assert section.caution is caution
-        assert section.verdict.startswith("Limits kept; collisions NOT") is caution
+        section = section_of(excite.load_design(tmp_path / design.robot.name / str(caution)), "s", Appearance())
+        assert section.view.caution is caution
+        assert section.view.verdict.startswith("Limits kept; collisions NOT") is caution
         page = page_text([section])
         assert ("<strong>Caution</strong>" in page, "<strong>Holds</strong>" in page) == (caution, not caution)
     judged = excite.compare([safe, bold])

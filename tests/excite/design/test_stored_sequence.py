@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.files.sampled_motion import read_motion
+from excite.simulation.motion_source import read_motion
 from excite.trajectories.sequence import APPROACH, EXCITE, RETURN
 
 OUTPUTS = {

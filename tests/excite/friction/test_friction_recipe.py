@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from commands import run
 
-from excite.files.friction_file import read_friction
-from excite.files.result_json import load_result, result_content
-from regressors.friction.curves import CoulombViscous
+from excite.identification.result_json import load_result, result_content
+from excite.tasks.friction_file import read_friction
+from regressors.robot.friction.curves import CoulombViscous
 
 pytestmark = pytest.mark.slow
 STEPS = (
@@ -40,7 +40,6 @@ def test_masses_are_within_their_intervals(folder: str, results: Path) -> None:
 def test_the_curve_is_that_of_the_drive(results: Path) -> None:
     curve = read_friction(results.parent / "friction" / "irp6" / "friction.yaml").curve("z2")
     speed = np.array([-1.0, -0.3, -0.06, 0.06, 0.3, 1.0])
-    assert curve is not None
     np.testing.assert_allclose(curve.torque(speed), CoulombViscous(28.75, 26.0).torque(speed), rtol=1e-3)
 
 

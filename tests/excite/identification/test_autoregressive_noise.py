@@ -16,7 +16,7 @@ from excite.identification.autoregressive_noise import (
     autoregressive_noise,
 )
 from excite.identification.covariance import robust_covariance
-from excite.identification.estimators.weighted import weighted
+from excite.identification.estimators.least_squares import weighted
 from regressors.samples import Array
 
 

@@ -9,10 +9,10 @@ import pytest
 import scipy.stats
 from played import EXACT, TASK, found, irp6, noisy, played, three_joints
 
-from excite.files.result_json import result_content
 from excite.identification.between_logs import EachLog, allowing_for_logs, interval_scope, log_scatter, scatter_warning
 from excite.identification.estimate import Estimate
 from excite.identification.identify import identify
+from excite.identification.result_json import result_content
 from excite.logs.log import Log
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -53,12 +53,13 @@ def test_for_exact_deviations_the_test_is_chi_squared() -> None:
     np.testing.assert_allclose(scatter.probabilities, scipy.stats.chi2.sf(Q, 3), rtol=1e-4)
 
 
-def test_for_two_logs_it_is_welchs_t_test() -> None:
+@pytest.mark.parametrize("sizes", [(7, 12), (7, 12, 5)])
+def test_it_is_welchs_test(sizes: tuple[int, ...]) -> None:
     rng = np.random.default_rng(1)
-    x, y = rng.normal(size=7), rng.normal(size=12) * 3
-    s = np.array([[x.std(ddof=1) / np.sqrt(7)], [y.std(ddof=1) / np.sqrt(12)]])
-    each = replace(each_of(np.array([[x.mean()], [y.mean()]]), s), degrees_of_freedom=np.array([6.0, 11.0]))
-    expected = scipy.stats.ttest_ind(x, y, equal_var=False).pvalue
+    logs = [rng.normal(size=size) * (k + 1) for k, size in enumerate(sizes)]
+    means, s = ([[f(x)] for x in logs] for f in (np.mean, scipy.stats.sem))
+    each = replace(each_of(np.array(means), np.array(s)), degrees_of_freedom=np.array(sizes) - 1.0)
+    expected = scipy.stats.f_oneway(*logs, equal_var=False).pvalue
     assert log_scatter(each).probabilities[0] == pytest.approx(expected, rel=1e-6)
 
 
@@ -91,6 +92,18 @@ def test_intervals_cover_the_mean_over_logs_whose_friction_changes(logs: int, ch
     assert np.mean(inside, axis=0).min() > 0.97
     if change == 10.0:
         assert np.mean(plain, axis=0)[-1] < 0.5
+
+
+def test_variances_follow_the_scatter_with_as_many_degrees_of_freedom_as_logs() -> None:
+    """``s^2 max(1, m, (m + (K - 1) Q / (K - 1)) / K)`` with the mean m of ``Q / (K - 1)`` over each kind."""
+    values = np.random.default_rng(5).normal(size=(3, COUNT)) * np.linspace(0.5, 6.0, COUNT)
+    each = each_of(values)
+    ratios = np.var(values, axis=0, ddof=1).reshape(2, -1)  # of bodies, and of friction
+    m = np.maximum(1.0, ratios.mean(axis=1, keepdims=True))
+    expected = np.maximum(m, (m + 2 * ratios) / 3).ravel() / 3
+    wider = allowing_for_logs(together(each), log_scatter(each))
+    np.testing.assert_allclose(np.diag(wider.covariance), expected)
+    np.testing.assert_allclose(wider.half_width, scipy.stats.t.ppf(0.995, 3) * np.sqrt(expected))
 
 
 def test_a_parameter_that_one_log_does_not_show_is_left_out() -> None:

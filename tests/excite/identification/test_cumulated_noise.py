@@ -13,6 +13,7 @@ from excite.identification.autoregressive_noise import NoiseOrigin, noise_origin
 from excite.identification.covariance import robust_covariance, with_covariance
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
+from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import prepare
@@ -72,7 +73,7 @@ def test_channels_are_the_changes_of_the_rows_with_the_measured_torques(window: 
     task = TASK.changed(model="energy", window=window)
     target, recipe = target_of(irp6(), task), Recipe(rows="all", sign_width=0.0)
     part = prepare(log, irp6(), target, recipe)
-    origin = noise_origin(target, [part], recipe)
+    origin = noise_origin(Context(target, (part,), recipe))
     rng = np.random.default_rng(3)
     gains = rng.normal(size=3)
     shifted = dataclasses.replace(part, measured=part.measured + gains)
@@ -84,7 +85,7 @@ def test_channels_are_the_changes_of_the_rows_with_the_measured_torques(window: 
 
 def test_a_model_of_single_instants_has_no_channels() -> None:
     target = target_of(irp6(), TASK)
-    origin = noise_origin(target, [], Recipe())
+    origin = noise_origin(Context(target, (), Recipe()))
     assert not origin.cumulated
     assert origin.channels is None
 

@@ -11,19 +11,20 @@ import numpy as np
 import pytest
 import scipy.stats
 from commands import Here
-from constant_speed_runs import run as friction_run
 from friction_curves import CURVES, KNOWN, uncertain
+from friction_runs import run as friction_run
 from played import EXACT, TASK, curves, described, found, noisy, played, three_joints
 
-from excite.files.friction_file import friction_of
-from excite.identification.curve_uncertainty import allowing_for_curves, curve_effect
+from excite.identification.allowances import allowing_for_curves, curve_errors
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context
 from excite.identification.estimators.huber import huber
 from excite.identification.identification import Identification
 from excite.logs.log import Log
 from excite.logs.log_reading import write_log
 from excite.registry import instance
-from regressors.friction.curves import (
+from excite.tasks.friction_file import friction_of
+from regressors.robot.friction.curves import (
     CoulombViscous,
     CurveUncertainty,
     FrictionCurves,
@@ -45,13 +46,9 @@ def log(seed: int = 3) -> Log:
 def effect_of(result: Identification, friction: FrictionCurves, *logs: Log) -> tuple[Array, Array]:
     """Changes of the estimate per deviation, and their covariance."""
     measured = [replace(part, measured=log.effort) for part, log in zip(result.prepared, logs, strict=True)]
-    effect = curve_effect(
-        result.estimate, result.observations, result.target, measured, result.recipe, friction.of(("z1", "z2", "z3"))
-    )
-    assert effect.parameters == tuple(
-        (name, p) for name, known in friction.uncertainty.items() for p in known.parameters
-    )
-    return effect.changes, effect.covariance
+    context = Context(result.target, tuple(measured), result.recipe)
+    changes, correlation = curve_errors(result.estimate, result.observations, context, friction.of(("z1", "z2", "z3")))
+    return changes, changes @ correlation @ changes.T
 
 
 def stepped(friction: FrictionCurves, step: Array) -> FrictionCurves:
@@ -168,9 +165,8 @@ def drawn(method: str, noise: float | None = None, count: int = 200) -> tuple[Ar
         observations = replace(result.observations, y=y, noise=None if noise is None else np.full((1, 3), noise))
         estimate = instance("estimator", method).estimate(observations)
         alone.append(estimate)
-        wide.append(
-            allowing_for_curves(estimate, observations, result.target, result.prepared, result.recipe, friction)
-        )
+        context = Context(result.target, result.prepared, result.recipe)
+        wide.append(allowing_for_curves(estimate, observations, context, friction))
     return described(result), wide, alone
 
 

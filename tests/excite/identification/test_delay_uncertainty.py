@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, found, irp6, noisy, played, three_joints
 
+from excite.identification.allowances import delay_column
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
+from excite.identification.estimator import Context
 from excite.identification.preparation import prepare
-from excite.identification.stated_uncertainty import delay_column
 from excite.tasks.task import Task
 
 STEP = 1 / 200
@@ -23,7 +24,7 @@ def test_the_column_is_the_change_of_the_prediction_with_the_delay(changes: dict
     log, recipe = played(three_joints(), 3), replace(DELAYED, **changes)
     result = found(TASK, log, recipe=recipe)
     beta = result.estimate.coefficients
-    column = delay_column(result.target, result.prepared, recipe, beta)
+    column = delay_column(Context(result.target, result.prepared, recipe), beta)
     predicted = []
     for step in (-STEP, STEP):
         other = replace(recipe, delay=recipe.delay + step)
@@ -38,10 +39,10 @@ def test_the_column_is_the_change_of_the_prediction_with_the_delay(changes: dict
 def test_there_is_none_without_a_delay_or_for_windows() -> None:
     log = played(three_joints(), 3)
     plain = found(TASK, log, recipe=replace(DELAYED, delay=0.0))
-    assert delay_column(plain.target, plain.prepared, plain.recipe, plain.estimate.coefficients) is None
+    assert delay_column(Context(plain.target, plain.prepared, plain.recipe), plain.estimate.coefficients) is None
     energy = found(Task("irp6", model="energy"), log, recipe=replace(EXACT, sign_width=0.0))
     recipe = replace(energy.recipe, delay=2e-3)
-    assert delay_column(energy.target, energy.prepared, recipe, energy.estimate.coefficients) is None
+    assert delay_column(Context(energy.target, energy.prepared, recipe), energy.estimate.coefficients) is None
 
 
 def test_a_delay_that_is_found_widens_the_intervals() -> None:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from observed import noise_of, observations_of
 
+from excite.identification.estimator import Estimability, estimability
 from excite.identification.estimators.huber import huber
 from excite.identification.estimators.instrumental import instrumental
-from excite.identification.estimators.least_squares import least_squares
+from excite.identification.estimators.least_squares import least_squares, weighted, weighting
 from excite.identification.estimators.recursive import recursive
 from excite.identification.estimators.total import total
-from excite.identification.estimators.weighted import shown_by, weighted
 from excite.identification.observations import Observations
 from regressors.samples import Array
 
@@ -32,6 +32,11 @@ def columns(seed: int = 0, rows: int = 80, p: int = 3) -> Array:
 def observed(W: Array, beta: Array, noise: float = 0.01) -> Observations:
     y = W @ beta + noise_of(np.random.default_rng(1), (noise,), len(W))
     return observations_of(W, y)
+
+
+def shown_by(observations: Observations) -> Estimability:
+    problem = weighting(observations)
+    return estimability(problem.solution, observations.names, problem.variance, problem.freedom)
 
 
 @pytest.mark.parametrize("name", METHODS)

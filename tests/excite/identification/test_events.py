@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from played import TASK, found, noisy, played, three_joints
-from troubled import held, late, some_rows, struck, without_rows
+from recordings import held, late, some_rows, struck, without_rows
 
-from excite.files.result_json import save_result
 from excite.identification.recipe import Recipe
+from excite.identification.result_json import save_result
 from excite.logs.event import CLOCK, HELD, IMPACT, MISSING
 from excite.logs.log import Log
 from excite.logs.saturation import within

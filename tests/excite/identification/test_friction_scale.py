@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, noisy, played, three_joints
 
-from excite.files.friction_file import friction_of, friction_text
-from excite.files.result_json import load_result, result_content
-from excite.identification.friction_scale import friction_columns
+from excite.identification.allowances import friction_columns
+from excite.identification.estimator import Context
 from excite.identification.known_friction import without_friction
+from excite.identification.result_json import load_result, result_content
 from excite.logs.log import Log
+from excite.tasks.friction_file import friction_of, friction_text
 from regressors.errors import InputError
-from regressors.friction.curves import (
+from regressors.robot.friction.curves import (
     CoulombViscous,
     FrictionCurve,
     FrictionCurves,
@@ -27,7 +28,7 @@ from regressors.friction.curves import (
     TableFriction,
     Warm,
 )
-from regressors.friction.multiplied import multiplied
+from regressors.robot.friction.uncertainty import multiplied
 
 RECIPE = replace(EXACT, sign_width=0.0, friction_scale=True)
 FACTORS = {"z1": 0.8, "z3": 1.25}
@@ -64,7 +65,7 @@ def test_curves_of_the_task_are_scaled_too(log: Log) -> None:
 def test_columns_are_what_is_subtracted(log: Log) -> None:
     plain = found(TASK, log, recipe=replace(RECIPE, friction_scale=False))
     (part,) = plain.prepared
-    names, columns = friction_columns(plain.target, part, STATED, plain.recipe)
+    names, columns = friction_columns(Context(plain.target, (part,), plain.recipe), STATED)
     less = without_friction(part, plain.target, STATED, plain.recipe)
     assert names == ("z1", "z3")
     np.testing.assert_allclose(columns.sum(axis=1), (part.measured - less.measured).ravel(), atol=1e-12)

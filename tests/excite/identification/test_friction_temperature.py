@@ -12,26 +12,25 @@ import pytest
 from commands import Here
 from played import TASK, curves, described, found, irp6, played, three_joints
 
-from excite.files.friction_file import read_friction, write_friction
-from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.design.reference import SampledMotion
 from excite.friction.fit.curve_fit import chosen_fit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Form, forms
-from excite.friction.fit.points import Point
-from excite.friction.fit.rigid_torques import described_model
+from excite.friction.fit.friction_fit import Characteristic, characteristics
+from excite.friction.fit.points import Point, described_model
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.prediction import prediction
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log, write_log
-from excite.simulation.reference import SampledMotion
-from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
+from excite.tasks.friction_file import read_friction, write_friction
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction.curves import (
+from regressors.robot.friction.curves import (
     CoulombViscous,
     FrictionCurve,
     FrictionCurves,

@@ -6,13 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pinocchio_motions import joint_torques
+from pinocchio_chains import joint_torques
 from played import periodic
 
-from excite.identification.equations import equations_of, friction_drives, measured_regressor
+from excite.identification.equations import (
+    drive_rows,
+    equations_of,
+    friction_drives,
+    measured_direction,
+    measured_regressor,
+)
 from excite.identification.estimation import estimate_parameters
-from excite.identification.friction_directions import drive_rows
-from excite.identification.hysteresis import measured_direction
 from excite.identification.preparation import prepare
 from excite.identification.presliding import _score_of_columns
 from excite.identification.recipe import Recipe
@@ -65,7 +69,7 @@ def log(rate: float = 200.0, width: float | None = None) -> tuple[Log, Samples]:
     return Log("LOG", "LOG", ROBOT.joint_names, time, samples.q, samples.dq, effort, None), samples
 
 
-EXACT = Recipe(signals="fourier", period=2.0, harmonics=3, rows="all", sign_width=0.0)
+EXACT = Recipe(signals="fourier", period=2.0, harmonics=3, rows="all", sign_width=0.0, covariance="white")
 
 
 @pytest.mark.parametrize("estimator", ["weighted", "physical"])

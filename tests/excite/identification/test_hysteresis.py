@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.equations import dahl_direction
 from regressors.samples import Array
 
 

@@ -22,20 +22,20 @@ from played import (
     three_joints,
 )
 
-from excite.files.result_json import result_content
 from excite.identification.covariance import condition_number
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
 from excite.identification.preparation import chosen_method, prepare
 from excite.identification.recipe import Recipe
+from excite.identification.result_json import result_content
 from excite.information.target import target_of
 from excite.logs.log import Log
-from excite.signals.fourier_fit import FourierFit
+from excite.logs.signals.fourier_fit import FourierFit
 from excite.tasks.task import Task
-from regressors.friction.curve import CoulombViscous
-from regressors.friction.curves import FrictionCurves
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array
 
 # Rotor inertias seen through the gears, from the numbers of the description
@@ -133,7 +133,7 @@ def test_drives_without_a_curve_are_told(log: Log) -> None:
 
 def test_a_common_low_pass_leaves_the_truth_where_it_is() -> None:
     log = played(three_joints(), 3, 500.0, 6.0)
-    whole, filtered = (found(TASK, log, recipe=replace(EXACT, low_pass=hz)) for hz in (None, 4.0))
+    whole, filtered = (found(TASK, log, recipe=replace(EXACT, low_pass=hz, covariance="white")) for hz in (None, 4.0))
     assert len(filtered.observations.y) < len(whole.observations.y) / 10
     np.testing.assert_allclose(filtered.estimate.values, whole.estimate.values, rtol=1e-9)
 

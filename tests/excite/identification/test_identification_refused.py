@@ -12,7 +12,7 @@ from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
+from regressors.robot.friction.curves import FrictionCurves
 
 
 @pytest.fixture(scope="module")
@@ -27,14 +27,10 @@ BAD_RECIPES = (
     ({"estimator": "best"}, "no estimator named 'best'; available: huber, "),
     ({"covariance": "none"}, "no covariance named 'none'; available: auto, white, robust"),
     ({"cutoff": 0.0}, "`cutoff` must be a number from 1e-06 to 10000000 Hz, given 0"),
-    ({"period": -1.0}, "`period` must be a number from 0.001 to 100000 s, given -1"),
-    ({"low_pass": float("nan")}, "`low_pass` must be a number from 1e-06 to 10000000 Hz, given nan"),
     ({"sign_width": -0.1}, "`sign_width` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, given -0.1"),
-    ({"breakaway": float("inf")}, "`breakaway` must be 0 or a number from 1e-12 to 10000 rad or m, given inf"),
     ({"sign_width": 0.1, "breakaway": 0.1}, "give `sign_width` or `breakaway`, not both"),
     ({"every": 0}, "`every` must be a whole number from 1 to 1e+09, given 0"),
     ({"rows": "first"}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given 'first'"),
-    ({"rows": "1:"}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given '1:'"),
     ({"rows": "1:" + "9" * 5000}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given '1:999999"),
     ({"rows": "0:9"}, "the first must be 1 or more and below the last, given '0:9'"),
     ({"rows": "9:9"}, "the first must be 1 or more and below the last, given '9:9'"),
@@ -60,8 +56,6 @@ def test_rows_are_counted_from_one() -> None:
         ("instrumental", {}, "needs the commanded motion: name the `design` that was played"),
         ("weighted", {"pull": 1.0}, "`pull` is for the estimator physical, not for weighted"),
         ("physical", {"pull": -1.0}, "`pull` must be 0 or a number from 1e-12 to 1e+12, given -1"),
-        ("physical", {"pull": float("nan")}, "`pull` must be 0 or a number from 1e-12 to 1e+12, given nan"),
-        ("magic", {}, "no estimator named 'magic'"),
     ],
 )
 def test_an_estimator_without_what_it_needs_is_refused(name: str, given: dict[str, float], message: str) -> None:

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, irp6, mixed, periodic, played, three_joints
 
+from excite.identification.equations import measured_direction
 from excite.identification.estimation import estimate_parameters
-from excite.identification.hysteresis import measured_direction
 from excite.identification.known_friction import known_torque
 from excite.identification.prediction import prediction
 from excite.information.target import target_of
 from excite.logs.log import Log
-from excite.study.repetition import repetitions
+from excite.study.repetitions import repetitions
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction.curves import (
+from regressors.robot.friction.curves import (
     CoulombViscous,
     FrictionCurves,
     Loaded,

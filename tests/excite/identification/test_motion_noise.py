@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from played import TASK, found, irp6, noisy, played, three_joints
 
+from excite.identification.biases import motion_noise
 from excite.identification.identification import Identification
-from excite.identification.motion_noise import motion_noise
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.information.target import target_of
@@ -29,7 +29,7 @@ def exact() -> Log:
 def test_the_noise_has_the_size_that_passes_the_filter(
     exact: Log, stretch: int, delay: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("excite.identification.motion_noise._STRETCH", stretch)
+    monkeypatch.setattr("excite.identification.biases._NOISE_STRETCH", stretch)
     recipe = replace(RECIPE, delay=delay)
     target = target_of(irp6(), TASK)
     clean = prepare(exact, irp6(), target, recipe)

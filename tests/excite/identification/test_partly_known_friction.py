@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, irp6, played, three_joints
 
-from excite.files.result_json import load_result, result_content
-from excite.files.task_file import task_content, task_from_options
-from excite.identification.hysteresis import measured_direction
+from excite.design.task_file import task_content, task_from_options
+from excite.identification.equations import measured_direction
+from excite.identification.result_json import load_result, result_content
 from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.tasks.task import Task
 from excite.verification.verify import verify
 from regressors.errors import UnknownName
-from regressors.friction.curves import CoulombViscous, FrictionCurves
 from regressors.readers.library import built_in
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
 
 EXACTLY = replace(EXACT, sign_width=0.0)
 KNOWN = FrictionCurves({"z2": curves()["z2"]})

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, described, found, irp6, played, three_joints
 
-from excite.identification.equations import equations_of, friction_drives, measured_regressor
-from excite.identification.friction_directions import drive_rows
+from excite.identification.equations import drive_rows, equations_of, friction_drives, measured_regressor
 from excite.identification.preparation import prepare
 from excite.identification.presliding import Presliding, best_presliding
 from excite.information.target import target_of

@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, irp6, played, three_joints
 
-from excite.files.result_json import load_result
-from excite.identification.equations import equations_of
-from excite.identification.friction_directions import directions
-from excite.identification.hysteresis import measured_direction
-from excite.identification.presliding import Presliding, presliding_of_each
-from excite.identification.recipe import Recipe
+from excite.identification.equations import directions, measured_direction
+from excite.identification.result_json import load_result
 from excite.logs.log import Log
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array
 
 C = irp6().transmission.coupling[:3, :3]
@@ -61,27 +57,6 @@ def test_one_size_each_is_one_for_all_where_they_are_equal(soft: Log) -> None:
     np.testing.assert_allclose(each.estimate.values, common.estimate.values, rtol=1e-10)
 
 
-def test_planted_widths_are_found(soft: Log) -> None:
-    exact = found(TASK, soft, recipe=replace(EXACT, sign_width=0.0))
-    parts = [(part, equations_of(exact.target, part, exact.recipe)) for part in exact.prepared]
-    sizes = presliding_of_each(exact.target, parts, Presliding(sign_width=0.06))
-    assert sizes[0] == pytest.approx(0.2, rel=0.5)
-    assert sizes[1] < 0.01
-    assert sizes[2] == pytest.approx(0.02, rel=0.6)
-    errors = [
-        np.abs(found(TASK, soft, recipe=replace(EXACT, sign_width=w)).estimate.values / described(exact) - 1).max()
-        for w in (sizes, 0.06)
-    ]
-    assert errors[0] < 0.5 * errors[1]
-
-
-def test_nothing_is_changed_where_one_for_all_is_right() -> None:
-    log = turned(np.tanh(played(three_joints(), 3).dq @ C.T / 0.05))
-    exact = found(TASK, log, recipe=replace(EXACT, sign_width=0.0))
-    parts = [(part, equations_of(exact.target, part, exact.recipe)) for part in exact.prepared]
-    assert presliding_of_each(exact.target, parts, Presliding(sign_width=0.05)) == (0.05,) * 3
-
-
 @pytest.mark.parametrize(
     ("task", "changes", "message"),
     [
@@ -97,13 +72,6 @@ def test_nothing_is_changed_where_one_for_all_is_right() -> None:
 def test_sizes_that_do_not_fit_are_refused(task: Task, changes: dict, message: str, soft: Log) -> None:
     with pytest.raises(InputError, match=message):
         found(task, soft, recipe=replace(EXACT, **changes))
-
-
-def test_negative_sizes_are_refused() -> None:
-    with pytest.raises(
-        InputError, match=r"`sign_width` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, given -0\.1"
-    ):
-        Recipe(sign_width=(0.1, -0.1))
 
 
 def test_zero_is_the_sign() -> None:

@@ -9,10 +9,11 @@ import pytest
 from observed import observations_of
 from played import EXACT, TASK, found, irp6, noisy, played, three_joints
 
+from excite.identification.allowances import presliding_column, with_nuisance, without_nuisance
 from excite.identification.covariance import robust_covariance
 from excite.identification.equations import equations_of
-from excite.identification.estimators.weighted import weighted
-from excite.identification.presliding_uncertainty import presliding_column, with_nuisance, without_nuisance
+from excite.identification.estimator import Context
+from excite.identification.estimators.least_squares import weighted
 from excite.identification.streamed_rows import HeldRows, StreamedRows
 from excite.information.target import target_of
 
@@ -24,7 +25,7 @@ def test_the_column_is_the_change_of_the_prediction_with_the_width(setting: dict
     recipe = replace(EXACT, **setting)
     result = found(TASK, played(three_joints(), 3), recipe=recipe)
     beta = result.estimate.coefficients
-    column = presliding_column(result.target, result.prepared, recipe, beta)
+    column = presliding_column(Context(result.target, result.prepared, recipe), beta)
     predicted = []
     for step in (-0.05, 0.05):
         changed = replace(recipe, **{k: v * np.exp(step) for k, v in setting.items()})
@@ -37,7 +38,7 @@ def test_the_column_is_the_change_of_the_prediction_with_the_width(setting: dict
 def test_there_is_no_column_for_the_exact_sign() -> None:
     result = found(TASK, played(three_joints(), 3), recipe=replace(EXACT, sign_width=0.0))
     recipe = replace(EXACT, sign_width=0.0)
-    assert presliding_column(result.target, result.prepared, recipe, result.estimate.coefficients) is None
+    assert presliding_column(Context(result.target, result.prepared, recipe), result.estimate.coefficients) is None
 
 
 def test_the_wider_covariance_is_the_block_of_the_larger_problem() -> None:

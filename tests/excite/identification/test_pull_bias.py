@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from observed import random_problem
 
-from excite.identification.estimators.weighted import weighted
-from excite.identification.stated_uncertainty import allowing_for_pull
+from excite.identification.allowances import allowing_for_pull
+from excite.identification.estimators.least_squares import weighted
 
 
 @pytest.mark.parametrize("pulled_by", [{"pull": 1.0}, {"pull": 0.0, "described_within": 0.3}])

@@ -14,12 +14,10 @@ from observed import noise_of, observations_of, random_problem
 from excite.identification.covariance import _bartlett, bandwidth, robust_covariance
 from excite.identification.estimators.huber import huber
 from excite.identification.estimators.instrumental import instrumental
-from excite.identification.estimators.least_squares import least_squares
+from excite.identification.estimators.least_squares import least_squares, weighted
 from excite.identification.estimators.recursive import recursive
 from excite.identification.estimators.total import total
-from excite.identification.estimators.weighted import weighted
-from excite.identification.leading_autocorrelation import autocorrelation
-from excite.identification.residuals import effective_samples, residual_diagnostics
+from excite.identification.residuals import autocorrelation, effective_samples, residual_diagnostics
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
 
@@ -153,7 +151,7 @@ def test_bandwidth(r: float, count: int, width: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["robust", "newey-west", "autoregressive", "effective"])
+@pytest.mark.parametrize("kind", ["robust", "newey-west", "autoregressive"])
 def test_intervals_under_correlated_noise_hold_only_with_the_robust_covariance(kind: str) -> None:
     """Slow regressor and noise: the plain 99 % interval misses often, the robust ones rarely."""
     rng = np.random.default_rng(6)
@@ -176,7 +174,7 @@ def test_white_noise_leaves_the_deviations_about_as_they_are(method) -> None:
     W = rng.normal(size=(4000, 3))
     observations = observations_of(W, W @ np.ones(3) + noise_of(rng, (0.4,), 4000))
     estimate = method(observations)
-    for kind in ("robust", "newey-west", "autoregressive", "effective"):
+    for kind in ("robust", "newey-west", "autoregressive"):
         ratio = robust_covariance(estimate, observations, kind).deviation / estimate.deviation
         np.testing.assert_allclose(ratio, 1.0, rtol=0.08)
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from observed import observations_of
 
-from excite.identification import row_stretches as module
+from excite.identification import observations as module
 from excite.identification.covariance import robust_covariance
-from excite.identification.estimators.weighted import weighted
-from excite.identification.observations import Observations
-from excite.identification.row_stretches import row_stretches
+from excite.identification.estimators.least_squares import weighted
+from excite.identification.observations import Observations, row_stretches
 
 COUNT = 6000
 

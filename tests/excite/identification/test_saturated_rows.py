@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from played import EXACT, LOAD, TASK, described, found, periodic, played, three_joints
 
-from excite.identification.saturated_rows import spans_in_mean
+from excite.identification.preparation import spans_in_mean
 from excite.logs.log import Log
 from excite.logs.saturation import Saturation, Spans, saturation_of, within
 from excite.tasks.task import Task

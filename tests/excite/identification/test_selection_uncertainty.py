@@ -9,8 +9,8 @@ import pytest
 import scipy.stats
 from observed import random_problem
 
-from excite.identification.estimators.weighted import weighted
-from excite.identification.stated_uncertainty import allowing_for_selection
+from excite.identification.allowances import allowing_for_selection
+from excite.identification.estimators.least_squares import weighted
 
 
 def test_an_added_term_has_the_interval_of_several_statements_at_once() -> None:

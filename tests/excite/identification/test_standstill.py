@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from played import EXACT, PERIOD, TASK, described, found, irp6, played, three_joints
 
-from excite.design.designed_motion import DesignedMotion
+from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
+from excite.identification.biases import standstill_candidates, without_standstill
 from excite.identification.equations import equations_of
 from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
-from excite.identification.standstill_bias import standstill_candidates, without_standstill
 from excite.logs.log import Log
 from excite.simulation.simulate import simulate
 from excite.tasks.search import Search
@@ -101,12 +101,12 @@ def test_repetitions_refuse_it() -> None:
 
 
 @pytest.fixture(scope="module")
-def design() -> DesignedMotion:
+def design() -> Design:
     return design_trajectory("irp6", search=Search(starts=2))
 
 
 @pytest.mark.slow
-def test_parameters_of_a_robot_that_sticks_are_not_biased(design: DesignedMotion) -> None:
+def test_parameters_of_a_robot_that_sticks_are_not_biased(design: Design) -> None:
     """Under a soft controller, whose joints stand wherever they turn; else errors are many times larger."""
     errors = {speed: [] for speed in (0.0, 0.01)}
     for seed in range(3):

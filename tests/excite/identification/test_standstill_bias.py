@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, found, irp6, noisy, played, three_joints
 
+from excite.identification.biases import allowing_for_standstill, fails_near_standstill, fast_rows
 from excite.identification.estimator import Context
-from excite.identification.estimators.weighted import Weighted
-from excite.identification.standstill_bias import allowing_for_standstill, fails_near_standstill, fast_rows
+from excite.identification.estimators.least_squares import Weighted
 from excite.identification.streamed_rows import HeldRows, StreamedRows
 from excite.logs.log import Log
 from regressors.samples import Array

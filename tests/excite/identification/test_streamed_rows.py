@@ -102,8 +102,8 @@ class _Counted(HeldRows):
         super().__init__(np.zeros((1, 3, 10)))
         self.shape = (count, 3, 10)
 
-    def part(self, first: int, last: int) -> Array:
-        return np.full((last - first, 3, 10), 1.0)
+    def part(self, which: slice) -> Array:
+        return np.full((which.stop - which.start, 3, 10), 1.0)
 
 
 def test_a_product_holds_one_block_at_once() -> None:

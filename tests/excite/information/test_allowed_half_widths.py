@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-import excite
-from excite.information.allowed_half_widths import ABOUT_ZERO, allowed_half_widths, precision_scales
-from excite.information.parameter_groups import group_of
-from excite.information.parameter_sizes import base_sizes
-from excite.information.prior import prior_of
+from excite.information.half_widths import ABOUT_ZERO, allowed_half_widths, group_of, precision_scales
+from excite.information.prior import base_sizes, prior_of
 from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import robot_and_task
@@ -101,7 +98,3 @@ def test_unknown_parameters_and_values(irp6: IdentificationTarget, ur10e: Identi
 )
 def test_groups(column: tuple[str, str], group: str | None) -> None:
     assert group_of(*column) == group
-
-
-def test_it_is_public() -> None:
-    assert excite.PrecisionTarget is PrecisionTarget

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 
-import casadi as ca
 import numpy as np
 import pytest
+from criterion_laws import check_gradient, information_matrix
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.design.formulation import Formulation, formulate
+from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
-from excite.design.problem import Problem
-from excite.information.criteria import ConditionNumber, condition_number
-from excite.information.matrix import Information
 from excite.information.target import model_of
 from excite.registry import CRITERIA, instance
+from excite.tasks.criteria import ConditionNumber, condition_number
 from excite.tasks.task import Task
-from excite.trajectories import Fourier, Trajectory
+from excite.trajectories import Trajectory
 from regressors.errors import UnknownName
 from regressors.models.base import base_parameters, random_states
-from regressors.models.model import RegressorModel
 from regressors.readers.library import built_in
 from regressors.samples import Array
-from regressors.symbolic.vectorised import VectorisedFunction
 
 SEED = st.integers(0, 2**32 - 1)
 SHARPNESS = st.sampled_from([1.0, 2.0, 8.0, 32.0])
@@ -65,14 +60,7 @@ def test_singular_matrix() -> None:
 
 @given(SEED, SHARPNESS)
 def test_gradient_equals_finite_differences(seed: int, p: float) -> None:
-    _, M = random_matrix(seed, spread=1.0)
-    A = np.random.default_rng(seed).normal(size=M.shape)
-    root = np.linalg.cholesky(M)
-    direction = root @ ((A + A.T) / np.linalg.norm(A + A.T, 2)) @ root.T  # changes every eigenvalue by like parts
-    _, G = CRITERION.smooth(M, p)
-    expected = slope(lambda t: CRITERION.smooth(M + t * direction, p)[0], 2e-3 / p)
-    np.testing.assert_allclose(G, G.T, atol=1e-10 * np.abs(G).max())
-    assert np.sum(G * direction) == pytest.approx(expected, rel=1e-6, abs=1e-7)
+    check_gradient(CRITERION, random_matrix(seed, spread=1.0)[1], seed, p)
 
 
 @given(SEED, SHARPNESS)
@@ -83,13 +71,6 @@ def test_stand_in_is_the_function_that_it_says(seed: int, p: float) -> None:
     powers = [np.linalg.matrix_power(matrix, int(p)) for matrix in (M, np.linalg.inv(M))]
     expected = sum(np.log(np.trace(power)) for power in powers) / (2 * p)
     assert CRITERION.smooth(M, p)[0] == pytest.approx(expected, rel=1e-8)
-
-
-@given(SEED)
-def test_first_stage_is_the_frobenius_condition_number_of_the_regressor(seed: int) -> None:
-    W, M = random_matrix(seed)
-    frobenius = np.linalg.norm(W) * np.linalg.norm(np.linalg.pinv(W))
-    assert np.exp(CRITERION.smooth(M, 1.0)[0]) == pytest.approx(frobenius, rel=1e-9)
 
 
 @given(SEED, SHARPNESS)
@@ -132,98 +113,7 @@ def test_large_powers_do_not_overflow() -> None:
     assert np.all(np.isfinite(G))
 
 
-# --- the whole chain -------------------------------------------------------------------------------------------------
-
-
-TASKS = {
-    "irp6": Task("irp6", harmonics=3),
-    "irp6-five-axes": Task("irp6", joints=("1", "2", "3", "4", "5"), rotor=False, offset=True),
-    "irp6-joints-1-3": Task("irp6", joints=("1", "3")),
-    "irp6-motor-2": Task("irp6", drives=("z2",)),
-    "panda": Task("panda"),
-    "panda-joints-2-6": Task("panda", drives=("2", "6")),  # the fourth joint rests at -0.0698
-}
-
-
-@pytest.fixture(scope="module", params=TASKS)
-def made(request: pytest.FixtureRequest) -> Formulation:
-    """Design problems with friction, of one to seven moving coordinates."""
-    task = TASKS[request.param]
-    return formulate(built_in(task.robot), task)
-
-
-def motion(problem: Problem, seed: int = 0) -> Array:
-    return random_motion(problem, np.random.default_rng(seed))
-
-
-def soft_model(made: Formulation, width: float) -> RegressorModel:
-    """The task's model with friction whose sign turns over ``width``."""
-    return model_of(made.target.robot, made.task, width).restricted(made.target.motion)
-
-
-def information(made: Formulation, width: float, count: int) -> Information:
-    """M(x) in the base columns, at ``count`` instants; made from its parts."""
-    model = soft_model(made, width)
-    symbols = [ca.SX.sym(name, model.robot.n) for name in ("q", "dq", "ddq")]
-    function = VectorisedFunction(symbols, model.expression(*symbols)[:, made.target.base.index.tolist()])
-    family = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics)
-    return Information(function, family, model.combination(made.task.trajectory.period, count), made.target.motion)
-
-
-def stacked(made: Formulation, x: Array, width: float, time: Array) -> Array:
-    """W in all columns from the model's own assembly, for a motion in which held coordinates stand where they are."""
-    family, motion = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics), made.target.motion
-    coefficients = motion.matrix @ x + np.outer(motion.offset, family.constant)
-    return soft_model(made, width).assemble(Trajectory(family, coefficients).samples(time))
-
-
-def written(made: Formulation) -> Array:
-    """Instants of the task's rate, both ends included."""
-    return np.linspace(0.0, made.task.trajectory.period, round(made.task.output.rate * made.task.trajectory.period) + 1)
-
-
-@pytest.mark.parametrize("width", [0.01, 0.3])
-def test_information_is_that_of_the_stacked_regressor(made: Formulation, width: float) -> None:
-    count, x = 150, motion(made.problem)
-    M = information(made, width, count).evaluate(x).M
-    W = stacked(made, x, width, np.arange(count) * made.task.trajectory.period / count)[:, made.target.base.index]
-    np.testing.assert_allclose(M, W.T @ W / count, rtol=1e-9, atol=1e-11 * np.abs(M).max())
-
-
-def test_criterion_of_a_problem_is_that_of_the_exact_regressor_at_the_tasks_rate(made: Formulation) -> None:
-    problem, x = made.problem, motion(made.problem)
-    W = stacked(made, x, 0.0, written(made))[:, made.target.base.index]
-    assert problem.exact_value(x) == pytest.approx(np.linalg.cond(W), rel=1e-6)
-    soft = problem.criterion_value(problem.point(x, 1.0))
-    assert soft == pytest.approx(problem.exact_value(x), rel=0.2)  # the optimiser sees much the same
-
-
-def test_gradient_of_any_function_of_the_information(made: Formulation) -> None:
-    """``f = <G, M(x)>`` for a random G, down to the coefficients, friction's soft sign included."""
-    chain = information(made, 0.03, 120)
-    x, rng = motion(made.problem), np.random.default_rng(1)
-    at = chain.evaluate(x)
-    A = rng.normal(size=at.M.shape)
-    G = (A + A.T) / np.sqrt(np.outer(np.diag(at.M), np.diag(at.M)))  # each entry of M counts alike
-    gradient = chain.gradient(at, G)
-    assert gradient.shape == x.shape
-    for _ in range(4):
-        direction = rng.normal(size=x.shape)
-        direction /= np.abs(direction).max()
-        expected = slope(lambda t, d=direction: float(np.sum(G * chain.evaluate(x + t * d).M)), 2e-5)
-        assert np.sum(gradient * direction) == pytest.approx(expected, rel=1e-6, abs=1e-6)
-
-
-@pytest.mark.parametrize("p", CRITERION.stages)
-def test_gradient_of_the_objective(made: Formulation, p: float) -> None:
-    problem, x = made.problem, motion(made.problem, 3)
-    gradient = problem.gradient(problem.point(x, p))
-    rng = np.random.default_rng(2)
-    for _ in range(2):
-        direction = rng.normal(size=x.shape)
-        direction /= np.abs(direction).max()
-        expected = slope(lambda t, d=direction: problem.point(x + t * d, p).value, 1e-5)
-        assert np.sum(gradient * direction) == pytest.approx(expected, rel=1e-5, abs=1e-6)
+# --- other conventions -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("convention", ["pivoted", "orthonormal"])
@@ -231,8 +121,10 @@ def test_gradient_of_the_objective(made: Formulation, p: float) -> None:
 def test_other_conventions_of_the_criterion(convention: str, joints: tuple[str, ...] | None) -> None:
     """``M_c = T' M T``: the value against the regressor itself, the gradient against finite differences."""
     made = formulate(built_in("irp6"), Task("irp6", joints=joints, base=convention, rotor=joints is None))
-    problem, x = made.problem, motion(made.problem, 5)
-    W = stacked(made, x, 0.0, written(made))
+    problem, x = made.problem, random_motion(made.problem, np.random.default_rng(5))
+    trajectory = Trajectory(problem.family, problem.information.joint_coefficients(x))
+    times = made.target.model.times(made.task.trajectory.period, made.task.output.rate)
+    W = made.target.model.assemble(trajectory.samples(times))
     if convention == "orthonormal":
         sigma = np.linalg.svd(W, compute_uv=False)
         expected = sigma[0] / sigma[made.target.base.rank - 1]
@@ -246,28 +138,16 @@ def test_other_conventions_of_the_criterion(convention: str, joints: tuple[str, 
     assert found == pytest.approx(difference, rel=1e-5, abs=1e-6)
 
 
-def test_another_process_builds_the_same_problem() -> None:
-    made = formulate(built_in("irp6"), Task("irp6", harmonics=3))
-    first, second = made.blueprint.problem(), dataclasses.replace(made.blueprint).problem()
-    x = motion(first)
-    assert first.point(x, 8.0).value == second.point(x, 8.0).value
-
-
 def test_soft_friction_tends_to_the_exact_one() -> None:
     made = formulate(built_in("irp6"), Task("irp6", harmonics=3))
     states = random_states(made.target.robot, 200, seed=7)
     exact = made.target.model.instants(states)
-    soft, softer = (soft_model(made, width).instants(states) for width in (1e-9, 0.1))
+    soft, softer = (model_of(made.target.robot, made.task, width).instants(states) for width in (1e-9, 0.1))
     np.testing.assert_array_equal(soft, exact)
     assert not np.array_equal(softer, exact)
 
 
 # --- the other criteria ----------------------------------------------------------------------------------------------
-
-
-def information_matrix(seed: int, b: int = 6) -> np.ndarray:
-    W = np.random.default_rng(seed).normal(size=(40, b)) * np.logspace(-1, 1, b)
-    return W.T @ W / 40
 
 
 DEFINITIONS = {
@@ -281,13 +161,13 @@ DEFINITIONS = {
 
 @pytest.mark.parametrize("name", DEFINITIONS)
 def test_value_is_that_of_its_definition(name: str) -> None:
-    M = information_matrix(1)
+    M = information_matrix(1, 6, 40)
     assert instance("criterion", name).value(M) == pytest.approx(DEFINITIONS[name](M), rel=1e-10)
 
 
 @pytest.mark.parametrize("name", CRITERIA)
 def test_stand_in_is_its_logarithm_in_the_end(name: str) -> None:
-    M, made = information_matrix(2), instance("criterion", name)
+    M, made = information_matrix(2, 6, 40), instance("criterion", name)
     sharpest = np.inf if len(made.stages) == 1 else 4096.0
     value, _ = made.smooth(M, min(sharpest, 4096.0))
     assert value == pytest.approx(np.log(made.value(M)), abs=1e-3)
@@ -296,12 +176,9 @@ def test_stand_in_is_its_logarithm_in_the_end(name: str) -> None:
 
 @pytest.mark.parametrize("name", CRITERIA)
 def test_gradient_of_every_stage_is_that_of_finite_differences(name: str) -> None:
-    M, made = information_matrix(3), instance("criterion", name)
-    A = np.random.default_rng(4).normal(size=M.shape)
-    direction, h = A + A.T, 1e-6
-    for sharpness in made.stages[:3]:
-        slope = (made.smooth(M + h * direction, sharpness)[0] - made.smooth(M - h * direction, sharpness)[0]) / (2 * h)
-        assert np.sum(made.smooth(M, sharpness)[1] * direction) == pytest.approx(slope, rel=1e-5)
+    made = instance("criterion", name)
+    for sharpness in made.stages:
+        check_gradient(made, information_matrix(3, 6, 40), 4, sharpness)
 
 
 @pytest.mark.parametrize("name", CRITERIA)

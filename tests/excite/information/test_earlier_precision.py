@@ -5,10 +5,10 @@ import itertools
 
 import numpy as np
 import pytest
-from short_designs import short
+from designs import short
 
 import excite
-from excite.files.earlier_files import earlier_information
+from excite.identification.earlier_files import earlier_information
 from excite.information.earlier_precision import (
     deviations_of,
     earlier_estimate,
@@ -19,8 +19,8 @@ from excite.information.earlier_precision import (
 from excite.information.target import IdentificationTarget, target_of
 from excite.information.weighting import weighting_of
 from excite.registry import CONVENTIONS
-from excite.tasks.earlier_information import DESIGN, RESULT, EarlierInformation
 from excite.tasks.robot_of_task import robot_and_task
+from excite.tasks.stored_files import DESIGN, RESULT, EarlierInformation
 from excite.tasks.task import Task
 
 ROBOT, TASK = robot_and_task("irp6")
@@ -104,18 +104,8 @@ def test_conventions_transform_the_information_as_they_do_rows(convention: str) 
     assert np.allclose(weighting.matrix(none), (F @ T).T @ (F @ T), rtol=1e-9)
 
 
-def test_parameters_of_another_base_are_nuisance() -> None:
+def test_parameters_of_another_base_are_nuisance_that_earlier_experiments_share() -> None:
     """Offsets that only the earlier model has: the information is the inverse of the covariance of the shared ones."""
-    wide = target_of(*robot_and_task(Task("irp6", offset=True)))
-    one = _result(np.random.default_rng(3), wide)
-    C = np.linalg.inv(one.factors[0].T @ one.factors[0])
-    shared = [wide.base.names.index(name) for name in TARGET.base.names]
-    assert wide.base.rank == TARGET.base.rank + 3
-    P = _information(TASK.changed(after=(one,), noise=1.0))
-    assert np.allclose(np.linalg.inv(P), C[np.ix_(shared, shared)], rtol=1e-8)
-
-
-def test_nuisance_is_shared_by_earlier_experiments() -> None:
     wide = target_of(*robot_and_task(Task("irp6", offset=True)))
     rng = np.random.default_rng(4)
     two = [_result(rng, wide) for _ in range(2)]

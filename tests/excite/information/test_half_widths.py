@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from excite.information.half_widths import half_width_factor, half_widths, residual_degrees_of_freedom
-from excite.information.visible_base import inverse_half
+from excite.information.half_widths import half_width_factor, residual_degrees_of_freedom
+from excite.information.identifiability import inverse_half
 
 ROWS, COLUMNS, REPEATS = 40, 3, 4000
 
@@ -25,7 +25,7 @@ def _regressions() -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("probability", [0.5, 0.8, 0.95])
 def test_half_widths_of_all_parameters_keep_to_the_prediction_with_its_probability(probability: float) -> None:
     factor, widths = _regressions()
-    predicted = half_widths(factor, ROWS - COLUMNS, probability=probability)
+    predicted = half_width_factor(ROWS - COLUMNS, probability=probability) * np.linalg.norm(factor, axis=1)
     share = np.mean(np.all(widths <= predicted, axis=1))
     assert abs(share - probability) < 4 * np.sqrt(probability * (1 - probability) / REPEATS)
 

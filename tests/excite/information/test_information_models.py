@@ -28,8 +28,8 @@ from regressors.models.energy import EnergyModel
 from regressors.models.model import Combination, RegressorModel
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
+from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array
-from regressors.symbolic.vectorised import VectorisedFunction
 
 TURNED = {"sensor": "4", "sensor_xyz": (0.02, -0.1, 0.05), "sensor_rpy": (0.4, -0.3, 1.2)}
 CASES: dict[str, dict[str, object]] = {
@@ -53,6 +53,10 @@ CASES: dict[str, dict[str, object]] = {
         "joints": tuple("12345"), "model": "energy", "harmonics": 8, "period": 10.0, "rotor": False, "offset": True,
     },
     "panda-energy": {"robot": "panda", "model": "energy", "harmonics": 8, "period": 10.0},
+    "three-axes": {},
+    "five-axes": {"joints": tuple("12345"), "rotor": False, "offset": True, "harmonics": 5, "period": 10.0},
+    "panda": {"robot": "panda", "harmonics": 5, "period": 10.0},
+    "panda-drives-2-6": {"robot": "panda", "drives": ("2", "6")},  # the fourth joint rests at -0.0698
 }  # fmt: skip
 
 
@@ -190,13 +194,14 @@ def test_optimiser_sees_nearly_what_results_report(made: Formulation) -> None:
     """
     index, coulomb, period = made.target.base.index, coulomb_of(made), made.task.trajectory.period
     exact, soft = seen(made, 0.0), seen(made, width_of(made.problem))
-    for seed in range(3):
+    for seed in range(3 if made.task.robot == "irp6" else 1):
         x = motion(made.problem, seed)
         trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
         samples = trajectory.samples(exact.times(period, made.task.output.rate))
         V, W = (model.assemble(samples)[:, index] for model in (soft, exact))
         np.testing.assert_array_equal(V[:, ~coulomb], W[:, ~coulomb])
         r = np.linalg.norm(V - W, axis=0) / np.linalg.norm(W, axis=0)
+        assert made.problem.exact_value(x) == pytest.approx(np.linalg.cond(W), rel=1e-6)
         error = difference(made, made.problem.information.evaluate(x).M, x)
         assert np.all(error <= np.add.outer(r, r) + np.outer(r, r) + 0.02)
         point = made.problem.point(x, 1.0)
@@ -273,7 +278,7 @@ def assert_weights(weights: Combination, start: Array, end: Array, scale: float,
 
 # --- tiny searches ---------------------------------------------------------------------------------------------------
 
-SEARCHED = [case for case in CASES if case not in ("panda-energy", "panda-load", "five-axes-energy", "load-turned")]
+SEARCHED = [case for case in CASES if "panda" not in case and case not in ("five-axes-energy", "load-turned")]
 
 
 @cache
@@ -305,7 +310,6 @@ def test_designs_move_what_they_were_asked_to_move(case: str) -> None:
     design = designed(case)
     samples = design.trajectory.samples(np.linspace(0.0, design.task.trajectory.period, 601))
     transmission = design.moving.transmission
-    assert transmission is not None
     np.testing.assert_allclose(samples.dq[[0, -1]], 0.0, atol=1e-9)
     np.testing.assert_allclose(samples.ddq[[0, -1]], 0.0, atol=1e-9)
     by_joint = dict(zip(design.moving.joint_names, np.abs(samples.dq).max(axis=0), strict=True))

@@ -6,29 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from criterion_laws import check_gradient, information_matrix
 from hypothesis import given
 from hypothesis import strategies as st
 
 import excite
-from excite.information.criteria import MaxDeviation
 from excite.information.weighting import minimised_text
-from excite.plots.convergence_plot import convergence_figure
 from excite.registry import CRITERIA, instance
-from regressors.samples import Array
+from excite.tasks.criteria import MaxDeviation
+from excite.views.search_plot import convergence_figure
 
 SEED = st.integers(0, 2**32 - 1)
 SHARPNESS = st.sampled_from([1.0, 3.0, 16.0, 64.0])
 CRITERION = MaxDeviation()
-
-
-def information_matrix(seed: int, b: int = 5) -> Array:
-    W = np.random.default_rng(seed).normal(size=(30, b)) * np.logspace(-1, 1, b)
-    return np.asarray(W.T @ W / 30)
-
-
-def test_registered() -> None:
-    assert CRITERION.name in CRITERIA
-    assert type(instance("criterion", CRITERION.name)) is MaxDeviation
 
 
 @given(SEED)
@@ -56,15 +46,7 @@ def test_stand_in_is_the_function_that_it_says(seed: int, p: float) -> None:
 
 @given(SEED, SHARPNESS)
 def test_gradient_is_that_of_finite_differences(seed: int, p: float) -> None:
-    M = information_matrix(seed)
-    A = np.random.default_rng(seed + 1).normal(size=M.shape)
-    root = np.linalg.cholesky(M)
-    direction, h = root @ ((A + A.T) / np.linalg.norm(A + A.T, 2)) @ root.T, 2e-3 / p
-    _, G = CRITERION.smooth(M, p)
-    f = [CRITERION.smooth(M + t * h * direction, p)[0] for t in (-2, -1, 1, 2)]
-    expected = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)
-    np.testing.assert_allclose(G, G.T, atol=1e-10 * np.abs(G).max())
-    assert np.sum(G * direction) == pytest.approx(expected, rel=1e-6, abs=1e-7)
+    check_gradient(CRITERION, information_matrix(seed), seed, p)
 
 
 @given(SEED)

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-import scipy.stats
 
-from excite.information.metrics import CONVENTIONS, measures, noise_per_row, predictions, singular_spectrum
+from excite.information.metrics import CONVENTIONS, MotionMeasures, noise_per_row
 from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
@@ -62,12 +61,16 @@ def given(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     }[request.param]()
 
 
+def measures(given: Case) -> MotionMeasures:
+    return MotionMeasures.of(given.target, given.samples, given.noise)
+
+
 def slow_cond(W: np.ndarray) -> float:
     return float(np.linalg.cond(W))
 
 
 def test_condition_numbers(given: Case) -> None:
-    found, W, base = measures(given.target, given.samples, given.noise), given.base_columns, given.target.base
+    found, W, base = measures(given).criteria, given.base_columns, given.target.base
     rows = len(given.target.model.row_labels)
     weighted = np.vstack([row / given.noise[k % rows] for k, row in enumerate(W)])
     scaled = np.column_stack(
@@ -75,6 +78,7 @@ def test_condition_numbers(given: Case) -> None:
     )
     normalised = np.column_stack([column / np.sqrt(np.sum(column**2)) for column in W.T])
     singular = np.linalg.svd(given.full, compute_uv=False)
+    assert list(found) == list(CONVENTIONS)
     assert found["condition_number"] == pytest.approx(slow_cond(W), rel=1e-9)
     assert found["condition_number_noise_weighted"] == pytest.approx(slow_cond(weighted), rel=1e-9)
     assert found["condition_number_length_scaled"] == pytest.approx(slow_cond(scaled), rel=1e-9)
@@ -91,16 +95,16 @@ def test_pivoted_base_is_one_of_the_regressors_own(given: Case) -> None:
     distance = [np.linalg.norm(full - column[:, None], axis=0).min() for column in pivoted.T]
     assert np.max(distance) < 1e-9 * np.linalg.norm(full)
     assert np.linalg.matrix_rank(pivoted) == given.target.base.rank
-    found = measures(given.target, given.samples, given.noise)
+    found = measures(given).criteria
     assert found["condition_number_pivoted"] == pytest.approx(slow_cond(pivoted), rel=1e-8)
 
 
 def test_determinants_and_singular_values(given: Case) -> None:
-    found, W = measures(given.target, given.samples, given.noise), given.base_columns
+    found, W = measures(given).criteria, given.base_columns
     singular = np.linalg.svd(W, compute_uv=False)
     count = len(W) / len(given.target.model.row_labels)
     assert found["smallest_singular_value"] == pytest.approx(singular[-1], rel=1e-9)
-    assert np.allclose(singular_spectrum(given.target, given.samples), singular, rtol=1e-9, atol=0.0)
+    assert np.allclose(measures(given).spectrum, singular, rtol=1e-9, atol=0.0)
     sign, log_det = np.linalg.slogdet(W.T @ W)
     assert sign == 1.0
     assert found["log_det"] == pytest.approx(log_det, rel=1e-9, abs=1e-6)
@@ -108,33 +112,11 @@ def test_determinants_and_singular_values(given: Case) -> None:
     assert found["trace_inverse"] == pytest.approx(np.trace(np.linalg.inv(W.T @ W)), rel=1e-6)
 
 
-def test_every_convention_is_measured_and_explained(given: Case) -> None:
-    assert list(measures(given.target, given.samples, given.noise)) == list(CONVENTIONS)
-    assert all(CONVENTIONS.values())
-
-
-@pytest.mark.parametrize("given", ["irp6", "panda", "load"], indirect=True)
-def test_twice_the_motion_brings_what_it_should(given: Case) -> None:
-    # A motion run twice: conditions stay, singular values grow by sqrt 2, deviations shrink by it.
-    once = given.samples
-    twice = Samples(*(np.concatenate([part, part]) for part in (once.time, once.q, once.dq, once.ddq, once.dddq)))
-    one, two = (measures(given.target, samples, given.noise) for samples in (once, twice))
-    for name in CONVENTIONS:
-        if name.startswith("condition"):
-            assert two[name] == pytest.approx(one[name], rel=1e-8)
-    assert two["smallest_singular_value"] == pytest.approx(np.sqrt(2) * one["smallest_singular_value"], rel=1e-9)
-    assert two["log_det_per_sample"] == pytest.approx(one["log_det_per_sample"], abs=1e-8)
-    deviations = [
-        [p.standard_deviation for p in predictions(given.target, samples, given.noise)] for samples in (once, twice)
-    ]
-    assert np.allclose(np.sqrt(2) * np.array(deviations[1]), deviations[0], rtol=1e-8)
-
-
 def test_a_motion_that_shows_too_little_has_infinite_measures() -> None:
     still = case("irp6")
     zero = np.zeros_like(still.samples.q)
     samples = Samples(still.samples.time, zero, zero, zero, zero)
-    found = measures(still.target, samples, still.noise)
+    found = MotionMeasures.of(still.target, samples, still.noise).criteria
     for name, value in found.items():
         if name.startswith("condition"):
             assert value > 1e15
@@ -145,7 +127,7 @@ def test_a_motion_that_shows_too_little_has_infinite_measures() -> None:
 
 
 def deviations_of(given: Case) -> np.ndarray:
-    return np.array([p.standard_deviation for p in predictions(given.target, given.samples, given.noise)])
+    return np.array([p.standard_deviation for p in measures(given).predicted])
 
 
 def test_predictions_are_the_covariance_of_weighted_least_squares(given: Case) -> None:
@@ -153,51 +135,13 @@ def test_predictions_are_the_covariance_of_weighted_least_squares(given: Case) -
     S = np.diag(np.tile(given.noise**2, len(W) // given.noise.size))
     covariance = np.linalg.inv(W.T @ np.linalg.solve(S, W))
     assert np.allclose(deviations_of(given), np.sqrt(np.diag(covariance)), rtol=1e-6)
-    told = predictions(given.target, given.samples, given.noise)
+    told = measures(given).predicted
     assert tuple(p.name for p in told) == base.names
     assert tuple(p.expression for p in told) == base.expressions
     assert tuple(p.unit for p in told) == base.units
 
 
-def test_predictions_are_what_repeated_experiments_give(given: Case) -> None:
-    rng, repeats, W = np.random.default_rng(11), 400, given.base_columns
-    beta = rng.normal(size=W.shape[1])
-    sigma = np.tile(given.noise, len(W) // given.noise.size)
-    measured = (W @ beta)[:, None] + sigma[:, None] * rng.normal(size=(len(W), repeats))
-    estimates = np.linalg.lstsq(W / sigma[:, None], measured / sigma[:, None], rcond=None)[0]
-    errors = (estimates - beta[:, None]) / deviations_of(given)[:, None]
-    # Each standardised error is N(0, 1) if the prediction is right: 99.999 % bounds of its sum of squares and its mean.
-    low, high = scipy.stats.chi2.ppf([5e-6, 1 - 5e-6], repeats)
-    assert np.all(np.sum(errors**2, axis=1) > low)
-    assert np.all(np.sum(errors**2, axis=1) < high)
-    assert np.all(np.abs(np.mean(errors, axis=1)) < 4.5 / np.sqrt(repeats))
-
-
-@pytest.mark.parametrize("factor", [0.1, 7.0])
-def test_predictions_scale_with_the_noise(given: Case, factor: float) -> None:
-    louder = Case(given.target, given.samples, factor * given.noise)
-    assert np.allclose(deviations_of(louder), factor * deviations_of(given), rtol=1e-9)
-    weighted = [measures(c.target, c.samples, c.noise)["condition_number_noise_weighted"] for c in (given, louder)]
-    assert weighted[0] == pytest.approx(weighted[1], rel=1e-9)
-
-
-def test_a_quiet_joint_counts_more() -> None:
-    even, quiet = case("irp6", (1.0,)), case("irp6", (1.0, 1.0, 1e-3))
-    names = even.target.base.names
-    gain = deviations_of(even) / deviations_of(quiet)
-    assert gain[names.index("F3v")] > 100.0  # friction of the quiet joint alone
-    assert gain[names.index("F1v")] == pytest.approx(1.0, rel=0.2)
-
-
 # Noise
-
-
-@pytest.mark.parametrize(
-    ("noise", "expected"), [(None, [1.0, 1.0, 1.0]), ((2.0,), [2.0, 2.0, 2.0]), ((1.0, 2.0, 3.0), [1.0, 2.0, 3.0])]
-)
-def test_noise_is_one_for_all_or_one_each(noise: tuple[float, ...] | None, expected: list[float]) -> None:
-    model = target_of(load_robot("irp6"), Task("irp6")).model
-    assert noise_per_row(noise, model).tolist() == expected
 
 
 def test_wrong_number_of_noises() -> None:

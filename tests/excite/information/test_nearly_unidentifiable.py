@@ -12,20 +12,21 @@ import numpy as np
 import pytest
 
 import excite
-from excite.cli.design_text import print_design
+from excite.cli.view_text import print_view
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
-from excite.information.metrics import predictions
+from excite.information.identifiability import FACTOR
+from excite.information.metrics import MotionMeasures
 from excite.information.nearly_unidentifiable import (
     NearlyUnidentifiable,
     hardly_excited_note,
     nearly_unidentifiable,
     rounded_angles,
 )
-from excite.information.parameter_sizes import standard_sizes
+from excite.information.prior import standard_sizes
 from excite.information.target import IdentificationTarget, target_of
-from excite.information.visible_base import FACTOR
 from excite.tasks.task import Task
+from excite.views.design_view import design_view
 from regressors.errors import UnknownName
 from regressors.models.base import random_states
 from regressors.models.differential import DifferentialModel
@@ -72,7 +73,8 @@ def test_an_axis_that_leans_against_gravity_by_rounding_shows_a_moment_in_theory
     assert first.effect == pytest.approx(9.81 * TILT * first.size, rel=1e-3)  # Nm, the noise is 1 Nm
     assert first.size == pytest.approx(np.hypot(np.linalg.norm(THETA[1:4]), 0.3 * 2.0))  # m1c1x + a m2
     target = target_of(arm(base=TILT), Task(arm(base=TILT), friction=False, nearly_unidentifiable="keep"))
-    predicted = {p.name: p for p in predictions(target, random_states(target.robot, 500, seed=3), np.ones(2))}
+    measures = MotionMeasures.of(target, random_states(target.robot, 500, seed=3), np.ones(2))
+    predicted = {p.name: p for p in measures.predicted}
     assert first.deviation == pytest.approx(predicted["m1c1x"].standard_deviation, rel=1e-6)
     assert first.factor > FACTOR
 
@@ -121,7 +123,7 @@ def test_a_design_says_first_of_all_what_it_hardly_shows(capsys: pytest.CaptureF
     stored = json.loads(design.save(tmp_path / "design")[0].read_text())
     listed = stored["predicted"]["nearly_unidentifiable"]
     assert [entry["name"] for entry in listed] == [p.name for p in design.nearly_unidentifiable]
-    print_design(design, [tmp_path / "design" / "design.json"])
+    print_view(design_view(design), [tmp_path / "design" / "design.json"])
     shown = capsys.readouterr().out
     assert 0 < shown.index("nearly unidentifiable") < shown.index("condition number")
     assert shown.count("nearly unidentifiable") == 1

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import excite
-from excite.files.precision_target_file import read_precision_target
+from excite.design.task_motion_file import read_precision_target
+from excite.information.half_widths import torque_precision
 from excite.information.target import target_of
-from excite.information.torque_precision import torque_precision
 from excite.tasks.robot_of_task import robot_and_task
 from regressors.errors import InputError
 
@@ -35,8 +35,6 @@ def design(torques: excite.TaskTorques) -> excite.Design:
 
 def test_the_error_of_torques_is_that_of_sampled_parameters(design: excite.Design) -> None:
     run = design.run_information
-    assert run is not None
-    assert run.torques is not None
     beta = run.half @ np.random.default_rng(0).normal(size=(run.half.shape[1], 4000))
     sampled = np.sqrt(np.sum((run.torques.rows @ beta) ** 2, axis=1).mean(axis=1))
     assert run.deviation[13:] == pytest.approx(sampled, rel=0.03)
@@ -45,7 +43,6 @@ def test_the_error_of_torques_is_that_of_sampled_parameters(design: excite.Desig
 
 def test_the_criterion_adds_what_is_asked(design: excite.Design) -> None:
     run = design.run_information
-    assert run is not None
     value = next(start.value for start in design.starts if start.index == design.best_start)
     asked = float(np.sum((run.deviation / run.allowed) ** 2))
     assert asked == pytest.approx(value**2 / (run.rows / 3), rel=1e-3)
@@ -72,7 +69,6 @@ def test_a_file_names_a_motion(design: excite.Design, tmp_path: Path) -> None:
     design.save(tmp_path / "d")
     (tmp_path / "p.yaml").write_text("share: null\ntorques: {motion: d, share: 0.05}\n")
     torques = excite.PrecisionTarget(**read_precision_target(tmp_path / "p.yaml")).torques
-    assert torques is not None
     assert (torques.share, torques.motion.joints) == (0.05, ("q1", "q2", "q3"))
     (tmp_path / "p.yaml").write_text("torques: {motion: d}\n")
     with pytest.raises(InputError, match="share"):

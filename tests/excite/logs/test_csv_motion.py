@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.logs.csv_motion import header_names, header_text
+from excite.design.sampled_motion import header_names, header_text
 from excite.logs.layout import house_layout
 
 NAMES = st.text(st.characters(exclude_categories=("Cc", "Cs", "Z")), min_size=1, max_size=8)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from troubled import held, recorded, rounded, some_rows
+from recordings import held, recorded, rounded, some_rows
 
+from excite.logs.cleaning import held_rows, without_held_rows
 from excite.logs.event import HELD, RATE
-from excite.logs.held_rows import held_rows, without_held_rows
 
 CLEAN = {
     "as it is": recorded(),
@@ -23,9 +23,9 @@ CLEAN = {
 
 @pytest.mark.parametrize("log", CLEAN.values(), ids=CLEAN.keys())
 def test_clean_logs_have_none(log):
-    fresh = without_held_rows(log)
-    assert fresh.log is log
-    assert fresh.events == ()
+    fresh, events = without_held_rows(log)
+    assert fresh is log
+    assert events == ()
 
 
 @pytest.mark.parametrize("channels", [("q", "dq", "effort"), ("q", "dq"), ("effort",)], ids="-".join)
@@ -33,14 +33,14 @@ def test_clean_logs_have_none(log):
 def test_held_rows_are_left_out_by_their_numbers(share, channels):
     log = recorded()
     rows = some_rows(log, share)
-    fresh = without_held_rows(held(log, rows, channels))
-    (removed,) = fresh.log.removed
+    fresh, _ = without_held_rows(held(log, rows, channels))
+    (removed,) = fresh.removed
     assert removed.kind == HELD
     moving = np.isin(removed.numbers - 1, rows)
     assert moving.all()
     assert removed.numbers.size >= 0.98 * rows.size
-    np.testing.assert_array_equal(fresh.log.row_numbers, np.setdiff1d(np.arange(1, log.count + 1), removed.numbers))
-    np.testing.assert_array_equal(fresh.log.time, log.time[fresh.log.row_numbers - 1])
+    np.testing.assert_array_equal(fresh.row_numbers, np.setdiff1d(np.arange(1, log.count + 1), removed.numbers))
+    np.testing.assert_array_equal(fresh.time, log.time[fresh.row_numbers - 1])
 
 
 def test_a_recorder_that_hangs_is_no_standstill():
@@ -58,9 +58,8 @@ def test_a_robot_at_rest_repeats_itself_rightly():
 def test_a_lower_rate_is_no_event(pattern, rate):
     log = recorded()
     fresh = np.resize(pattern, log.count).astype(bool)
-    found = without_held_rows(held(log, np.flatnonzero(~fresh)))
-    (event,) = found.events
+    found, (event,) = without_held_rows(held(log, np.flatnonzero(~fresh)))
     assert (event.kind, event.left_out) == (RATE, False)
     assert f"updated at {rate:.3g}" in event.text
-    assert found.log.rate == pytest.approx(rate, rel=0.3)
-    assert found.log.count <= 1.1 * np.count_nonzero(fresh)
+    assert found.rate == pytest.approx(rate, rel=0.3)
+    assert found.count <= 1.1 * np.count_nonzero(fresh)

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import real_log
-from troubled import recorded, rounded, struck
+from recordings import real_log, recorded, rounded, struck
 
 from excite.logs.excitation import exciting_rows
 from excite.logs.impacts import impacts, velocity_jumps
-from excite.signals.resampling import resample
+from excite.logs.signals.resampling import resample
 
 
 def corners():

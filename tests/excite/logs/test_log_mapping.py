@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.integrate
@@ -65,23 +67,14 @@ def test_units(written, channel, fields, cell, value):
         ("position: {columns: [2], unit: rad, ticks: 9}", "ticks is given, but the unit is not ticks"),
         ("position: {columns: [2], unit: rad, side: load}", "side"),
         ("position: {columns: [2], unit: rad, file: q.csv}", "positions are in the log itself"),
-        (
-            "position: {columns: [0], unit: rad}",
-            r"columns\[1\] \(line 4\): must be a whole number from 1 to",
-        ),
+        ("position: {columns: [0], unit: rad}", r"columns\[1\] \(line 4\): must be a whole number from 1 to"),
         ("position: {columns: [9999999], unit: rad}", "must be a whole number from 1 to 100000, given 9999999"),
         ("position: {columns: [2], unit: rad, gain: 0.0}", "gain .*: must not be zero"),
-        (
-            "position: {columns: [2], unit: rad, gain: 1e300}",
-            r"gain .*: must be a number from -1e\+12 to 1e\+12, given",
-        ),
+        ("position: {columns: [2], unit: rad, gain: 1e300}", r"gain .*: must be a number from -1e\+12 to 1e\+12, give"),
         ("position: {columns: [2], unit: rad, gain: [-1e-300]}", "gain .*: must be 1e-15 or more, or -1e-15 or less"),
         ("position: {columns: [2], unit: rad, ratio: 1e10}", r"ratio .*: must be a number from -1e\+09 to 1e\+09"),
         ("position: {columns: [2], unit: rad, offset: -1e16}", r"offset .*: must be a number from -1e\+15 to 1e\+15"),
-        (
-            "position: {columns: [2], unit: ticks, ticks: 1e13}",
-            r"ticks .*: must be a number .* counts per revolution",
-        ),
+        ("position: {columns: [2], unit: ticks, ticks: 1e13}", r"ticks .*: must be a number .* counts per revolution"),
         ("position: {columns: [2], unit: rad}\nskip: 2000000000", r"skip .*: must be a whole number from 0 to 1e\+09"),
     ],
 )
@@ -120,6 +113,8 @@ def motor_table(robot, side="side: motor"):
 @pytest.mark.parametrize("name", ["irp6", "irp6-full"])
 def test_motors_through_gears_ball_screws_and_coupling(written, name):
     robot = built_in(name)
+    offset = np.linspace(-0.1, 0.2, 5)
+    robot = robot.replace(transmission=replace(robot.transmission, offset=offset))
     content, mapping, (q, dq, tau) = motor_table(robot)
     log = read(written, content, mapping, robot)
     assert log.joints == robot.joint_names

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from troubled import recorded, without_rows
+from recordings import recorded, without_rows
 
 from excite.logs.event import GARBAGE, MISSING, Event
 from excite.logs.gaps import missing_rows
-from excite.signals.resampling import resample
+from excite.logs.signals.resampling import resample
 
 
 def test_a_whole_log_misses_none():

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from troubled import recorded, struck
+from recordings import recorded, struck
 
 from excite.logs.event import SPIKE
 from excite.logs.impacts import check_resets, without_spikes

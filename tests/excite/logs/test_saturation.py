@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import log_of, sines
+from recordings import log_of, sines, write_sidecar
 
 from excite.logs.log import Log
 from excite.logs.saturation import Saturation, measured_saturation, spans_of, within
-from excite.logs.sidecar import read_sidecar, saturated_torques, saturation_content, sidecar_path, write_sidecar
+from excite.logs.sidecar import read_sidecar, saturated_torques, saturation_content, sidecar_path
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.samples import Array

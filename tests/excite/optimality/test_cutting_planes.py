@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from excite.optimality import proven_factor
 from excite.optimality.bounded_criteria import BOUNDED
 from excite.optimality.cutting_planes import CuttingPlanes, DualCertificate
 from excite.optimality.limited_states import LimitedStates
@@ -123,3 +126,22 @@ def test_dense_sampling_finds_no_state_beyond_what_is_proven() -> None:
     S = np.stack([np.zeros_like(v), v, a], axis=1)
     sampled = certificate.ratios(S[problem.states.hold(S)]).max()
     assert sampled <= factor <= 1.3 * sampled
+
+
+def test_what_interpolation_between_corners_may_miss_is_added(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a form that is quadratic in the positions it is the difference in the middle of a cell."""
+    added: list[np.ndarray] = []
+    certificates = SimpleNamespace(factor=lambda Q, D, fastest: float(added.append(Q) is not None))
+    monkeypatch.setattr(proven_factor, "SumOfSquares", lambda *_: certificates)
+    curvature, widths = np.random.default_rng(0).uniform(0.0, 2.0, (2, 3, 3)), np.array([0.3, 0.7])
+    curvature, nothing = curvature + curvature.transpose(0, 2, 1), np.zeros((1, 3, 3))
+    pattern = SimpleNamespace(
+        curvature=lambda *_: (curvature, 0 * curvature), matrices=lambda *_: (nothing,) * 3, signs=None,
+        functions=np.arange(3),
+    )  # fmt: skip
+    states: Any = SimpleNamespace(velocity=np.ones(3), acceleration=np.ones(3), bandwidth=None)
+    grid = proven_factor._Grid(np.zeros((1, 2)), widths[None], np.ones((1, 3)), np.eye(2))
+    ProvenFactor(None, states)._of_pattern(pattern, grid, 1.0, 0)  # type: ignore[arg-type]
+    corners = widths / 2 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    missed = np.mean([np.einsum("a,aij->ij", p**2 / 2, curvature) for p in corners], axis=0)  # zero in the middle
+    np.testing.assert_allclose(added[0], np.diag(missed.sum(axis=1)))

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 import excite
-from excite.files.design_json import load_design
+from excite.design.design_json import load_design
 from excite.optimality.design_bound import NAME, CriterionBound, DesignBound, bounded_problem_sha256, stored_bound
-from excite.views.prediction_view import verdict_of
+from excite.views.bound_view import verdict_of
 from regressors.errors import InputError, UnknownName
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from excite.optimality.limited_states import LimitedStates
-from excite.optimality.moment_conditions import MomentConditions
-from excite.optimality.triangles import matrix_of, triangle
+from excite.optimality.moment_conditions import MomentConditions, matrix_of, triangle
 
 W, HARMONICS = 0.7, 4
 R, V, A = np.array([1.0, 0.6]), np.array([1.2, 0.9]), np.array([2.0, 1.7])

@@ -12,9 +12,9 @@ from click.testing import CliRunner
 import excite
 from constraints.bounds.certificate import limit_uses
 from excite.cli.main import cli
+from excite.design.design_json import load_design
 from excite.design.formulation import formulate
 from excite.design.problem import Problem
-from excite.files.design_json import load_design
 from excite.optimality.design_bound import NAME, CriterionBound, DesignBound, bounded_problem_sha256, stored_bound
 from excite.optimality.sensitivity import (
     ProblemChanges,

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import scipy.stats
 
 from excite.identification.observations import Observations
+from excite.payload.calibrate_gains import _factors
 from excite.payload.known_gains import KnownGains, stated_gains
-from excite.payload.load_estimate import LoadEquations, estimate_load, fit_load
+from excite.payload.load_estimate import LoadEquations, estimate_load
 from regressors.errors import InputError
 
 PHI = np.array([2.0, 0.1, -0.2, 0.3, 0.05, 0.0, 0.01, 0.06, 0.0, 0.04])
@@ -36,6 +40,7 @@ def test_exact_torques_give_the_load_itself() -> None:
     estimate = estimate_load(experiment(np.ones(3), 1e-9, 0, 1e-4 * np.eye(3)))
     np.testing.assert_allclose(estimate.phi, PHI, atol=1e-7)
     np.testing.assert_allclose(estimate.beta, BETA, atol=1e-7)
+    assert estimate.quantile == pytest.approx(scipy.stats.t.ppf(0.995, estimate.degrees_of_freedom))
 
 
 def test_a_gain_that_differs_from_the_others_is_found() -> None:
@@ -44,6 +49,23 @@ def test_a_gain_that_differs_from_the_others_is_found() -> None:
     estimate = estimate_load(experiment(gains, 1e-6, 0, 1e-2 * np.eye(3)))
     ratio = (1 + estimate.gains) * gains
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-5)
+
+
+def test_friction_that_may_have_changed_like_the_load_is_as_uncertain_as_stated() -> None:
+    """A change that acts as the mass does leaves the mass its own standard deviation."""
+    equations = experiment(np.ones(3), 1e-4, 0, 1e-12 * np.eye(3))
+    changing = replace(equations, friction=equations.load[:, :1], changes=np.array([0.2]))
+    assert np.sqrt(estimate_load(changing).covariance[0, 0]) == pytest.approx(0.2, rel=1e-3)
+
+
+def test_covariance_of_factors_is_that_of_reciprocals() -> None:
+    gains, covariance = np.array([0.25, -0.2]), np.array([[4e-4, 1e-4], [1e-4, 9e-4]])
+    estimate = replace(estimate_load(experiment(np.ones(3), 1e-4, 0, 1e-4 * np.eye(3))), gains=gains)
+    found = _factors(("a", "b"), replace(estimate, gains_covariance=covariance), (), 1.0)
+    J = np.diag([(1 / (1 + e + 1e-6) - 1 / (1 + e - 1e-6)) / 2e-6 for e in gains])
+    np.testing.assert_allclose(found.factor, [0.8, 1.25])
+    np.testing.assert_allclose(found.covariance, J @ covariance @ J.T, rtol=1e-8)
+    np.testing.assert_allclose(found.relative, found.covariance / np.outer([0.8, 1.25], [0.8, 1.25]))
 
 
 def test_a_known_mass_fixes_the_gains() -> None:
@@ -69,7 +91,6 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     for seed in range(60):
         equations = experiment(1 + 0.02 * rng.normal(size=3), 0.5, seed, prior)
         estimate = estimate_load(equations)
-        np.testing.assert_allclose(fit_load(equations), estimate.phi)
         errors.append((estimate.phi - PHI) / np.sqrt(np.diag(estimate.covariance)))
     assert 0.6 < np.mean(np.square(errors)) < 1.2
     assert np.mean(np.abs(errors) > 3.0) < 0.02

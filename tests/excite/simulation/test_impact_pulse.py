@@ -8,16 +8,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from excite.simulation.impact_pulse import ImpactPulse, Impacts
 from excite.simulation.plant import plant_of
-from excite.simulation.run import simulate_motion
-from excite.simulation.settings import SimulationSettings
+from excite.simulation.settings import ImpactPulse, Impacts, SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError, UnknownName
-from regressors.friction.curves import CoulombViscous, FrictionCurves
 from regressors.readers.library import built_in
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
 
 BLOW = ImpactPulse("q2", 1.0, 400.0, 0.01)
 

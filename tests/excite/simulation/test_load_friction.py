@@ -13,14 +13,14 @@ from pinocchio_chains import chain_model
 from excite.identification.estimation import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.simulation.plant import plant_of
-from excite.simulation.replay import forward_motion
-from excite.simulation.run import simulate_motion
+from excite.simulation.replay import windowed_motion
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
-from regressors.friction.curves import CoulombViscous, FrictionCurves, Loaded, Side, Stribeck
 from regressors.readers.library import built_in
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurves, Loaded, Side, Stribeck
 from regressors.samples import Array
 
 CURVES = FrictionCurves(
@@ -91,10 +91,10 @@ def test_the_identified_motion_is_replayed_with_friction_that_grows_with_load() 
     ends = {}
     bare = FrictionCurves({name: getattr(curve, "curve", curve) for name, curve in CURVES.curves.items()})
     for name, curves in (("with", CURVES), ("without", bare)):
-        replay = forward_motion(
-            target.model, result.estimate.coefficients, target.base, samples.time[part], run.run.effort[part],
-            samples.q[0], samples.dq[0], friction=curves, sign_width=0.02,
-        )  # fmt: skip
+        given = (samples.time[part], run.run.effort[part], samples.q[part], samples.dq[part], 9.0)
+        replay = windowed_motion(
+            target.model, result.estimate.coefficients, target.base, *given, friction=curves, sign_width=0.02
+        )
         assert replay.ok
         ends[name] = float(np.abs(replay.q - samples.q[part]).max())
     assert ends["with"] < 5e-3

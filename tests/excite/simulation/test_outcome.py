@@ -8,10 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from excite.simulation.outcome import simulation_outcome
-from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation
+from excite.simulation.simulate import simulate_motion
+from excite.simulation.simulation import Simulation, simulation_outcome
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.readers.library import built_in

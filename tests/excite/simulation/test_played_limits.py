@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from functools import cache
@@ -12,9 +13,8 @@ import pytest
 
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
+from excite.design.reference import MotionSource, SampledMotion, broken_limits, check_played
 from excite.errors import BrokenLimitError
-from excite.simulation.played_limits import broken_limits, check_played
-from excite.simulation.reference import MotionSource, SampledMotion
 from excite.simulation.simulate import motion_source, simulate
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
@@ -103,8 +103,6 @@ def test_a_peak_of_position_between_two_samples_is_found() -> None:
 
 
 def test_a_stored_design_with_larger_coefficients_is_refused_by_hash_and_then_by_its_limits(tmp_path: Path) -> None:
-    import json
-
     folder = tmp_path / "design"
     design().save(folder)
     content = json.loads((folder / "design.json").read_text(encoding="utf-8"))

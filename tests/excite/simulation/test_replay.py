@@ -11,18 +11,18 @@ import pytest
 from motions import order_of
 
 from excite.information.target import IdentificationTarget, target_of
-from excite.simulation.replay import Outcome, chosen_windows, forward_motion, windowed_motion
-from excite.simulation.run import simulate_motion
+from excite.simulation.replay import Outcome, Replay, chosen_windows, windowed_motion
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
-from regressors.friction.curves import CoulombViscous, FrictionCurves, Side, Stribeck
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import built_in
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurves, Side, Stribeck
 from regressors.samples import Array
 
 CALM = FrictionCurves({f"z{k}": CoulombViscous(0.0, 20.0) for k in range(1, 6)})
@@ -49,16 +49,30 @@ def truth(found: Simulation, which: IdentificationTarget) -> Array:
     return parameter_values(which.model, which.base, dict(found.truth))
 
 
-def whole(found: Simulation, beta: Array | None = None, **options: object):  # type: ignore[no-untyped-def]
-    which, samples = target(), found.run.samples
+def replayed_run(
+    found: Simulation,
+    beta: Array | None = None,
+    horizon: float = 9.0,
+    which: IdentificationTarget | None = None,
+    **options: object,
+) -> Replay:
+    """The motion under the run's torques, from one window where no horizon is given."""
+    which, samples = which or target(), found.run.samples
     values = truth(found, which) if beta is None else beta
-    given = (samples.time, found.run.effort, samples.q[0], samples.dq[0])
-    return forward_motion(which.model, values, which.base, *given, **options)
+    given = {"torque": found.run.effort, "q": samples.q, "dq": samples.dq, **options}
+    return windowed_motion(which.model, values, which.base, samples.time, horizon=horizon, **given)  # type: ignore[arg-type]
+
+
+def with_one(name: str, value: float) -> Array:
+    """The true parameters but for one."""
+    beta = truth(run(), target()).copy()
+    beta[list(target().base.names).index(name)] = value
+    return beta
 
 
 def test_the_truth_gives_the_motion_back() -> None:
     found = run()
-    replayed = whole(found, sign_width=found.steps.width)
+    replayed = replayed_run(found, sign_width=found.steps.width)
     assert replayed.ok
     assert (replayed.failed_at, replayed.starts) == (None, (0,))
     # where friction turns the torques jump between two samples
@@ -70,41 +84,28 @@ def test_smooth_motion_comes_back_at_the_order_of_the_torques() -> None:
     errors = []
     for rate in (100.0, 200.0, 400.0):
         found = run(False, rate)
-        errors.append(float(np.abs(whole(found).q - found.run.samples.q).max()))
+        errors.append(float(np.abs(replayed_run(found).q - found.run.samples.q).max()))
     assert min(order_of(errors)) > 3.7
     assert errors[-1] < 1e-5
 
 
-def test_wrong_parameters_miss_the_motion() -> None:
-    found = run()
-    beta = truth(found, target())
-    assert np.abs(whole(found, 1.1 * beta).q - found.run.samples.q).max() > 1e-2
-
-
 @pytest.mark.parametrize("horizon", [0.004, 0.1, 0.3, 5.0])
 def test_windows_start_anew_from_the_measured_state(horizon: float) -> None:
-    found, which = run(), target()
-    samples, beta = found.run.samples, 1.05 * truth(run(), target())
-    replayed = windowed_motion(
-        which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, horizon
-    )
+    samples = run().run.samples
+    replayed = replayed_run(run(), 1.05 * truth(run(), target()), horizon)
     starts = list(range(0, 1000, round(500 * horizon)))
     assert replayed.starts == tuple(starts)
-    np.testing.assert_allclose(replayed.q[starts], samples.q[starts], atol=1e-14)
     error = np.abs(replayed.q - samples.q)
     assert np.all(np.isfinite(error))
-    within = np.max([error[starts, k].max() for k in range(3)])
-    assert within < 1e-13 < error.max()
+    assert error[starts].max() < 1e-13 < error.max()
 
 
 def test_a_choice_of_windows_is_simulated_as_among_all() -> None:
     """Also where the robot is lighter, so that the sign of friction is wider, than in any of the chosen windows."""
-    found, which = run(), target()
-    samples, beta = found.run.samples, 1.05 * truth(run(), target())
-    beta[list(which.base.names).index("X2")] *= -9.0
-    q = samples.q + np.where(np.arange(1001) == 50, 0.88, 0.0)[:, None] * np.array([0.0, -1.0, 1.0])
-    given = (which.model, beta, which.base, samples.time, found.run.effort, q, samples.dq, 0.1)
-    every, some, enough = (windowed_motion(*given, most=most) for most in (None, 7, 20))
+    found, beta = run(), 1.05 * truth(run(), target())
+    beta[list(target().base.names).index("X2")] *= -9.0
+    q = found.run.samples.q + np.where(np.arange(1001) == 50, 0.88, 0.0)[:, None] * np.array([0.0, -1.0, 1.0])
+    every, some, enough = (replayed_run(found, beta, 0.1, q=q, most=most) for most in (None, 7, 20))
     np.testing.assert_array_equal(enough.q, every.q)
     assert (every.left_out, enough.left_out, some.left_out) == (0, 0, 13)
     assert some.sign_width == every.sign_width
@@ -119,8 +120,7 @@ def test_a_choice_of_windows_is_simulated_as_among_all() -> None:
 def test_an_estimate_that_is_no_robot_somewhere_is_told_of_windows_left_out() -> None:
     """Its mass matrix is positive definite where the motion begins, and not where it ends."""
     found, which = run(), target()
-    samples, beta = found.run.samples, truth(run(), target()).copy()
-    beta[list(which.base.names).index("X2")] *= -9.0
+    samples, beta = found.run.samples, with_one("X2", -9.0 * truth(run(), target())[which.base.names.index("X2")])
     q = samples.q + np.linspace(0.0, 1.2, 1001)[:, None] * np.array([0.0, -1.0, 1.0])
     given = (which.model, beta, which.base, samples.time, found.run.effort, q, samples.dq, 0.02)
     one = windowed_motion(*given, most=1)
@@ -131,57 +131,29 @@ def test_an_estimate_that_is_no_robot_somewhere_is_told_of_windows_left_out() ->
 
 
 def test_shorter_windows_miss_less() -> None:
-    found, which = run(), target()
-    samples, beta = found.run.samples, 1.05 * truth(run(), target())
-    errors = [
-        np.abs(
-            windowed_motion(
-                which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, horizon
-            ).q
-            - samples.q
-        ).max()
-        for horizon in (0.05, 0.2, 0.8)
-    ]
+    beta, q = 1.05 * truth(run(), target()), run().run.samples.q
+    errors = [np.abs(replayed_run(run(), beta, horizon).q - q).max() for horizon in (0.05, 0.2, 0.8)]
     assert errors[0] < errors[1] / 2 < errors[2] / 4
+    assert np.abs(replayed_run(run(), 1.1 * truth(run(), target())).q - q).max() > 1e-2
 
 
-def test_one_window_is_the_whole_motion() -> None:
-    found, which = run(), target()
-    samples, beta = found.run.samples, truth(run(), target())
-    one = windowed_motion(which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, 9.0)
-    np.testing.assert_allclose(one.q, whole(found, sign_width=one.sign_width).q, atol=1e-12)
-
-
-def test_an_estimate_that_is_no_robot_is_told() -> None:
-    found = run()
-    beta = truth(found, target()).copy()
-    beta[list(target().base.names).index("X3")] = -1.0
-    replayed = whole(found, beta)
-    assert not replayed.ok
-    assert replayed.outcome is Outcome.NOT_POSITIVE
-    assert replayed.failed_at == 0.0
+def test_an_estimate_that_is_no_robot_or_runs_away_is_told() -> None:
+    replayed = replayed_run(run(), with_one("X3", -1.0))
+    assert (replayed.ok, replayed.outcome, replayed.failed_at) == (False, Outcome.NOT_POSITIVE, 0.0)
     assert np.all(np.isnan(replayed.q[1:]))
-    np.testing.assert_allclose(replayed.q[0], found.run.samples.q[0])
-
-
-def test_a_motion_that_runs_away_is_told() -> None:
-    found = run()
-    beta = truth(found, target()).copy()
-    beta[list(target().base.names).index("F1v")] = -300.0
-    replayed = whole(found, beta)
-    assert replayed.outcome is Outcome.RAN_AWAY
-    assert 0.0 < replayed.failed_at < 2.0
-    k = round(replayed.failed_at * 500)
-    assert np.all(np.isfinite(replayed.q[:k]))
-    assert np.all(np.isnan(replayed.q[k:]))
+    np.testing.assert_allclose(replayed.q[0], run().run.samples.q[0])
+    away = replayed_run(run(), with_one("F1v", -300.0))
+    assert away.outcome is Outcome.RAN_AWAY
+    assert 0.0 < away.failed_at < 2.0
+    k = round(away.failed_at * 500)
+    assert np.all(np.isfinite(away.q[:k]))
+    assert np.all(np.isnan(away.q[k:]))
 
 
 def test_windows_that_fail_leave_the_others() -> None:
-    found, which = run(), target()
-    samples, beta = found.run.samples, truth(run(), target()).copy()
-    effort = found.run.effort.copy()
+    effort = run().run.effort.copy()
     effort[500] = np.nan
-    replayed = windowed_motion(which.model, beta, which.base, samples.time, effort, samples.q, samples.dq, 0.1)
+    replayed = replayed_run(run(), horizon=0.1, torque=effort)
     assert replayed.outcome is Outcome.RAN_AWAY
     lost = np.flatnonzero(np.isnan(replayed.q[:, 0]))
     assert set(lost) <= set(range(498, 550))  # a cubic reaches two samples back
@@ -196,93 +168,79 @@ def test_a_partial_motion_moves_its_drives_only() -> None:
     found = simulate_motion(built_in("irp6"), Task("irp6"), moving, SETTINGS, friction=CALM)
     samples = found.run.samples
     np.testing.assert_allclose(samples.q[:, 1] + samples.q[:, 2], 0.0, atol=1e-9)
-    beta = truth(found, which)
-    given = (samples.time, found.run.effort, samples.q[0], samples.dq[0])
-    replayed = forward_motion(which.model, beta, which.base, *given)
-    np.testing.assert_allclose(replayed.q, samples.q, atol=1e-6)
+    np.testing.assert_allclose(replayed_run(found, which=which).q, samples.q, atol=1e-6)
 
 
 def test_friction_curves_take_their_part() -> None:
     curves = FrictionCurves({f"z{k}": Stribeck(Side(8.0, 26.0, 12.0), Side(5.0, 20.0, 6.0), 0.5) for k in (1, 2, 3)})
     found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), SETTINGS, friction=curves)
     which = target_of(built_in("irp6"), Task("irp6", friction=False))
-    samples = found.run.samples
-    beta = parameter_values(which.model, which.base, dict(found.truth))
-    given = (samples.time, found.run.effort, samples.q[0], samples.dq[0])
-    width = found.steps.width
-    with_curves = forward_motion(which.model, beta, which.base, *given, friction=curves, sign_width=width)
-    np.testing.assert_allclose(with_curves.q, samples.q, atol=2e-3)
-    without = forward_motion(which.model, beta, which.base, *given)
-    assert np.abs(without.q - samples.q).max() > 1e-2
+    with_curves = replayed_run(found, which=which, friction=curves, sign_width=found.steps.width)
+    np.testing.assert_allclose(with_curves.q, found.run.samples.q, atol=2e-3)
+    assert np.abs(replayed_run(found, which=which).q - found.run.samples.q).max() > 1e-2
 
 
-TIME, TORQUE, POSE = np.arange(5) / 100.0, np.zeros((5, 3)), np.zeros(3)
+TIME, STILL = np.arange(5) / 100.0, np.zeros((5, 3))
 
 
-def call(**changes: object) -> Callable[[], object]:
-    def made() -> object:
-        which = target()
-        given = {
-            "model": which.model,
-            "beta": truth(run(), which),
-            "base": which.base,
-            "time": TIME,
-            "torque": TORQUE,
-            "q0": POSE,
-            "dq0": POSE,
-            **changes,
-        }
-        return forward_motion(**given)
-
-    return made
-
-
-def other_equations() -> object:
+def equations_of_two() -> dict[str, object]:
     which = target_of(built_in("irp6"), Task("irp6", equations=("q1", "q2")))
-    beta = np.ones(which.base.rank)
-    return forward_motion(which.model, beta, which.base, TIME, TORQUE, POSE, POSE)
+    return {"model": which.model, "base": which.base, "beta": np.ones(which.base.rank)}
 
 
 @pytest.mark.parametrize(
-    ("made", "message"),
+    ("changes", "message"),
     [
-        (call(model=EnergyModel(built_in("irp6"))), "with a model of joint torques, not with EnergyModel"),
-        (call(beta=np.ones(3)), "expected 13 finite base parameters"),
-        (call(beta=np.full(13, np.nan)), "expected 13 finite base parameters"),
-        (call(torque=np.zeros((5, 2))), r"torques of shape \(5, 3\) and states of 3 joints, given \(5, 2\)"),
-        (call(q0=np.zeros(2)), "states of 3 joints"),
-        (call(time=np.array([0.0, 1.0, 2.0, 3.0, 5.0])), "uniform sample times: resample first"),
-        (call(time=np.zeros(1), torque=np.zeros((1, 3))), "two instants or more, given 1"),
-        (call(sign_width=0.0), "sign_width must be greater than zero"),
-        (call(sign_width=1e-7), r"sign_width 1e-07 needs \d+ steps per sample of 0.01 s, more than 20"),
-        (other_equations, "the equations of q3 are not used"),
-        (
-            lambda: windowed_motion(
-                target().model, np.ones(13), target().base, TIME, TORQUE, TORQUE, TORQUE, horizon=0.001
-            ),
-            "a horizon of 0.001 s is shorter than a sample of 0.01 s",
-        ),
-        (
-            lambda: windowed_motion(
-                target().model, np.ones(13), target().base, TIME, TORQUE, TORQUE[:2], TORQUE, horizon=1.0
-            ),
-            "5 instants, but q of shape",
-        ),
-        (
-            lambda: windowed_motion(
-                target().model, np.ones(13), target().base, TIME, TORQUE, TORQUE, TORQUE, horizon=1.0, most=0
-            ),
-            "`most` must be one window or more, given 0",
-        ),
+        (lambda: {"model": EnergyModel(built_in("irp6"))}, "with a model of joint torques, not with EnergyModel"),
+        ({"beta": np.ones(3)}, "expected 13 finite base parameters"),
+        ({"beta": np.full(13, np.nan)}, "expected 13 finite base parameters"),
+        ({"torque": np.zeros((5, 2))}, r"torques of shape \(5, 3\) and states of 3 joints, given \(5, 2\)"),
+        ({"q": np.zeros((5, 2)), "dq": np.zeros((5, 2))}, "states of 3 joints"),
+        ({"time": np.array([0.0, 1.0, 2.0, 3.0, 5.0])}, "uniform sample times: resample first"),
+        ({"time": np.zeros(1)}, "two instants or more, given 1"),
+        ({"sign_width": 0.0}, "sign_width must be greater than zero"),
+        ({"sign_width": 1e-7}, r"sign_width 1e-07 needs \d+ steps per sample of 0.01 s, more than 20"),
+        (equations_of_two, "the equations of q3 are not used"),
+        ({"horizon": 0.001}, "a horizon of 0.001 s is shorter than a sample of 0.01 s"),
+        ({"q": STILL[:2]}, "5 instants, but q of shape"),
+        ({"most": 0}, "`most` must be one window or more, given 0"),
     ],
 )
-def test_bad_input_is_told(made: Callable[[], object], message: str) -> None:
+def test_bad_input_is_told(changes: dict | Callable[[], dict], message: str) -> None:  # type: ignore[type-arg]
+    which = target()
+    given = {"model": which.model, "beta": truth(run(), which), "base": which.base, "time": TIME, "horizon": 1.0}
+    given |= {"torque": STILL, "q": STILL, "dq": STILL} | (changes() if callable(changes) else changes)
     with pytest.raises(InputError, match=message):
-        made()
+        windowed_motion(**given)
 
 
 def test_the_exact_model_is_softened_not_changed() -> None:
+    replayed_run(run())
     assert isinstance(target().model, DifferentialModel)
-    before = target().model.sign_width
-    whole(run())
-    assert target().model.sign_width == before == 0.0
+    assert target().model.sign_width == 0.0
+
+
+# --- which windows of a long motion ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("count", "most"), [(1, 1), (1, 60), (59, 60), (60, 60)])
+def test_few_windows_are_all_chosen(count: int, most: int) -> None:
+    np.testing.assert_array_equal(chosen_windows(count, most), np.arange(count))
+
+
+@pytest.mark.parametrize(("count", "most"), [(61, 60), (91, 60), (120, 60), (1200, 60), (1201, 7), (5, 1)])
+def test_one_window_is_chosen_in_each_stretch(count: int, most: int) -> None:
+    chosen = chosen_windows(count, most)
+    assert chosen.size == most
+    assert np.all(np.diff(chosen) > 0)
+    edges = np.arange(most + 1) * count // most
+    assert np.all((chosen >= edges[:-1]) & (chosen < edges[1:]))
+
+
+@pytest.mark.parametrize("period", [2, 5, 10, 20, 40])
+def test_every_part_of_a_repeated_motion_is_seen_alike(period: int) -> None:
+    """1200 windows by twenties: at equal distances all would be the first of their period."""
+    phase = chosen_windows(1200, 60) % period / period
+    early = np.mean(phase < 0.5)
+    assert early == pytest.approx((period + 1) // 2 / period, abs=0.07)
+    assert np.unique(phase).size >= min(period, 20) * 0.75

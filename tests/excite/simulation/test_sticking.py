@@ -12,23 +12,26 @@ import pytest
 from motions import order_of
 from scipy.integrate import solve_ivp
 
-from excite.identification.hysteresis import dahl_direction
-from excite.simulation.control import ControlledRobot, Controller, ProportionalDerivative, Wanted
-from excite.simulation.direction import Sticking, leads
-from excite.simulation.integration import SimulatedRun, simulated_run
+from excite.design.reference import SampledMotion
+from excite.identification.equations import dahl_direction
+from excite.simulation.control import (
+    ControlledRobot,
+    Sticking,
+    controller_of,
+    leads,
+)
+from excite.simulation.integration import SimulatedRun, Steps, simulated_run, steps_for
 from excite.simulation.plant import Plant, plant_of
-from excite.simulation.reference import SampledMotion
-from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
-from excite.simulation.steps import Steps, steps_for
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
-from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves, Side, Stribeck
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.readers.library import built_in
+from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves, Side, Stribeck
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.samples import Array, Samples
 
@@ -36,15 +39,10 @@ UNEVEN = Stribeck(Side(9.0, 25.0, 16.8, 0.12, 1.0), Side(7.0, 25.0, 10.6, 0.12, 
 MIDDLE, HALF = (16.8 - 10.6) / 2, (16.8 + 10.6) / 2
 
 
-@dataclass(frozen=True)
-class Pull(Controller):
+def pulling(plant: Plant) -> ControlledRobot:
     """Joint torques that the reference states in the place of accelerations, beside gravity's."""
-
-    model: Plant
-
-    def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
-        still = ca.SX.zeros(self.model.robot.n, 1)
-        return self.model.torque(q, still, still) + wanted.ddq
+    still = ca.SX.zeros(plant.robot.n, 1)
+    return ControlledRobot(plant, lambda q, _, wanted, __: plant.torque(q, still, still) + wanted.ddq, None)
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,7 @@ def pulled(
     times, torques = np.array(list(points)), np.array(list(points.values()))
     reference = Torques(float(times[-1]), lambda t: np.interp(t, times, torques)[:, None])
     sticking = Sticking(distance, tuple(leads(plant, np.zeros(1)) * np.sqrt(distance)))
-    return simulated_run(ControlledRobot(plant, Pull(plant), None), reference, rate, Steps(2, 1e-3, sticking=sticking))
+    return simulated_run(pulling(plant), reference, rate, Steps(2, 1e-3, sticking=sticking))
 
 
 # --- at rest ---------------------------------------------------------------------------------------------------------
@@ -94,14 +92,6 @@ def test_at_rest_a_drive_gives_way_as_a_spring_and_does_not_creep(torque: float,
     assert z[-1] == pytest.approx(expected, rel=0.02)
     assert np.abs(z).max() < 1.02 * abs(expected)
     assert abs(z[-1] - z[2250]) < 1e-6 * distance  # in the last second and a half
-
-
-def test_smooth_friction_creeps_and_sticking_friction_does_not() -> None:
-    plant, torque = column(), 12.0
-    reference = Torques(4.0, lambda t: np.full((t.size, 1), torque))
-    smooth = simulated_run(ControlledRobot(plant, Pull(plant), None), reference, 500.0, Steps(4, 1e-3))
-    assert smooth.samples.q[-1, 0] > 1e-3
-    assert pulled({0.0: torque, 4.0: torque}, 1e-5).samples.q[-1, 0] < 1e-4
 
 
 @pytest.mark.parametrize(("stiction", "sign"), [(16.8, 1), (10.6, -1)])
@@ -136,7 +126,7 @@ def test_a_slow_motion_under_soft_control_sticks_and_slips() -> None:
     """Friction falls with speed faster than the controller damps, and stays at rest longer than it slips."""
     curve = Stribeck(Side(8.0, 25.0, 16.0, 0.005, 2.0))
     plant, speed, end = column(curve), 0.002, 4.0
-    controller = ProportionalDerivative(plant, 10 * np.pi, np.array([inertia(plant)]))
+    controller = controller_of("pd", plant, 5.0, np.zeros(1))
     path, rates = np.array([[0.0], [speed * end]]), (np.full((2, 1), x) for x in (speed, 0.0, 0.0))
     reference = SampledMotion(Samples(np.array([0.0, end]), path, *rates))
     sticking = Sticking(1e-5, tuple(leads(plant, np.zeros(1)) * np.sqrt(1e-5)))
@@ -171,7 +161,7 @@ def errors(torque: Callable[[Array], Array], duration: float, T: float, rates: t
     """Largest errors in position with steps of given rates, the last one a multiple of the others."""
     curve, d = Stribeck(Side(9.0, 25.0, 14.1, 0.12, 1.0)), 5e-3
     plant = column(curve)
-    reference, robot = Torques(duration, lambda t: torque(t)[:, None]), ControlledRobot(plant, Pull(plant), None)
+    reference, robot = Torques(duration, lambda t: torque(t)[:, None]), pulling(plant)
     times = np.arange(round(duration * rates[-1]) + 1) / rates[-1]
     expected = exact(lambda t: float(torque(np.array(t))), curve, d, T, times, np.zeros(3))[:, 0]
     found = []
@@ -230,7 +220,6 @@ def test_friction_reaches_the_joints_through_the_coupling() -> None:
     """What the joints lose is ``C' f(C dq, s)``; s by Dahl's recursion over the logged path, settled in steady ways."""
     found = of_irp6()
     sticking, run = found.steps.sticking, found.run.samples
-    assert sticking is not None
     bare = found.robot.replace(structure=type(found.robot.structure)())
     inertial = DifferentialModel(bare, Terms(coulomb=False, viscous=False, reflected=False))
     theta = np.array([found.truth[name] for name in inertial.names])
@@ -254,9 +243,7 @@ def test_every_drive_holds_its_own_torque() -> None:
 
     def moved(at_drives: list[float]) -> Array:
         reference = Torques(2.0, lambda t: np.outer(np.minimum(t, 1.0), np.array(at_drives) @ C))
-        run = simulated_run(
-            ControlledRobot(plant, Pull(plant), None), reference, 1000.0, Steps(3, 1e-3, sticking=sticking)
-        )
+        run = simulated_run(pulling(plant), reference, 1000.0, Steps(3, 1e-3, sticking=sticking))
         return np.asarray(np.abs(run.samples.q @ C.T).max(axis=0))
 
     assert np.all(moved([13.0, 15.0, 16.0]) < 1e-4)
@@ -279,10 +266,8 @@ def test_friction_is_smooth_unless_it_is_asked_to_stick() -> None:
     smooth, sticking, given = brief(), brief(breakaway="auto"), brief(breakaway=2e-3)
     assert smooth.steps.sticking is None
     assert any("friction changes sign within" in note for note in smooth.notes)
-    assert sticking.steps.sticking is not None
     assert 1e-5 <= sticking.steps.sticking.distance < 2e-4
     assert sticking.steps.substeps <= 10
-    assert given.steps.sticking is not None
     assert given.steps.sticking.distance == 2e-3
     assert any("friction is presliding: it changes direction over 0.002 rad (m)" in note for note in given.notes)
 
@@ -290,7 +275,6 @@ def test_friction_is_smooth_unless_it_is_asked_to_stick() -> None:
 def test_at_a_low_rate_friction_turns_over_a_longer_way() -> None:
     low = brief(breakaway="auto", rate=20.0, bandwidth=2.0)
     assert low.steps.widened
-    assert low.steps.sticking is not None
     assert 1e-5 < low.steps.sticking.distance < 1e-3
     assert any("widened to suit the substep" in note for note in low.notes)
 
@@ -305,7 +289,7 @@ def test_damping_is_half_of_the_critical_one() -> None:
 
 def test_substeps_grow_as_the_root_of_the_stiffness() -> None:
     plant = column()
-    robot, still = ControlledRobot(plant, Pull(plant), None), Torques(1.0, lambda t: np.zeros((t.size, 1)))
+    robot, still = pulling(plant), Torques(1.0, lambda t: np.zeros((t.size, 1)))
     near, far = (steps_for(robot, still, 200.0, None, d).substeps for d in (1e-7, 4e-7))
     assert near == pytest.approx(2 * far, abs=1)
 

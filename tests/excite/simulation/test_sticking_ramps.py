@@ -12,18 +12,17 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import chain_model
 
-from excite.files.torque_ramp_columns import read_torque
+from excite.design.reference import GivenTorque, SampledMotion
 from excite.logs.log_reading import read_log
 from excite.logs.sidecar import read_sidecar
-from excite.simulation.ramps import GivenTorque
-from excite.simulation.reference import SampledMotion
-from excite.simulation.run import simulate_motion
+from excite.simulation.motion_source import read_torque
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
-from regressors.friction.curves import FrictionCurves, Side, Stribeck
 from regressors.readers.library import built_in
+from regressors.robot.friction.curves import FrictionCurves, Side, Stribeck
 from regressors.samples import Array, Samples
 
 CURVES = FrictionCurves(
@@ -151,7 +150,6 @@ def test_a_file_says_where_ramps_are(tmp_path: Path) -> None:
     path = tmp_path / "z1.stiction.csv"
     path.write_text("time,q1.position,z1.effort,segment\n" + "".join(f"{t},0,{tau},{name}\n" for t, tau, name in rows))
     found = read_torque(path, built_in("irp6"))
-    assert found is not None
     assert (found.drive, found.count, found.number.tolist()) == ("z1", 3, [0, 1, 1, 2, 2, 0, 3])
     np.testing.assert_allclose(found.delayed(2.0).at(np.array([1.9, 2.15, 2.4])), [[0, 0], [2.5, 1], [-5, 2]])
 
@@ -208,7 +206,6 @@ def test_files_of_a_friction_plan_are_played(here: Here) -> None:
         )
         assert (ended.returncode, ended.stderr) == (0, "")
         beside = read_sidecar(here.cwd / f"{name}.log.csv")
-        assert beside is not None
         assert beside["robot"]["sha256"] == plan["robot"]["sha256"]
         assert (beside["design"], beside["friction_plan"]["folder"]) == (None, "plan")
         assert beside["trajectory"]["file"] == f"{name}.csv"
@@ -220,14 +217,10 @@ def test_files_of_a_friction_plan_are_played(here: Here) -> None:
     assert "z1 was given 2 ramps of torque" in ended.stdout.replace("\n", " ")
     ramping = (log.time > REST + 0.1) & (log.time < REST + 0.5)
     np.testing.assert_allclose(log.effort[ramping, 0], 20.0 * (log.time[ramping] - REST), atol=1e-6)
-
-
-def test_smooth_friction_is_played_where_it_is_asked_for(here: Here) -> None:
-    planned(here)
-    options = ("--sign-width", "0.01", "--controller", "pd", "--rate", "500")
-    ended = here.run("simulate", "plan/z1.csv", "--out", "log.csv", *options)
+    smooth = ("--sign-width", "0.01", "--controller", "pd", "--rate", "500")
+    ended = here.run("simulate", "plan/z1.csv", "--out", "smooth.csv", *smooth)
     assert (ended.returncode, ended.stderr) == (0, "")
-    beside = read_sidecar(here.cwd / "log.csv")
+    beside = read_sidecar(here.cwd / "smooth.csv")
     assert (beside["settings"]["sign_width"], beside["settings"]["breakaway"]) == (0.01, None)
 
 

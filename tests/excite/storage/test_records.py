@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from written_results import result, verification
 
+from excite.design.sweeps.sweep_table import load_sweep
 from excite.friction.fit.friction_fit import load_friction_fit
 from excite.friction.plan.friction_plan import load_friction_plan
 from excite.friction.plan.plan_friction import plan_friction
@@ -20,9 +21,8 @@ from excite.friction.plan.schedule import Schedule
 from excite.optimality.design_bound import DesignBound
 from excite.payload.payload_result import load_payload
 from excite.storage.records import json_of, read_curves, read_record, write_curves
-from excite.study.accuracy_prediction import load_accuracy
+from excite.study.predict_accuracy import load_accuracy
 from excite.study.time_study import TimeCourse, TimeStudy, load_time_study
-from excite.sweeps.sweep_table import load_sweep
 from excite.verification.verification import Verification, load_verification
 from excite.views.friction_plan_view import friction_plan_view
 from regressors.errors import InputError

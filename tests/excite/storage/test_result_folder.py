@@ -84,12 +84,6 @@ def test_a_note_of_the_holder_that_says_nothing(content: str, tmp_path: Path) ->
             pass
 
 
-def test_a_folder_that_held_nothing_is_gone_after_an_error(tmp_path: Path) -> None:
-    with pytest.raises(KeyError), result_folder(tmp_path / "a" / "b"):
-        raise KeyError
-    assert files_below(tmp_path) == set()
-
-
 # ---------------------------------------------------------------- several results in a folder
 
 

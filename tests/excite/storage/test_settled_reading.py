@@ -15,7 +15,7 @@ from written_results import simulation
 import excite
 from excite.design.optimisation import design_trajectory
 from excite.design.start_results import read_start, start_file
-from excite.files.robot_yaml import write_robot
+from excite.export.models.robot_yaml import write_robot
 from excite.identification.given_logs import log_of
 from excite.storage import commit as committing
 from excite.storage.commit import read_settled

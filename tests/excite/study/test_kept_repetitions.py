@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing import Process
 from pathlib import Path
@@ -12,40 +12,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from repeated_experiments import chains, plain, same
+from repeated_experiments import OneByOne, chains, plain, same
 
 from excite.design.problem_identity import NotComparable
 from excite.errors import LostWorkersError
-from excite.executors.unit_executor import LostUnit, Work
-from excite.study import repeated as kept_file
-from excite.study import repeated as units_file
-from excite.study.repeated import repeat_experiment
+from excite.study import repetitions as units_file
+from excite.study.repetitions import repeat_experiment
 from regressors.errors import InputError
 
 COUNT = 12
-
-
-class Counted:
-    """Runs units one after the other, counts their repetitions, and goes away after some units."""
-
-    shares_disk = True
-
-    def __init__(self, ends_after: int | None = None, lost: Sequence[int] = ()) -> None:
-        self.ends_after, self.lost, self.numbers = ends_after, lost, list[int]()
-
-    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
-        for index, unit in enumerate(units):
-            if index == self.ends_after:
-                raise LostWorkersError("the scheduler went away", "what is finished is kept")
-            self.numbers += unit
-            yield index, LostUnit("its process ended") if index in self.lost else work(common, unit)
 
 
 @pytest.fixture(autouse=True)
 def in_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Units of two repetitions, each written at once."""
     monkeypatch.setattr(units_file, "repetition_seconds", lambda _, count: count * units_file._UNIT / 2)
-    monkeypatch.setattr(kept_file, "_EVERY", 0.0)
+    monkeypatch.setattr(units_file, "_EVERY", 0.0)
 
 
 @pytest.fixture
@@ -56,7 +38,7 @@ def file(tmp_path: Path) -> Path:
 def lose(file: Path, experiment: Any = None, seed: int = 0) -> None:
     """Lose the executor after three units of two repetitions."""
     with pytest.raises(LostWorkersError) as lost:
-        repeat_experiment(experiment or plain(), COUNT, seed, executor=Counted(3), kept=file)
+        repeat_experiment(experiment or plain(), COUNT, seed, executor=OneByOne(ends_after=3), kept=file)
     assert str(lost.value) == (
         f"the scheduler went away; 6 of 12 repetitions are kept in {file}, and the same call computes the rest"
     )
@@ -66,7 +48,7 @@ def lose(file: Path, experiment: Any = None, seed: int = 0) -> None:
 def test_the_same_call_computes_the_rest(name: str, file: Path, caplog: pytest.LogCaptureFixture) -> None:
     experiment = chains()[name]
     lose(file, experiment)
-    rest, seen = Counted(), list[int]()
+    rest, seen = OneByOne(), list[int]()
     with caplog.at_level(logging.INFO, "excite.study"):
         found = repeat_experiment(
             experiment, COUNT, 0, executor=rest, kept=file, progress=lambda done, _: seen.append(done)
@@ -80,11 +62,11 @@ def test_the_same_call_computes_the_rest(name: str, file: Path, caplog: pytest.L
 
 def test_other_numbers_of_repetitions(file: Path) -> None:
     lose(file)
-    content, fewer = file.read_bytes(), Counted()
+    content, fewer = file.read_bytes(), OneByOne()
     same(repeat_experiment(plain(), 4, 0, executor=fewer, kept=file), repeat_experiment(plain(), 4, 0))
     assert fewer.numbers == []
     file.write_bytes(content)
-    more = Counted()
+    more = OneByOne()
     same(repeat_experiment(plain(), 15, 0, executor=more, kept=file), repeat_experiment(plain(), 15, 0))
     assert more.numbers == list(range(6, 15))
 
@@ -94,15 +76,15 @@ def test_gaps_are_filled(file: Path) -> None:
         if done == 6:
             raise KeyboardInterrupt
 
-    found = repeat_experiment(plain(), COUNT, 0, executor=Counted(lost=(1, 2)), kept=file, progress=stop)
+    found = repeat_experiment(plain(), COUNT, 0, executor=OneByOne(lost=(1, 2)), kept=file, progress=stop)
     assert (found.count, found.interrupted) == (6, True)
-    rest = Counted()
+    rest = OneByOne()
     same(repeat_experiment(plain(), COUNT, 0, executor=rest, kept=file), repeat_experiment(plain(), COUNT, 0))
     assert rest.numbers == [2, 3, 4, 5, 10, 11]
 
 
 def _killed(file: Path) -> None:
-    repeat_experiment(plain(), COUNT, 0, executor=Counted(), kept=file, progress=lambda done, _: _end_at(done, 8))
+    repeat_experiment(plain(), COUNT, 0, executor=OneByOne(), kept=file, progress=lambda done, _: _end_at(done, 8))
 
 
 def _end_at(done: int, last: int) -> None:
@@ -115,7 +97,7 @@ def test_a_process_that_ends_at_once_has_kept_what_it_computed(file: Path) -> No
     process.start()
     process.join()
     assert process.exitcode == 9
-    rest = Counted()
+    rest = OneByOne()
     same(repeat_experiment(plain(), COUNT, 0, executor=rest, kept=file), repeat_experiment(plain(), COUNT, 0))
     assert rest.numbers == [8, 9, 10, 11]
 
@@ -141,7 +123,7 @@ def test_repetitions_of_another_experiment_are_not_taken(
     file: Path, other: Callable[[], Any], seed: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     lose(file, other(), seed)
-    whole = Counted()
+    whole = OneByOne()
     found = repeat_experiment(plain(), COUNT, 0, executor=whole, kept=file)
     assert caplog.messages == [f"{file} is of another experiment, and is replaced"]
     assert whole.numbers == list(range(COUNT))
@@ -154,10 +136,7 @@ def test_a_file_that_cannot_be_read_is_said(
 ) -> None:
     lose(file)
     file.write_bytes(spoil(file.read_bytes()))
-    same(
-        repeat_experiment(plain(), COUNT, 0, executor=Counted(), kept=file),
-        repeat_experiment(plain(), COUNT, 0),
-    )
+    same(repeat_experiment(plain(), COUNT, 0, executor=OneByOne(), kept=file), repeat_experiment(plain(), COUNT, 0))
     assert caplog.messages == [f"{file} cannot be read; its repetitions are computed again"]
 
 
@@ -165,12 +144,12 @@ def test_what_cannot_be_compared_is_not_kept(file: Path, monkeypatch: pytest.Mon
     def refused(_: Any) -> None:
         raise NotComparable("its source is not accessible")
 
-    monkeypatch.setattr(kept_file, "plain_value", refused)
+    monkeypatch.setattr(units_file, "plain_value", refused)
     with pytest.raises(LostWorkersError, match=r"^the scheduler went away; repeat with fewer `workers`"):
-        repeat_experiment(plain(), COUNT, 0, executor=Counted(3), kept=file)
+        repeat_experiment(plain(), COUNT, 0, executor=OneByOne(ends_after=3), kept=file)
     assert not file.exists()
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"cannot write .*: No such file or directory"):
-        repeat_experiment(plain(), COUNT, 0, executor=Counted(), kept=tmp_path / "none" / "so-far.npz")
+        repeat_experiment(plain(), COUNT, 0, executor=OneByOne(), kept=tmp_path / "none" / "so-far.npz")

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Generator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from dask_processes import DaskProcesses, kill
 from played import TASK, irp6
+from processes import DaskProcesses, kill
+from repeated_experiments import OneByOne
 
 from excite.design.design import Design
+from excite.design.executors.unit_executor import InProcesses, UnitExecutor
 from excite.design.optimisation import design_trajectory
 from excite.errors import LostWorkersError
-from excite.executors.unit_executor import InProcesses, LostUnit, UnitExecutor, Work
 from excite.study.study_over_time import study_over_time
 from regressors.errors import InputError, UnknownName
 
@@ -33,31 +33,16 @@ def repeated(executor: str | UnitExecutor, repeats: int = 4, **how: Any) -> Any:
     return study.courses[0].repeated
 
 
-class Backwards:
-    """Runs the units from the last to the first; loses some of them, and goes away after some."""
-
-    shares_disk = True
-
-    def __init__(self, lost: Sequence[int] = (), ends_after: int | None = None) -> None:
-        self.lost, self.ends_after = lost, ends_after
-
-    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
-        for done, index in enumerate(reversed(range(len(units)))):
-            if done == self.ends_after:
-                raise LostWorkersError("the scheduler went away", "what is finished is kept")
-            yield index, LostUnit("its process ended") if index in self.lost else work(common, units[index])
-
-
 @pytest.mark.slow
 def test_numbers_are_the_same_in_any_order_and_without_what_is_lost(caplog: pytest.LogCaptureFixture) -> None:
     serial = repeated("serial")
     np.testing.assert_array_equal(repeated("process"), serial)  # short: in this process
-    np.testing.assert_array_equal(repeated(Backwards()), serial)
+    np.testing.assert_array_equal(repeated(OneByOne(backwards=True)), serial)
     with caplog.at_level(logging.WARNING):
-        np.testing.assert_array_equal(repeated(Backwards(lost=(1,))), serial[[0, 2, 3]])
+        np.testing.assert_array_equal(repeated(OneByOne(lost=(1,), backwards=True)), serial[[0, 2, 3]])
     assert caplog.messages == ["repetition 2 is left out: its process ended"]
     with pytest.raises(InputError, match=r"repetitions: 1 of 4 are left, since workers ended; repeat with fewer"):
-        repeated(Backwards(lost=(0, 1, 2)))
+        repeated(OneByOne(lost=(0, 1, 2)))
 
 
 @pytest.mark.slow
@@ -75,14 +60,14 @@ def test_numbers_are_the_same_in_processes_and_on_dask(tmp_path: Path, monkeypat
             if "repetition 1 of" in step:
                 kill(dask.scheduler)
 
-        monkeypatch.setattr("excite.executors.dask_cluster._AHEAD", 1)
+        monkeypatch.setattr("excite.design.executors.dask_cluster._AHEAD", 1)
         with pytest.raises(LostWorkersError, match=rf"^the Dask scheduler at {dask.address} went away; nothing of the"):
             repeated(dask.address, progress=end)
 
 
 def test_workers_that_are_lost_keep_nothing() -> None:
     with pytest.raises(LostWorkersError) as lost:
-        repeated(Backwards(ends_after=1), repeats=2)
+        repeated(OneByOne(ends_after=1), repeats=2)
     assert str(lost.value) == (
         "the scheduler went away; nothing of the study is kept: repeat it with fewer `workers`, or with another "
         "`executor`"

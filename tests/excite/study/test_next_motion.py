@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from short_designs import short
+from designs import short
 
 import excite
-from excite.design.information_in_hand import with_information_in_hand
-from excite.files.design_folder import design_content
+from excite.design.design_folder import design_content
+from excite.design.formulation import with_information_in_hand
 from excite.information.earlier_precision import deviations_of, earlier_root
 from excite.storage.manifest import sha256_of
 from regressors.errors import InputError
@@ -76,12 +76,13 @@ def test_objects_and_folders_are_the_same(
 def test_a_stored_design_runs_again_without_the_folders(after: excite.Design, folders: Path, tmp_path: Path) -> None:
     after.save(tmp_path / "c")
     stored = excite.load_design(tmp_path / "c")
-    assert stored.content["task"]["after"] == [str(folders / name) for name in "ab"]
+    content = design_content(stored)
+    assert content["task"]["after"] == [str(folders / name) for name in "ab"]
     hashes = [sha256_of(folders / file) for file in ("a/result.json", "b/design.json")]
-    assert [each["sha256"] for each in stored.content["after"]] == hashes
+    assert [each["sha256"] for each in content["after"]] == hashes
     again = excite.design_trajectory(stored.task)
     assert np.array_equal(again.trajectory.x, after.trajectory.x)
-    assert design_content(again)["after"] == stored.content["after"]
+    assert design_content(again)["after"] == content["after"]
 
 
 def test_a_result_after_others_names_them_without_opening(after: excite.Design, tmp_path: Path) -> None:

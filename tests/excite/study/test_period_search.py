@@ -21,7 +21,6 @@ from excite.study.period_search import (
     ladder,
     pareto_front,
     promising_period,
-    runs_text,
     task_at,
 )
 from regressors.errors import InputError
@@ -99,11 +98,6 @@ def test_nothing_between_promises_more_when_information_only_adds() -> None:
     assert promising_period([trial(period, slope=0.5) for period in (8.0, 16.0, 32.0)], 600.0, 100.0) is None
 
 
-def test_text() -> None:
-    assert runs_text(1, 14.2) == "1 run of 14.2 s: 14.2 s of robot time"
-    assert runs_text(3, 14.0) == "3 runs of 14 s: 42 s of robot time"
-
-
 @pytest.fixture(scope="module")
 def design() -> excite.Design:
     return excite.design_trajectory(
@@ -113,7 +107,6 @@ def design() -> excite.Design:
 
 def test_the_criterion_is_the_largest_deviation_over_the_allowed_half_width(design: excite.Design) -> None:
     run = design.run_information
-    assert run is not None
     instants = run.rows / 3
     value = next(start.value for start in design.starts if start.index == design.best_start)
     assert float(np.max(run.deviation / run.allowed)) == pytest.approx(value / math.sqrt(instants), rel=1e-9)
@@ -122,8 +115,6 @@ def test_the_criterion_is_the_largest_deviation_over_the_allowed_half_width(desi
 
 def test_fewest_runs_are_enough_and_one_less_is_not(design: excite.Design) -> None:
     run, forecast = design.run_information, design.precision
-    assert run is not None
-    assert forecast is not None
     n = run.fewest_runs()
     assert run.use(n) <= 1.0 < run.use(n - 1)
     freedom = residual_degrees_of_freedom(n * run.rows, 13, 3)
@@ -149,8 +140,6 @@ def test_the_search_meets_a_coarse_target_and_continues_from_its_folder(
     assert computed == []
     assert again.coefficients_sha256 == first.coefficients_sha256
     search, forecast = first.precision_search, first.precision
-    assert search is not None
-    assert forecast is not None
     assert forecast.met
     assert first.feasible
     assert search.out_of_reach is None
@@ -183,17 +172,13 @@ def test_what_no_search_can_begin_with(options: dict[str, Any], message: str) ->
 @pytest.mark.slow
 def test_out_of_reach_says_what_moves_together_and_what_helps() -> None:
     design = excite.design_for_precision("irp6", 0.001, max_time=12.0, search=ONE)
-    assert design.precision is not None
-    assert design.precision_search is not None
     found = design.precision_search.out_of_reach
     assert not design.precision.met
     assert design.precision.robot_seconds <= 12.0
-    assert found is not None
     assert [each.name for each in found.parameters] == [p.name for p in design.precision.too_wide]
     assert found.robot_seconds > 100.0
     factors = {each.change: each.narrower for each in found.trials}
     assert factors["a known load of 2 kg in every other run"] == pytest.approx(
         1.0, abs=1e-6
     )  # the columns are the same
-    assert found.best is not None
     assert found.best.narrower == max(factors.values()) > 1.05

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,8 @@ import pytest
 import yaml
 
 import excite
-from excite.files.robot_yaml import ranges_text
-from excite.study.posterior_samples import PosteriorSamples
+from excite.export.models.robot_yaml import ranges_text
+from excite.study.posterior_samples import PosteriorSamples, load_posterior
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples" / "posterior-1"
 FIELDS = ("robot", "result_sha256", "seed", "prior", "names", "units", "base_names", "base_units", "distance", "notes")
@@ -44,7 +45,7 @@ def samples(count: int = 1200) -> PosteriorSamples:
 def test_samples_read_back_to_the_same_bits(suffix: str, tmp_path: Path) -> None:
     written = samples()
     path = written.save(tmp_path / f"samples{suffix}")
-    read = excite.load_posterior(path)
+    read = load_posterior(path)
     np.testing.assert_array_equal(read.values, written.values)
     np.testing.assert_array_equal(read.base_matrix, written.base_matrix)
     assert [getattr(read, name) for name in FIELDS] == [getattr(written, name) for name in FIELDS]
@@ -56,22 +57,18 @@ def test_samples_read_back_to_the_same_bits(suffix: str, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
 def test_files_of_schema_1_are_the_same_samples(suffix: str) -> None:
-    read, known = excite.load_posterior(SAMPLES / f"samples{suffix}"), samples(12)
+    read, known = load_posterior(SAMPLES / f"samples{suffix}"), samples(12)
     np.testing.assert_array_equal(read.values, known.values)
     np.testing.assert_array_equal(read.base_matrix, known.base_matrix)
     assert [getattr(read, name) for name in FIELDS] == [getattr(known, name) for name in FIELDS]
     assert np.isnan(read.split_deviation)
 
 
-def test_other_programs_read_the_names(tmp_path: Path) -> None:
+def test_other_programs_read_the_names_and_the_table(tmp_path: Path) -> None:
     with np.load(samples().save(tmp_path / "samples.npz"), allow_pickle=False) as file:
         assert [tuple(file[name]) for name in FIELDS[4:8]] == [getattr(samples(), name) for name in FIELDS[4:8]]
-
-
-def test_other_programs_read_the_table(tmp_path: Path) -> None:
-    path = samples().save(tmp_path / "samples.csv")
-    values = np.loadtxt(io.StringIO(path.read_text()), delimiter=",", skiprows=2)
-    np.testing.assert_array_equal(values, samples().values)
+    text = samples().save(tmp_path / "samples.csv").read_text()
+    np.testing.assert_array_equal(np.loadtxt(io.StringIO(text), delimiter=",", skiprows=2), samples().values)
 
 
 def test_what_is_there_is_not_replaced(tmp_path: Path) -> None:
@@ -115,7 +112,14 @@ def _text(content: str) -> Callable[[Path], Path]:
 )
 def test_other_files_are_refused(write: Callable[[Path], Path], message: str, tmp_path: Path) -> None:
     with pytest.raises(excite.InputError, match=message):
-        excite.load_posterior(write(tmp_path))
+        load_posterior(write(tmp_path))
+
+
+def test_a_range_leaves_as_many_samples_below_as_above() -> None:
+    drawn = samples(10_001)
+    drawn = replace(drawn, values=np.arange(10_001.0)[:, None] * [1.0, 2.0, 3.0])
+    for one, size in zip(drawn.ranges(0.9), (1.0, 2.0, 3.0), strict=False):
+        assert (one.low, one.high) == pytest.approx((500.0 * size, 9500.0 * size))
 
 
 def test_ranges_read_back_by_another_yaml_reader() -> None:

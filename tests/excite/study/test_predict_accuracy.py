@@ -13,17 +13,17 @@ import pytest
 
 import excite
 from excite.design.design import Design
+from excite.identification.allowances import presliding_column
 from excite.identification.covariance import divisors
 from excite.identification.identification import Identification
 from excite.identification.streamed_rows import Decimation
 from excite.simulation.settings import SimulationSettings
-from excite.study.accuracy_prediction import load_accuracy
-from excite.study.parameter_errors import bounded_estimates, linear_equations, torque_errors
-from excite.study.rehearsal import Rehearsal, motion_settings
+from excite.study.predict_accuracy import load_accuracy
+from excite.study.rehearsal import Rehearsal, bounded_estimates, linear_equations, motion_settings, torque_errors
 from excite.study.torque_noise import StatedNoise, measured_noise
 from regressors.errors import InputError
-from regressors.friction.curve import Side, Stribeck
-from regressors.friction.curves import FrictionCurves
+from regressors.robot.friction.curve import Side, Stribeck
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array
 
 RATE, WIDTH = 100.0, 0.02
@@ -78,10 +78,10 @@ def test_noise_of_the_torques_reaches_the_parameters_as_by_dense_matrices(
 
 
 def test_an_unknown_setting_is_one_more_column(rehearsal: Rehearsal) -> None:
-    from excite.identification.presliding_uncertainty import presliding_column
+    from excite.identification.estimator import Context
 
     result = rehearsal.result
-    column = presliding_column(result.target, result.prepared, result.recipe, result.coefficients)
+    column = presliding_column(Context(result.target, result.prepared, result.recipe), result.coefficients)
     assert column is not None
     scale = divisors(result.estimate)[result.observations.group]
     wide = np.column_stack([result.observations.matrix, column]) / scale[:, None]
@@ -141,7 +141,6 @@ def test_the_bias_is_the_error_of_the_exact_log(design: Design) -> None:
     result = excite.identify(design.robot, exact, design=design, **how)
     prediction = excite.predict_accuracy(design, SETTINGS, friction=friction, count=2, **how)
     np.testing.assert_allclose([p.value for p in prediction.parameters], result.estimate.values, rtol=1e-7)
-    assert result.reference is not None
     known = np.isfinite(result.reference.values)
     assert known.sum() == 7  # of the bodies
     bias = np.array([p.bias for p in prediction.parameters], dtype=float)
@@ -202,6 +201,17 @@ def test_the_same_seed_gives_the_same_prediction(design: Design) -> None:
     assert first.parameters == again.parameters != other.parameters
     assert "noise of the motion: 5 of 5 samples" in steps
     assert repr(first) == "<AccuracyPrediction of 13 parameters of irp6, to 35.4%>"
+    free = excite.predict_accuracy(design, SETTINGS, position_noise=1e-4, estimator="weighted", **how)
+    for p in free.parameters:
+        assert p.by_motion > 0.0
+        assert p.deviation == pytest.approx(np.hypot(p.by_torques, p.by_motion))
+
+
+def test_stated_noise_is_white_and_coloured() -> None:
+    noise = StatedNoise((1.0,), (2.0, 0.5), 5.0).draw(np.arange(200_000) / 100.0, 2, np.random.default_rng(0))
+    np.testing.assert_allclose(noise.std(axis=0), np.hypot(1.0, [2.0, 0.5]), rtol=0.02)
+    found = np.mean(noise[1:] * noise[:-1], axis=0)
+    np.testing.assert_allclose(found, np.exp(-2 * np.pi * 5.0 / 100.0) * np.array([4.0, 0.25]), rtol=0.05)
 
 
 BAD: list[tuple[dict[str, Any], str]] = [

@@ -9,7 +9,8 @@ from played import TASK, found, noisy, played, three_joints
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.registry import REPEATABLE
-from excite.study import batch_estimators as batch
+from excite.study.moments import ESTIMATORS
+from excite.study.repetitions import effort_noise, position_noise
 from excite.tasks.task import Task
 
 
@@ -19,12 +20,10 @@ def noise() -> Log:
 
 
 def test_the_estimators_that_can_be_repeated_are_those_in_batches() -> None:
-    assert set(REPEATABLE) == set(batch.ESTIMATORS)
+    assert set(REPEATABLE) == set(ESTIMATORS)
 
 
 def test_repetitions_have_the_noise_of_the_torques_whatever_the_equations_are(noise: Log) -> None:
-    from excite.study.repetition import effort_noise, position_noise
-
     for task, recipe in (
         (TASK, Recipe(rows="all")),
         (TASK, Recipe(rows="all", low_pass=5.0)),

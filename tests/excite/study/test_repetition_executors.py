@@ -13,15 +13,14 @@ from typing import Any
 
 import pytest
 from commands import Here
-from dask_processes import DaskProcesses, kill
-from recorded import link_files, write_files
+from played import link_files, write_files
+from processes import DaskProcesses, kill
 from repeated_experiments import chains, plain, same
 
+from excite.design.executors.unit_executor import InProcesses
 from excite.errors import LostWorkersError
-from excite.executors.unit_executor import InProcesses
-from excite.study import repeated as units_file
-from excite.study import repetition as repetition
-from excite.study.repeated import repeat_experiment
+from excite.study import repetitions as units_file
+from excite.study.repetitions import repeat_experiment
 
 pytestmark = pytest.mark.slow
 COUNT = 12
@@ -94,20 +93,11 @@ def test_a_dask_worker_that_is_killed_changes_no_number(tmp_path: Path) -> None:
     same(found, repeat_experiment(plain(), 100, 0))
 
 
-def test_a_scheduler_that_goes_away_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("distributed")
-    monkeypatch.setattr("excite.executors.dask_cluster._AHEAD", 4)  # the others are not even sent
-    with DaskProcesses(tmp_path) as dask:
-        progress = after(6, lambda: kill(dask.scheduler))
-        with pytest.raises(LostWorkersError, match=f"^the Dask scheduler at {dask.address} went away; repeat with"):
-            repeat_experiment(plain(), 400, 0, progress=progress, executor=dask.address)
-
-
 def test_after_a_scheduler_that_goes_away_the_same_call_computes_the_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("excite.executors.dask_cluster._AHEAD", 4)
+    monkeypatch.setattr("excite.design.executors.dask_cluster._AHEAD", 4)
     (tmp_path / "one").mkdir()
     (tmp_path / "other").mkdir()
     file = tmp_path / "so-far.npz"
@@ -151,12 +141,12 @@ def test_identify_command_on_dask(here: Here, dask: DaskProcesses, monkeypatch: 
         assert ended.returncode == 0, ended.stderr
         contents.append(json.loads((here.cwd / out / "result.json").read_text())["repetitions"])
     assert contents[0] == contents[1]
-    repeat = repetition.repeat_experiment
+    repeat = units_file.repeat_experiment
 
     def interrupted(e: Any, count: int, seed: int, progress: Any, **where: Any) -> Any:
         return repeat(e, count, seed, progress=after(2, lambda: signal.raise_signal(signal.SIGINT)), **where)
 
-    monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
+    monkeypatch.setattr(units_file, "repeat_experiment", interrupted)
     monkeypatch.setattr(units_file, "_UNIT", 0.0)
     ended = here.run(*run, "--executor", dask.address, "--out", "c")
     assert ended.returncode == 130

@@ -4,48 +4,26 @@ from __future__ import annotations
 
 import logging
 import pickle
-from collections.abc import Generator, Sequence
-from typing import Any
 
 import numpy as np
 import pytest
-from repeated_experiments import chains, plain, same
+from repeated_experiments import OneByOne, chains, plain, same
 
+from excite.design.executors.dask_cluster import DaskCluster
+from excite.design.executors.unit_executor import InProcesses, InThisProcess
 from excite.errors import LostWorkersError, TooLargeError
-from excite.executors.dask_cluster import DaskCluster
-from excite.executors.unit_executor import InProcesses, InThisProcess, LostUnit, Work
-from excite.study import repeated as units_file
+from excite.study import repetitions as units_file
 from excite.study.experiment import Chain
-from excite.study.repeated import SeededExperiment, executor_of_repetitions, repeat_experiment, units_of
-from excite.study.repetitions import experiment_prediction
+from excite.study.repetitions import (
+    SeededExperiment,
+    executor_of_repetitions,
+    experiment_prediction,
+    repeat_experiment,
+    units_of,
+)
 from regressors.errors import InputError, UnknownName
 
 COUNT = 10
-
-
-class Backwards:
-    """Runs the units from the last to the first, and loses some of them.
-
-    Parameters
-    ----------
-    lost : sequence of int
-    ended : Exception, optional
-        What happens in place of the first unit.
-    """
-
-    shares_disk = True
-
-    def __init__(self, lost: Sequence[int] = (), ended: Exception | None = None) -> None:
-        self.lost, self.ended, self.closed = lost, ended, False
-
-    def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
-        try:
-            for index in reversed(range(len(units))):
-                if index == 0 and self.ended is not None:
-                    raise self.ended
-                yield index, LostUnit("its process ended") if index in self.lost else work(common, units[index])
-        finally:
-            self.closed = True
 
 
 @pytest.fixture
@@ -69,7 +47,7 @@ def test_an_experiment_is_repeated_as_well_after_it_was_sent(name: str) -> None:
 @pytest.mark.usefixtures("in_pairs")
 def test_repetitions_are_in_the_order_of_their_numbers_whatever_ends_first() -> None:
     seen: list[tuple[int, int]] = []
-    backwards = Backwards()
+    backwards = OneByOne(backwards=True)
     there = repeat_experiment(
         plain(), COUNT, 0, progress=lambda done, count: seen.append((done, count)), executor=backwards
     )
@@ -81,7 +59,7 @@ def test_repetitions_are_in_the_order_of_their_numbers_whatever_ends_first() -> 
 @pytest.mark.usefixtures("in_pairs")
 def test_units_that_are_lost_are_left_out(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        rest = repeat_experiment(plain(), 9, 0, executor=Backwards(lost=(1, 4)))
+        rest = repeat_experiment(plain(), 9, 0, executor=OneByOne(lost=(1, 4), backwards=True))
     assert caplog.messages == [
         "repetition 8 is left out: its process ended",
         "repetitions 2 to 3 are left out: its process ended",
@@ -90,7 +68,7 @@ def test_units_that_are_lost_are_left_out(caplog: pytest.LogCaptureFixture) -> N
     np.testing.assert_array_equal(rest.estimates, whole.estimates[[0, 1, 4, 5, 6, 7]])
     assert not rest.interrupted
     with pytest.raises(InputError, match=r"repetitions: 1 of 3 are left, since workers ended; repeat with fewer `work"):
-        repeat_experiment(plain(), 3, 0, executor=Backwards(lost=(0,)))
+        repeat_experiment(plain(), 3, 0, executor=OneByOne(lost=(0,)))
 
 
 @pytest.mark.usefixtures("in_pairs")
@@ -99,16 +77,15 @@ def test_ctrl_c_keeps_what_has_come_back_and_ends_the_workers() -> None:
         if done == 4:
             raise KeyboardInterrupt
 
-    backwards = Backwards()
+    backwards = OneByOne(backwards=True)
     rest = repeat_experiment(plain(), COUNT, 0, progress=stop, executor=backwards)
     assert (rest.count, rest.interrupted, backwards.closed) == (4, True, True)
     np.testing.assert_array_equal(rest.estimates, repeat_experiment(plain(), COUNT, 0).estimates[6:])
 
 
 def test_a_scheduler_that_goes_away_promises_nothing_that_is_not_kept() -> None:
-    lost = LostWorkersError("the Dask scheduler went away", "what is finished is kept")
-    with pytest.raises(LostWorkersError, match=r"^the Dask scheduler went away; repeat with fewer `workers`, or with"):
-        repeat_experiment(plain(), COUNT, 0, executor=Backwards(ended=lost))
+    with pytest.raises(LostWorkersError, match=r"^the scheduler went away; repeat with fewer `workers`, or with"):
+        repeat_experiment(plain(), COUNT, 0, executor=OneByOne(ends_after=0))
 
 
 # --- where they run ---------------------------------------------------------------------------------------------------

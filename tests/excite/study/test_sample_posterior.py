@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from identified import result_of, with_estimate
-from two_links import FREEDOM, two_links
+from identified import FREEDOM, result_of, two_links, with_estimate
 
 import excite
-from excite.identification.identification import Identification
-from excite.identification.torque_target import torque_target
+from excite.identification.identification import Identification, torque_target
 from excite.study import chains as chains
 from excite.study.posterior_samples import PosteriorSamples
 from regressors.models.columns import COULOMB, ROTOR, VISCOUS
@@ -168,7 +166,7 @@ def test_an_estimate_far_from_every_possible_robot_is_said(tmp_path: Path) -> No
 
 def test_chains_that_do_not_move_are_not_believed(result: Identification, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(chains, "next_points", lambda _, __, z, *___: (z, np.zeros(len(z), dtype=bool)))
-    with pytest.raises(excite.ConicSolverError, match="hardly any room for possible robots"):
+    with pytest.raises(excite.errors.ConicSolverError, match="hardly any room for possible robots"):
         excite.sample_posterior(result, 64)
 
 

@@ -11,9 +11,9 @@ import pytest
 
 import excite
 from excite.cli.design_command import command
-from excite.files.task_file import read_task_file, task_content, task_from_options
-from excite.information.criteria import Trace
+from excite.design.task_file import read_task_file, task_content, task_from_options
 from excite.registry import OwnPart
+from excite.tasks.criteria import Trace
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS, PLACE, Task
 from regressors.errors import InputError, UnknownName

@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
-from constraints.bounds.extrema import trigonometric_extrema
+from constraints.bounds.certificate import trigonometric_extrema
 from constraints.linear import LinearConstraint
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
@@ -48,20 +48,6 @@ def test_motion_is_its_series_and_its_derivatives(harmonics: int, duration: floa
         expected = np.column_stack([series(row, 2 * np.pi / duration, t, d) for row in coefficients])
         np.testing.assert_allclose(motion, expected, atol=1e-11 * max(np.abs(expected).max(), 1e-12))
         np.testing.assert_allclose(family.basis(t, d) @ x.T, motion)
-
-
-@given(harmonics=HARMONICS, duration=st.floats(0.5, 60.0), derivative=st.integers(0, 2), seed=SEED)
-@settings(max_examples=40)
-def test_each_derivative_is_the_slope_of_the_one_before(
-    harmonics: int, duration: float, derivative: int, seed: int
-) -> None:
-    family = Fourier(duration, harmonics)
-    t = np.random.default_rng(seed).uniform(0, duration, 10)
-    h = 1e-3 * duration / harmonics
-    ahead, behind, far, back = (family.basis(t + k * h, derivative) for k in (1, -1, 2, -2))
-    slope = (8 * (ahead - behind) - (far - back)) / (12 * h)
-    expected = family.basis(t, derivative + 1)
-    np.testing.assert_allclose(slope, expected, atol=1e-7 * np.abs(expected).max())
 
 
 @given(harmonics=HARMONICS, duration=st.floats(0.5, 60.0))
@@ -105,14 +91,6 @@ def test_other_coefficients_go_to_the_nearest_motion_at_rest(harmonics: int, see
     normals[0, 1 : K + 1], normals[1, K + 1 :] = k**2, k
     explained = normals.T @ np.linalg.lstsq(normals.T, removed, rcond=None)[0]
     np.testing.assert_allclose(explained, removed, atol=1e-11)
-
-
-def test_constant_is_the_motion_that_stays_at_one() -> None:
-    family = Fourier(4.0, 3)
-    t = np.linspace(0, 4, 9)
-    np.testing.assert_allclose(family.basis(t, 0) @ family.constant, 1.0, atol=1e-14)
-    for d in (1, 2, 3):
-        np.testing.assert_allclose(family.basis(t, d) @ family.constant, 0.0, atol=1e-12)
 
 
 def test_grid_is_one_period_without_its_end() -> None:

@@ -12,12 +12,12 @@ from commands import Here, run
 from scipy.interpolate import BPoly
 
 from constraints.linear import LinearConstraint
+from excite.design.design_json import load_design
 from excite.design.formulation import formulate
 from excite.design.grid_limits import GridConstraint
 from excite.design.initial_guesses import candidates, random_motion
 from excite.design.problem import Problem
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
-from excite.files.design_json import load_design
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory, stored_trajectory
 from excite.trajectories.fourier_quintic import FourierQuintic
@@ -339,15 +339,15 @@ def designs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 @pytest.mark.parametrize("name", OPTIONS)
 def test_designs_keep_all_limits(name: str, designs: dict[str, Path]) -> None:
     design = load_design(designs[name])
-    assert design.content["feasible"]
-    assert design.content["trajectory"]["family"] == name
+    assert design.feasible
+    assert design.trajectory.family.name == name
     samples = design.trajectory.samples(np.linspace(0, 10, 5001))
     transmission, joints = design.moving.transmission, design.moving.limits
     assert transmission is not None
     for rate, bound in ((samples.dq, transmission.limits.velocity), (samples.ddq, transmission.limits.acceleration)):
         assert np.all(np.abs(rate @ transmission.coupling.T) <= bound * (1 + 1e-9))
     assert np.all((samples.q >= joints.lower - 1e-9) & (samples.q <= joints.upper + 1e-9))
-    assert max(use["use"] for use in design.content["limits"]) > 0.99  # and use what they leave
+    assert max(use.use for use in design.limits) > 0.99  # and use what they leave
     table = np.genfromtxt(designs[name] / "trajectory.csv", delimiter=",", skip_header=1)
     again = design.trajectory.sampled(100.0)
     np.testing.assert_allclose(table[:, 1::3][:, : again.q.shape[1]], again.q, atol=1e-9)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,7 @@ import pytest
 from numpy.polynomial import Chebyshev
 
 import excite
-from constraints.linear import LinearConstraint
-from excite.design.grid_limits import GridConstraint
 from excite.registry import TRAJECTORIES
-from excite.trajectories import Trajectory, stored_trajectory
 from excite.trajectories.polynomial import Polynomial
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -47,46 +43,6 @@ def test_every_motion_rests_at_both_ends_and_returns(family: Polynomial) -> None
     np.testing.assert_allclose(first, last, atol=1e-12)
     assert family.size == family.degree - 4
     assert np.linalg.matrix_rank(family.basis(inside, 0)) == family.size
-
-
-def test_the_constant_stays_at_one(family: Polynomial) -> None:
-    t = np.linspace(0.0, family.duration, 50)
-    np.testing.assert_allclose(family.basis(t, 0) @ family.constant, 1.0, atol=1e-12)
-    x = motion(family, 2)
-    np.testing.assert_allclose(family.from_coefficients(family.coefficients(x)), x, atol=1e-9)
-
-
-@pytest.mark.parametrize("derivative", range(4))
-def test_extrema_are_those_of_dense_samples(family: Polynomial, derivative: int) -> None:
-    x = motion(family, 3)
-    t = 0.5 * family.duration * (1.0 - np.cos(np.linspace(0.0, np.pi, 40_001)))
-    values = family.motion(x, t, derivative)
-    size = np.abs(values).max(axis=0)
-    extrema = family.extrema(x, derivative)
-    for exact, sampled in ((extrema.high, values.max(axis=0)), (-extrema.low, -values.min(axis=0))):
-        assert np.all(exact >= sampled - 1e-9 * size)
-        assert np.all(exact <= sampled + 1e-4 * size)
-
-
-@pytest.mark.parametrize("derivative", range(4))
-def test_what_stays_within_the_grid_bounds_stays_within_the_bounds(family: Polynomial, derivative: int) -> None:
-    one = np.ones(1)
-    limit = LinearConstraint(derivative, np.eye(1), np.zeros(1), -one, one, ("a",), ("rad",))
-    grid = GridConstraint.on_coordinates(limit, family.on_grid(1024))
-    assert grid.upper[0] > 0.98
-    for seed in range(5):
-        x = motion(family, seed, 1)
-        x = x * float(grid.upper[0]) / np.abs(grid.values(x)).max()
-        extrema = family.extrema(x, derivative)
-        assert max(float(extrema.high[0]), -float(extrema.low[0])) <= 1.0 + 1e-9
-
-
-def test_a_motion_read_back_is_the_same_motion(family: Polynomial) -> None:
-    x = motion(family, 5)
-    stored = stored_trajectory(json.loads(json.dumps(family.to_dict(x))), 3)
-    t = np.linspace(0.0, family.duration, 100)
-    np.testing.assert_allclose(stored.samples(t).q, Trajectory(family, x).samples(t).q, rtol=1e-12, atol=1e-12)
-    assert type(stored.family) is Polynomial
 
 
 @pytest.mark.parametrize(

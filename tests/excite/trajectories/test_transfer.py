@@ -21,17 +21,17 @@ import regressors
 from constraints.linear import linear_limits
 from excite.design.approach import ApproachAndReturn, approach_and_return
 from excite.design.design import Design
-from excite.design.imposed_limits import nonlinear_limits
+from excite.design.design_folder import save_design
+from excite.design.design_json import load_design
 from excite.design.optimisation import design_trajectory
-from excite.files.design_folder import save_design
-from excite.files.design_json import load_design
-from excite.files.sampled_motion import read_motion
+from excite.design.stated_limits import nonlinear_limits
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.information.target import moving_robot
 from excite.logs.excitation import exciting_rows
-from excite.simulation.run import simulate_motion
+from excite.simulation.motion_source import read_motion
 from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from excite.trajectories.transfer import Transfer, quickest_transfer, time_optimal

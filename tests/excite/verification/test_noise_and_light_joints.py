@@ -9,17 +9,16 @@ import pytest
 from identified import with_estimate
 from played import EXACT, found, noisy, played, three_joints
 
-from excite.files.result_json import load_result
 from excite.identification.identification import Identification
+from excite.identification.result_json import load_result
 from excite.logs.log import Log
-from excite.signals.measurement_noise import measurement_noise
+from excite.logs.signals.periods import measurement_noise
 from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
 from excite.tasks.task import Task
-from excite.verification.judged_motion import JudgedMotion, judged_motion
-from excite.verification.predicted_torques import corrected_errors, corrected_total
-from excite.verification.simulated_motion import motion_errors
+from excite.verification.simulated_motion import JudgedMotion, judged_motion, motion_errors
 from excite.verification.tolerances import Tolerances
+from excite.verification.verdict import corrected_errors, corrected_total
 from excite.verification.verify import verify
 from regressors.samples import Array, Samples
 
@@ -126,7 +125,7 @@ def simulated(measured: Samples, inertia: Array, horizon: float, torque: Array, 
     far = np.abs(q - measured.q).max() > 50.0
     q = np.where(np.abs(q - measured.q) > 50.0, np.nan, q)
     outcome = Outcome.RAN_AWAY if far else Outcome.DONE
-    return Replay(outcome, TIME, q, np.zeros_like(q), starts, 0.1 if far else None, 0.01)
+    return Replay(outcome, TIME, q, np.zeros_like(q), starts, (*starts[1:], TIME.size), 0.1 if far else None, 0.01)
 
 
 def judged(wrist: float, error: float, load: float, model: float = 1.0) -> JudgedMotion:

@@ -11,23 +11,22 @@ from identified import with_estimate
 from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joints, torques
 from recordings import real_log
 
-from excite.files.result_json import load_result
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
+from excite.identification.result_json import load_result
 from excite.logs.log import Log
 from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
 from excite.tasks.task import Task
-from excite.verification.predicted_torques import TorqueError, torque_errors
 from excite.verification.simulated_motion import failure, most_windows, motion_errors
 from excite.verification.tolerances import Tolerances
-from excite.verification.verdict import Verdict, verdict
+from excite.verification.verdict import CorrectedError, TorqueError, Verdict, torque_errors, verdict
 from excite.verification.verification import Verification
 from excite.verification.verify import verify
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
 from regressors.readers.library import built_in
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
 
 TASK = Task("irp6")
@@ -263,7 +262,8 @@ def test_nothing_measured_has_no_relative_error() -> None:
 
 
 def replay_of(time: Array, q: Array, starts: tuple[int, ...] = (0,), outcome: Outcome = Outcome.DONE) -> Replay:
-    return Replay(outcome, time, q, np.zeros_like(q), starts, None if outcome is Outcome.DONE else 0.25, 0.01)
+    stops, failed_at = (*starts[1:], time.size), None if outcome is Outcome.DONE else 0.25
+    return Replay(outcome, time, q, np.zeros_like(q), starts, stops, failed_at, 0.01)
 
 
 def test_motion_errors_are_relative_to_the_way_within_a_horizon() -> None:
@@ -314,7 +314,11 @@ def test_a_verdict_has_its_reasons(
     reasons: tuple[str, ...],
     remarks: tuple[str, ...],
 ) -> None:
-    v: Verdict = verdict([error], total, known, None, None, Tolerances())
+    alone, whole = (
+        CorrectedError(0.0, size, relative, relative)
+        for size, relative in ((error.error, error.relative), (np.nan, total))
+    )
+    v: Verdict = verdict([error], [alone], total, whole, known, None, None, Tolerances())
     assert v.holds is holds
     assert (len(v.against), len(v.remarks)) == (len(reasons), len(remarks))
     for given, expected in zip((*v.against, *v.remarks), (*reasons, *remarks), strict=True):

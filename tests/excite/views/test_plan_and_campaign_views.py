@@ -12,11 +12,11 @@ from written_results import plan
 
 import excite
 from excite.cli.view_text import print_verdict, print_view
-from excite.report.write_report import report_text
-from excite.sweeps.sweep_table import BROKEN, DESIGNED, CellFacts, SweepRow, SweepTable
+from excite.design.sweeps.sweep_table import BROKEN, DESIGNED, CellFacts, SweepRow, SweepTable
 from excite.views.campaign_view import campaign_view, cells_view, leading_cells
 from excite.views.friction_plan_view import friction_plan_view
 from excite.views.view import Format, View
+from excite.views.write_report import report_text
 
 FACTS = CellFacts(
     robot="irp6", model="differential", parameters=13, duration=2.0, criterion=3.0, limit_use=0.5,

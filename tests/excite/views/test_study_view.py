@@ -9,9 +9,9 @@ import pytest
 from reported import ParsedPage
 
 from excite.cli.view_text import print_view
-from excite.report.write_report import report_text
 from excite.study.time_study import TimeCourse, TimeStudy
 from excite.views.study_view import study_view
+from excite.views.write_report import report_text
 
 
 @pytest.fixture

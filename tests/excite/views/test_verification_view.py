@@ -11,10 +11,10 @@ from reported import ParsedPage
 from written_results import verification
 
 from excite.cli.view_text import brief_table, print_verdict, print_view
-from excite.report.write_report import report_text
 from excite.verification.verification import MeasuredMotion
 from excite.views.verification_view import verification_view
 from excite.views.view import Format
+from excite.views.write_report import report_text
 
 
 def test_every_number_of_the_tables_is_on_the_page() -> None:
@@ -56,5 +56,5 @@ def test_the_summary_has_the_brief_columns_with_units() -> None:
 def test_without_curves_nothing_is_drawn() -> None:
     v = verification("old")
     without = dataclasses.replace(v, time=np.zeros(0), motion=MeasuredMotion(), replay=None)
-    assert verification_view(without).figures == {}
+    assert verification_view(without).figures == ()
     assert len(verification_view(v).figures) == 3

@@ -9,15 +9,13 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 from public_arms import ARMS, Arm, reference
+from slow_dynamics import general, three_axes
 
-from excite.information.target import moving_robot
-from excite.tasks.task import Task
 from regressors.errors import UnknownName
-from regressors.models.base import CHOICES, Base, base_parameters, random_states, triangular_factor
+from regressors.models.base import CHOICES, base_parameters, random_states
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.independence import independent_columns, pivoted_columns
@@ -26,26 +24,17 @@ from regressors.readers.urdf import read_urdf
 from regressors.robot.robot import Robot, Structure
 
 INERTIAL = Terms.inertial_only()
-SEED = st.integers(0, 2**32 - 1)
-
-
-def irp6() -> Robot:
-    return moving_robot(built_in("irp6"), Task("irp6"))
 
 
 def irp6_symmetric() -> Robot:
-    robot = irp6()
+    robot = three_axes()
     return robot.replace(structure=Structure(zero=robot.structure.zero))
 
 
-def irp6_general() -> Robot:
-    return built_in("irp6").replace(structure=Structure())
-
-
 MODELS = {
-    "irp6": lambda: DifferentialModel(irp6()),
+    "irp6": lambda: DifferentialModel(three_axes()),
     "irp6-symmetric": lambda: DifferentialModel(irp6_symmetric()),
-    "irp6-general": lambda: DifferentialModel(irp6_general(), Terms(offset=True)),
+    "irp6-general": lambda: DifferentialModel(general(built_in("irp6")), Terms(offset=True)),
     "panda": lambda: DifferentialModel(built_in("panda")),
     "ur10e": lambda: DifferentialModel(built_in("ur10e"), INERTIAL),
     "iiwa7": lambda: DifferentialModel(built_in("iiwa7"), INERTIAL),
@@ -92,7 +81,7 @@ def test_gap_and_spectrum_are_those_of_the_normalised_columns() -> None:
     sigma = np.linalg.svd(W, compute_uv=False)
     np.testing.assert_allclose(base.singular_values[: base.rank], sigma[: base.rank], rtol=1e-10)
     assert base.gap == pytest.approx(base.singular_values[base.rank - 1] / base.singular_values[base.rank])
-    full = base_parameters(DifferentialModel(irp6()))
+    full = base_parameters(DifferentialModel(three_axes()))
     assert full.rank == 13
     assert full.gap == np.inf
 
@@ -104,16 +93,6 @@ def test_left_to_right_base_does_not_depend_on_the_random_states(model: Differen
         np.testing.assert_array_equal(other.index, first.index)
         np.testing.assert_allclose(other.D, first.D, rtol=1e-7, atol=1e-7)
         assert other.expressions == first.expressions
-
-
-def test_pivoted_base_spans_the_same_whatever_the_random_states(model: DifferentialModel) -> None:
-    """Which columns it takes depends on how large the states make them; what they explain does not."""
-    first = base_parameters(model, "pivoted")
-    for seed, count in ((1, 2000), (2, 700)):
-        other = base_parameters(model, "pivoted", states=random_states(model.robot, count, seed))
-        change = other.D[:, first.index]
-        assert other.rank == first.rank
-        np.testing.assert_allclose(change @ first.D, other.D, atol=1e-7 * np.abs(other.D).max())
 
 
 def test_choices_have_one_rank_and_one_row_space(model: DifferentialModel) -> None:
@@ -135,7 +114,7 @@ def test_left_to_right_base_takes_the_first_columns_that_it_can(model: Different
 
 def test_pivoted_base_has_the_largest_columns_and_every_friction_column_that_is_seen() -> None:
     """Inertial and rotor columns are pivoted by size, and rotors behind gears are the largest; friction is not."""
-    names = base_parameters(DifferentialModel(irp6_general(), Terms(reflected=False)), "pivoted").names
+    names = base_parameters(DifferentialModel(general(built_in("irp6")), Terms(reflected=False)), "pivoted").names
     assert set(names) >= {f"Ia{k}" for k in range(1, 6)} | {f"F{k}{kind}" for k in range(1, 6) for kind in "cv"}
 
 
@@ -152,13 +131,12 @@ def test_orthonormal_factor_has_the_singular_values_of_the_whole_regressor(
 
 def test_no_such_choice() -> None:
     with pytest.raises(UnknownName, match="no choice of base columns named 'best'; available: gautier, pivoted"):
-        base_parameters(DifferentialModel(irp6()), "best")  # type: ignore[arg-type]
+        base_parameters(DifferentialModel(three_axes()), "best")  # type: ignore[arg-type]
 
 
 def test_a_model_that_no_motion_shows_has_no_base_parameter() -> None:
-    robot = irp6()
-    column_only = Structure(zero=frozenset(name for name in DifferentialModel(irp6_general()).names if name != "m1"))
-    zero = frozenset(name for name in column_only.zero if name[1] in "123" and not name.startswith(("F", "Ia")))
+    robot = three_axes()
+    zero = frozenset(name for name in DifferentialModel(general(robot), INERTIAL).names if name != "m1")
     base = base_parameters(DifferentialModel(robot.replace(structure=Structure(zero=zero)), INERTIAL))
     assert base.rank == 0
     assert base.names == base.expressions == ()
@@ -194,8 +172,6 @@ def test_rank_equals_that_of_pinocchios_regressor(arm: Arm) -> None:
 
 # --- expressions -----------------------------------------------------------------------------------------------------
 
-CONSTANTS = {"irp6": {"l2": 0.455, "n1": 158.0, "n2": 167.5, "n3": 167.5}}
-
 
 def value_of(text: str, names: dict[str, float]) -> tuple[float, float]:
     """Value of a printed expression and the sum of its terms' sizes: terms joined by + and -, factors by spaces."""
@@ -208,12 +184,6 @@ def value_of(text: str, names: dict[str, float]) -> tuple[float, float]:
         total += -product if sign.startswith("-") else product
         size += abs(product)
     return total, size
-
-
-def test_the_reader_of_expressions_reads_them() -> None:
-    names = {"a": 2.0, "l2": 3.0, "m3": 5.0}
-    assert value_of("a", names) == (2.0, 2.0)
-    assert value_of("-a - l2^2 m3 + 2 l2 m3 - 1.5e-03 a", names) == (-2 - 45 + 30 - 0.003, 2 + 45 + 30 + 0.003)
 
 
 def test_expressions_mean_the_base_parameters(model: DifferentialModel, choice: str) -> None:
@@ -230,7 +200,7 @@ def test_expressions_mean_the_base_parameters(model: DifferentialModel, choice: 
 
 
 def test_expressions_of_the_irp6_are_the_papers() -> None:
-    base = base_parameters(DifferentialModel(irp6()))
+    base = base_parameters(DifferentialModel(three_axes()))
     assert base.expressions[:2] == (
         "I1zz + I2xx + I3yy + n1^2 Ia1",
         "-I2xx + I2yy + l2^2 m3 + I3xx - I3yy",
@@ -312,29 +282,10 @@ def test_pivoted_columns_each_leave_most(A: np.ndarray) -> None:
         assert not np.any(left[:column] > left[column] * (1 + 1e-9) + 1e-9)  # the leftmost of the largest
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_pivoted_columns_are_scipys(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    k, p = rng.integers(3, 15, 2)
-    rank = int(rng.integers(1, min(k, p) + 1))
-    A = rng.normal(size=(k, rank)) @ rng.normal(size=(rank, p)) * rng.uniform(0.1, 10.0, p)
-    _, R, order = scipy.linalg.qr(A, pivoting=True)
-    assert int(np.sum(np.abs(np.diag(R)) > 1e-8 * abs(R[0, 0]))) == rank
-    np.testing.assert_array_equal(pivoted_columns(A), order[:rank])
-
-
 def test_of_equal_columns_the_leftmost_is_taken_whatever_the_rounding() -> None:
     for seed in range(10):
         Q = np.linalg.qr(np.random.default_rng(seed).normal(size=(6, 6)))[0]
         assert pivoted_columns(3.0 * Q[:, :4]).tolist() == [0, 1, 2, 3]
-
-
-@given(SEED)
-def test_triangular_factor_keeps_all_inner_products(seed: int) -> None:
-    W = np.random.default_rng(seed).normal(size=(40, 6))
-    R = triangular_factor(W)
-    assert R.shape == (6, 6)
-    np.testing.assert_allclose(R.T @ R, W.T @ W, rtol=1e-12, atol=1e-12)
 
 
 def test_random_states_fill_the_limits_and_nothing_more() -> None:
@@ -353,13 +304,6 @@ def test_random_states_fill_the_limits_and_nothing_more() -> None:
     again, other = random_states(robot, 4000, seed=3), random_states(robot, 4000, seed=4)
     np.testing.assert_array_equal(again.q, states.q)
     assert not np.array_equal(other.q, states.q)
-
-
-def test_names_of_a_base_are_columns_of_its_model() -> None:
-    base = base_parameters(DifferentialModel(irp6()))
-    assert isinstance(base, Base)
-    assert base.names == base_parameters(DifferentialModel(irp6()), "pivoted").names
-    assert len(base.names) == 13
 
 
 @pytest.mark.parametrize("name", ["irp6", "irp6-full", "panda"])

@@ -13,10 +13,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from slow_dynamics import joint_matrix, mass_matrix_of_body, random_body, random_chain, rate_of
+from slow_dynamics import joint_matrix, mass_matrix_of_body, random_body, random_chain
 
 from regressors.errors import InputError
-from regressors.models.base import base_parameters
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel, inertial_regressor
 from regressors.models.energy import EnergyModel
@@ -27,8 +26,8 @@ from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import from_centre_of_mass, parameter_names
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Structure, Transmission
+from regressors.robot.symbolic.kinematics import bodies, chain
 from regressors.samples import Array, Samples
-from regressors.symbolic.kinematics import bodies, chain
 
 INERTIAL = Terms.inertial_only()
 CHAINS = st.text(alphabet="rp", min_size=1, max_size=4)
@@ -156,69 +155,6 @@ def test_regressor_is_that_of_a_tree_seen_through_the_coupling(kinds: str, besid
         np.testing.assert_allclose(Y @ thetas_of(robot).ravel(), tau, rtol=1e-9, atol=1e-9 * np.abs(tau).max())
 
 
-def test_regressor_of_the_irp6_is_that_of_a_tree() -> None:
-    rng = np.random.default_rng(5)
-    robot = with_bodies(built_in("irp6-full"), rng)
-    tree, samples = Tree.of(robot), states(robot, rng, count=100)
-    for Y, state in zip(instants(DifferentialModel(robot, INERTIAL), samples), each(samples), strict=True):
-        assert np.abs(Y - tree.regressor(*state)).max() <= 1e-10
-
-
-@given(kinds=CHAINS, beside=BESIDE, seed=SEED)
-@settings(max_examples=25)
-def test_poses_velocities_and_axes_of_bodies(kinds: str, beside: str, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = branched(kinds, beside, rng)
-    symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
-    motions = list(bodies(robot, *symbols))
-    assert len(motions) == len(robot.bodies)
-    outputs = [ca.vertcat(ca.horzcat(m.rotation, m.origin), ca.horzcat(m.omega, m.v, m.up, m.a)) for m in motions]
-    values = ca.Function("motions", symbols, [ca.densify(x) for x in outputs])
-    q, dq, ddq = rng.uniform(-2.0, 2.0, (3, robot.n))
-    for found, (T, dT), T_tree in zip(values(q, dq, ddq), moved(robot, q, dq), Tree.of(robot).poses(q), strict=True):
-        pose, rest = np.array(found)[:3], np.array(found)[3:]
-        np.testing.assert_allclose(pose, T[:3].real, atol=1e-12)
-        np.testing.assert_allclose(pose, T_tree[:3], atol=1e-12)
-        R = T[:3, :3].real
-        spin = R.T @ dT[:3, :3].real
-        np.testing.assert_allclose(rest[:, 0], [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-11)
-        np.testing.assert_allclose(rest[:, 1], R.T @ dT[:3, 3].real, atol=1e-11)
-        np.testing.assert_allclose(rest[:, 2], R.T @ robot.gravity, atol=1e-11)
-    for m in motions:  # the rates of all joints, each along its motion vector, make the velocity
-        sums = [sum((x[part] * symbols[1][j] for j, x in enumerate(m.axes)), ca.SX(3, 1)) for part in (0, 1)]
-        error = ca.Function("error", symbols, [ca.densify(ca.vertcat(sums[0] - m.omega, sums[1] - m.v))])
-        np.testing.assert_allclose(np.array(error(q, dq, ddq)), 0.0, atol=1e-11)
-
-
-@given(kinds=CHAINS, beside=BESIDE, seed=SEED)
-@settings(max_examples=25)
-def test_power_of_the_torques_is_the_rate_of_the_energy(kinds: str, beside: str, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = branched(kinds, beside, rng)
-    samples, thetas = states(robot, rng, count=1), rng.normal(size=(len(kinds + beside), 10))
-    Y = instants(DifferentialModel(robot, INERTIAL), samples)[0]
-    q, dq, ddq = (x[0] for x in (samples.q, samples.dq, samples.ddq))
-    rate = rate_of(lambda q, dq: energy(robot, thetas, q, dq), (q, dq), (dq, ddq))
-    parts = np.abs(dq[:, None] * Y * thetas.ravel()).sum()
-    assert dq @ Y @ thetas.ravel() == pytest.approx(rate, abs=1e-12 * parts)
-
-
-@given(kinds=CHAINS, beside=BESIDE, seed=SEED)
-@settings(max_examples=25)
-def test_inertia_matrix_is_symmetric_positive_definite_and_gives_the_kinetic_energy(
-    kinds: str, beside: str, seed: int
-) -> None:
-    rng = np.random.default_rng(seed)
-    robot = branched(kinds, beside, rng).replace(gravity=np.zeros(3))
-    q, dq = rng.uniform(-2.0, 2.0, (2, robot.n))
-    n = robot.n
-    units = Samples(np.arange(float(n)), np.tile(q, (n, 1)), np.zeros((n, n)), np.eye(n), np.zeros((n, n)))
-    M = instants(DifferentialModel(robot, INERTIAL), units) @ thetas_of(robot).ravel()
-    np.testing.assert_allclose(M, M.T, atol=1e-11 * np.abs(M).max())
-    assert np.linalg.eigvalsh(M)[0] > 0
-    assert dq @ M @ dq / 2 == pytest.approx(float(np.real(energy(robot, thetas_of(robot), q, dq))), rel=1e-10)
-
-
 @given(kinds=CHAINS, beside=BESIDE, seed=SEED)
 @settings(max_examples=15)
 def test_energy_model_has_the_same_bodies(kinds: str, beside: str, seed: int) -> None:
@@ -231,21 +167,6 @@ def test_energy_model_has_the_same_bodies(kinds: str, beside: str, seed: int) ->
     for q, dq, _ in each(states(robot, rng)):
         expected = float(np.real(energy(robot, thetas, q, dq)))
         assert float(np.array(state(q, dq))[0] @ thetas.ravel()) == pytest.approx(expected, rel=1e-10)
-
-
-def test_a_bar_of_a_parallelogram_swings_without_turning() -> None:
-    """Closed form: carried by a crank and held parallel to the base, a bar is a point mass at the crank's end."""
-    crank = Joint("crank", "revolute", np.eye(3), np.zeros(3))
-    pin_at_its_end = Joint("bar", "revolute", np.eye(3), np.array([0.4, 0.0, 0.0]))
-    bar = Branch("crank", pin_at_its_end, Link("bar"), np.array([-1.0]))
-    gravity = np.array([0.0, -9.81, 0.0])
-    robot = Robot("swing", (crank,), (Link("crank"),), Limits.none(1), gravity=gravity, branches=(bar,))
-    model = DifferentialModel(robot, INERTIAL)
-    assert model.names == (*parameter_names(1), *parameter_names(2))
-    q, dq, ddq = 0.3, 1.1, -0.7
-    Y = model.assemble(Samples(np.zeros(1), *(np.array([[x]]) for x in (q, dq, ddq, 0.0))))[0, 10:]
-    expected = {"m2": 0.4**2 * ddq + 9.81 * 0.4 * np.cos(q)}
-    np.testing.assert_allclose(Y, [expected.get(name, 0.0) for name in parameter_names(2)], atol=1e-14)
 
 
 def test_a_joint_that_does_not_move_a_body_has_no_entry() -> None:
@@ -477,12 +398,6 @@ def test_archive_brings_branches_back(kinds: str, beside: str, seed: int) -> Non
     np.testing.assert_array_equal(back, there)
 
 
-def test_archive_brings_the_irp6_back() -> None:
-    robot = built_in("irp6-full")
-    assert round_trip(robot).sha256() == robot.sha256()
-    assert [branch.name for branch in round_trip(robot).branches] == ["crank", "coupler"]
-
-
 def test_every_part_of_a_branch_is_in_the_hash() -> None:
     robot = two_links(BAR)
     changes = {
@@ -689,29 +604,6 @@ def test_drives_that_show_nothing_new_lose_their_parameters(case: tuple[Robot, l
 
 # --- the IRp-6 in full -----------------------------------------------------------------------------------------------
 
-# shared/facts/irp6.yaml, base_parameter_counts: three joints (the wrist rests) and five.
-COUNTS = {
-    "parallelogram_bodies": (INERTIAL, 18, 32),
-    "parallelogram_screw_ratio": (Terms(coulomb=False, viscous=False), 20, 35),
-    "parallelogram_screw_ratio_Fc_Fv": (Terms(), 26, 45),
-}
-
-
-@pytest.mark.parametrize("count", COUNTS.values(), ids=COUNTS.keys())
-def test_number_of_base_parameters(count: tuple[Terms, int, int]) -> None:
-    terms, three, five = count
-    for axes, expected in ((3, three), (5, five)):
-        base = base_parameters(DifferentialModel(with_locked_joints(built_in("irp6-full"), range(axes)), terms))
-        assert base.rank == expected
-        assert base.gap > 1e6
-
-
-def test_each_bar_adds_what_it_shows() -> None:
-    """15 without bars; the crank adds where its mass is, the coupler one of its first moments."""
-    robot = with_locked_joints(built_in("irp6-full"), range(3))
-    robots = [robot.replace(branches=robot.branches[:k]) for k in range(3)]
-    assert [base_parameters(DifferentialModel(r, INERTIAL)).rank for r in robots] == [15, 17, 18]
-
 
 def with_bodies(robot: Robot, rng: np.random.Generator) -> Robot:
     """The same mechanism with random bodies."""
@@ -779,10 +671,6 @@ def test_full_irp6_is_the_irp6_but_for_screws_bars_and_shape() -> None:
     assert same.sha256() == plain.sha256()
     ratios = [full.transmission.drives[k].ratio for k in (0, 3, 4)]
     assert ratios == [ConstantRatio(-158.0), ConstantRatio(128.0), ConstantRatio(-76.8)]
-
-
-def test_bars_are_unknown() -> None:
-    assert [body.theta is None for body in built_in("irp6-full").bodies] == [False] * 5 + [True] * 2
 
 
 @pytest.mark.parametrize("moving", [[0, 1, 2], [0, 1], [1], [1, 2], [2], [1, 3], [0, 2, 3, 4]], ids=str)

@@ -11,13 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
-from slow_dynamics import driven_chain, energy, random_body, random_chain, random_rotation, rate_of, thetas_of, torques
+from slow_dynamics import driven_chain, random_body, random_chain, torques
 
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
-from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
-from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
+from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Aggregates, Drive, Limits, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
@@ -67,10 +66,6 @@ def test_regressor_and_torques_equal_pinocchio(arm: Arm) -> None:
         np.testing.assert_allclose(ours, M, rtol=1e-9, atol=1e-9 * np.abs(M).max())
 
 
-def test_enough_public_robots_are_compared() -> None:
-    assert len(ARMS) >= 20
-
-
 # --- laws, on random chains ------------------------------------------------------------------------------------------
 
 
@@ -84,108 +79,6 @@ def test_any_parameters_give_the_torques_of_lagranges_equation(kinds: str, seed:
     expected = torques(robot, thetas, *state)
     found = regressor(DifferentialModel(robot, INERTIAL), *state) @ thetas.ravel()
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
-
-
-@given(kinds=KINDS, seed=SEED)
-@settings(max_examples=20)
-def test_each_column_is_the_torque_of_a_unit_parameter(kinds: str, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = random_chain(kinds, rng)
-    state = random_state(robot, rng)
-    units = np.eye(10 * robot.n).reshape(-1, robot.n, 10)
-    expected = np.column_stack([torques(robot, unit, *state) for unit in units])
-    model = DifferentialModel(robot, INERTIAL)
-    np.testing.assert_allclose(regressor(model, *state), expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
-    assert model.names == tuple(name for k in range(robot.n) for name in parameter_names(k + 1))
-
-
-@given(kinds=KINDS, seed=SEED)
-@settings(max_examples=20)
-def test_inertia_matrix_is_symmetric_positive_definite_and_gives_the_kinetic_energy(kinds: str, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = random_chain(kinds, rng).replace(gravity=np.zeros(3))
-    q, dq, _ = random_state(robot, rng)
-    model, theta = DifferentialModel(robot, INERTIAL), thetas_of(robot).ravel()
-    M = np.column_stack([regressor(model, q, 0 * q, unit) @ theta for unit in np.eye(robot.n)])
-    np.testing.assert_allclose(M, M.T, atol=1e-11 * np.abs(M).max())
-    assert np.linalg.eigvalsh(M)[0] > 0
-    kinetic = float(np.real(energy(robot, thetas_of(robot), q, dq)))
-    assert dq @ M @ dq / 2 == pytest.approx(kinetic, rel=1e-11)
-
-
-@given(kinds=KINDS, seed=SEED)
-@settings(max_examples=20)
-def test_power_of_the_torques_is_the_rate_of_the_energy(kinds: str, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = random_chain(kinds, rng)
-    q, dq, ddq = random_state(robot, rng)
-    Y, thetas = regressor(DifferentialModel(robot, INERTIAL), q, dq, ddq), thetas_of(robot)
-    rate = rate_of(lambda q, dq: energy(robot, thetas, q, dq), (q, dq), (dq, ddq))
-    parts = np.abs(dq[:, None] * Y * thetas.ravel()).sum()
-    assert dq @ Y @ thetas.ravel() == pytest.approx(rate, abs=1e-12 * parts)
-
-
-@given(kinds=KINDS, seed=SEED)
-@settings(max_examples=20)
-def test_held_still_the_torques_are_the_slope_of_the_potential_energy(kinds: str, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = random_chain(kinds, rng)
-    q, _, _ = random_state(robot, rng)
-    thetas, rest = thetas_of(robot), np.zeros(robot.n)
-    slope = [rate_of(lambda q: energy(robot, thetas, q, rest), (q, unit)) for unit in np.eye(robot.n)]
-    found = regressor(DifferentialModel(robot, INERTIAL), q, rest, rest) @ thetas.ravel()
-    np.testing.assert_allclose(found, slope, rtol=1e-10, atol=1e-10 * np.abs(thetas).max())
-
-
-@given(kinds=KINDS, seed=SEED, pace=st.floats(-3.0, 3.0))
-@settings(max_examples=20)
-def test_without_gravity_torques_scale_with_the_square_of_the_pace(kinds: str, seed: int, pace: float) -> None:
-    """The same path at another pace, backwards too: dq -> s dq, ddq -> s^2 ddq takes Y -> s^2 Y."""
-    rng = np.random.default_rng(seed)
-    robot = random_chain(kinds, rng).replace(gravity=np.zeros(3))
-    q, dq, ddq = random_state(robot, rng)
-    model = DifferentialModel(robot, INERTIAL)
-    Y = regressor(model, q, dq, ddq)
-    np.testing.assert_allclose(regressor(model, q, pace * dq, pace**2 * ddq), pace**2 * Y, atol=1e-12 * np.abs(Y).max())
-
-
-@given(kinds=KINDS, seed=SEED)
-@settings(max_examples=12)
-def test_torques_depend_on_gravity_linearly_and_not_on_the_base_frame(kinds: str, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = random_chain(kinds, rng)
-    state = random_state(robot, rng)
-    Y = regressor(DifferentialModel(robot, INERTIAL), *state)
-
-    def with_gravity(g: Array) -> Array:
-        return regressor(DifferentialModel(robot.replace(gravity=g), INERTIAL), *state)
-
-    none = with_gravity(np.zeros(3))
-    parts = [robot.gravity[k] * (with_gravity(np.eye(3)[k]) - none) for k in range(3)]
-    np.testing.assert_allclose(none + sum(parts), Y, atol=1e-11 * np.abs(Y).max())
-
-    R, first = random_rotation(rng), robot.joints[0]
-    turned = dataclasses.replace(first, rotation=R @ first.rotation, translation=rng.normal(size=3))
-    elsewhere = robot.replace(joints=(turned, *robot.joints[1:]), gravity=R @ robot.gravity)
-    found = regressor(DifferentialModel(elsewhere, INERTIAL), *state)
-    np.testing.assert_allclose(found, Y, atol=1e-11 * np.abs(Y).max())
-
-
-def test_a_slider_pulls_its_weight() -> None:
-    """Closed form: a vertical prismatic joint takes m (ddq + g); a mass on a turning rail takes m (ddr - r w^2)."""
-    rng = np.random.default_rng(3)
-    robot = random_chain("rp", rng)
-    turn, slide = robot.joints
-    turn = dataclasses.replace(turn, rotation=np.eye(3), translation=np.zeros(3), axis=np.array([0.0, 0.0, 1.0]))
-    slide = dataclasses.replace(slide, rotation=np.eye(3), translation=np.zeros(3), axis=np.array([1.0, 0.0, 0.0]))
-    robot = robot.replace(joints=(turn, slide), gravity=np.array([0.0, 0.0, -9.81]))
-    q, dq, ddq = random_state(robot, rng)
-    Y = regressor(DifferentialModel(robot, INERTIAL), q, dq, ddq)
-    m = DifferentialModel(robot, INERTIAL).names.index("m2")
-    assert Y[1, m] == pytest.approx(ddq[1] - q[1] * dq[0] ** 2, rel=1e-12)
-    assert Y[0, m] == pytest.approx(q[1] ** 2 * ddq[0] + 2 * q[1] * dq[1] * dq[0], rel=1e-12)
-    upright = robot.replace(joints=(turn, dataclasses.replace(slide, axis=np.array([0.0, 0.0, 1.0]))))
-    assert regressor(DifferentialModel(upright, INERTIAL), q, dq, ddq)[1, m] == pytest.approx(ddq[1] + 9.81, rel=1e-12)
 
 
 def test_rows_are_labelled_with_joints_and_units() -> None:
@@ -207,50 +100,29 @@ def test_stacks_the_instants_in_order_however_many() -> None:
 # --- drives ----------------------------------------------------------------------------------------------------------
 
 
-@dataclasses.dataclass(frozen=True)
-class Case:
-    """One gear function and its motor angle phi = F(z), written out."""
-
-    gear: GearFunction
-    angle: object  # of a CasADi expression
-
-
-GEARS = {
-    "constant": Case(ConstantRatio(120.0), lambda z: 120.0 * z),
-    "reversed": Case(ConstantRatio(-77.5), lambda z: -77.5 * z),
-    "screw": Case(
-        SCREW, lambda z: 2 * ca.pi / 0.005 * ca.sqrt(0.0779 - 0.0293 * ca.cos(z) - 0.0609 * ca.sin(z))
-    ),
-}  # fmt: skip
+GEARS = {  # and their motor angles phi = F(z), written out
+    "constant": (ConstantRatio(120.0), lambda z: 120.0 * z),
+    "reversed": (ConstantRatio(-77.5), lambda z: -77.5 * z),
+    "screw": (SCREW, lambda z: 2 * ca.pi / 0.005 * ca.sqrt(0.0779 - 0.0293 * ca.cos(z) - 0.0609 * ca.sin(z))),
+}
 
 
 def group(model: DifferentialModel, *names: str) -> list[int]:
     return [model.names.index(name) for name in names]
 
 
-@pytest.mark.parametrize("case", GEARS.values(), ids=GEARS.keys())
-def test_ratio_is_the_slope_of_the_motor_angle(case: Case) -> None:
-    z = ca.SX.sym("z")
-    difference = ca.Function("d", [z], [case.gear.ratio(z) - ca.gradient(ca.SX(case.angle(z)), z)])
-    for position in np.linspace(-0.7, 0.7, 15):
-        assert abs(float(difference(position))) <= 1e-10
-    angle = ca.Function("F", [z], [case.angle(z)])
-    ratio = ca.Function("r", [z], [case.gear.ratio(z)])
-    slope = (float(angle(0.2 + 1e-5)) - float(angle(0.2 - 1e-5))) / 2e-5
-    assert float(ratio(0.2)) == pytest.approx(slope, rel=1e-7)
-
-
 @pytest.mark.parametrize("name", GEARS)
 def test_rotor_columns_follow_from_the_rotors_kinetic_energy(name: str) -> None:
     """Lagrange's equation for ``1/2 (d/dt F(z))^2`` per unit inertia, by automatic differentiation of F."""
     rng = np.random.default_rng(8)
-    robot = driven_chain([GEARS[name].gear] * 3, rng)
+    gear, angle = GEARS[name]
+    robot = driven_chain([gear] * 3, rng)
     assert robot.transmission is not None
     q, dq, ddq = (ca.SX.sym(letter, 3) for letter in ("q", "dq", "ddq"))
     columns = []
     for k in range(3):
         z = ca.mtimes(ca.DM(robot.transmission.coupling[k : k + 1]), q) + robot.transmission.offset[k]
-        kinetic = ca.jtimes(ca.SX(GEARS[name].angle(z)), q, dq) ** 2 / 2
+        kinetic = ca.jtimes(ca.SX(angle(z)), q, dq) ** 2 / 2
         momentum = ca.gradient(kinetic, dq)
         columns.append(ca.jtimes(momentum, q, dq) + ca.jtimes(momentum, dq, ddq) - ca.gradient(kinetic, q))
     expected = ca.Function("tau", [q, dq, ddq], [ca.horzcat(*columns)])
@@ -260,32 +132,6 @@ def test_rotor_columns_follow_from_the_rotors_kinetic_energy(name: str) -> None:
         state = rng.uniform(-0.4, 0.4, (3, 3))
         tau = np.array(expected(*state))
         np.testing.assert_allclose(regressor(model, *state)[:, rotors], tau, rtol=1e-9, atol=1e-11 * np.abs(tau).max())
-
-
-def test_power_of_the_rotor_columns_is_the_rate_of_the_rotors_energy() -> None:
-    """The same by finite differences in time of ``1/2 (F'(z) dz)^2``."""
-    rng = np.random.default_rng(9)
-    robot = driven_chain([ConstantRatio(120.0), SCREW, SCREW], rng)
-    transmission = robot.transmission
-    assert transmission is not None
-
-    def energies(q: Array, dq: Array) -> Array:
-        z, dz = transmission.coupling @ q + transmission.offset, transmission.coupling @ dq
-        length = np.sqrt(SCREW.square + SCREW.cosine * np.cos(z) + SCREW.sine * np.sin(z))
-        ratio = np.pi / SCREW.pitch * (SCREW.sine * np.cos(z) - SCREW.cosine * np.sin(z)) / length
-        ratio[0] = 120.0
-        return (ratio * dz) ** 2 / 2
-
-    model = DifferentialModel(robot, Terms(reflected=False))
-    rotors = group(model, "Ia1", "Ia2", "Ia3")
-    for q, dq, ddq in rng.uniform(-0.4, 0.4, (5, 3, 3)):
-
-        def at(t: float, q: Array = q, dq: Array = dq, ddq: Array = ddq) -> Array:
-            return energies(q + t * dq + t**2 * ddq / 2, dq + t * ddq)
-
-        h = 1e-4
-        rate = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
-        np.testing.assert_allclose(dq @ regressor(model, q, dq, ddq)[:, rotors], rate, rtol=1e-7, atol=1e-7)
 
 
 def test_friction_columns_act_on_drive_coordinates() -> None:
@@ -412,13 +258,3 @@ def test_aggregates_hold_for_their_joints_alone() -> None:
     aggregates = (Aggregates(("j1",), {"X1": {"m1": 1.0}}),)
     model, plain = structured(Structure(aggregates=aggregates), "rr")
     assert model.names == plain.names
-
-
-def test_the_built_in_robots_have_models_of_their_own_standard_parameters() -> None:
-    robot = built_in("panda")
-    theta = thetas_of(robot).ravel()
-    rng = np.random.default_rng(2)
-    for _ in range(3):
-        state = random_state(robot, rng)
-        found = regressor(DifferentialModel(robot, INERTIAL), *state) @ theta
-        np.testing.assert_allclose(found, torques(robot, thetas_of(robot), *state), rtol=1e-9, atol=1e-9)

@@ -1,30 +1,26 @@
-"""The energy-integral model: energies against Pinocchio, laws of mechanics, windows, and friction's integrals."""
+"""The energy-integral model: energies against Pinocchio, laws of mechanics, windows, lengths of drives' paths."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from functools import cache
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from motions import Polynomials, gauss, order_of, path_of_polynomial, random_sines
+from motions import Polynomials, Sines, gauss, order_of, path_of_polynomial, random_sines
 from pinocchio_chains import chain_model
 from public_arms import ARMS, Arm, reference
-from slow_dynamics import driven_chain, energy, random_chain, thetas_of
+from slow_dynamics import driven_chain, energy, general, random_chain, thetas_of, three_axes
 
-from excite.information.target import moving_robot
-from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
-from regressors.models.energy import EnergyModel
+from regressors.models.energy import EnergyModel, path_lengths
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
@@ -41,16 +37,6 @@ SEED = st.integers(0, 2**32 - 1)
 SCREW = BallScrew(pitch=0.005, square=0.0779, cosine=-0.0293, sine=-0.0609)
 CHOSEN = ("panda-hand", "ur10", "kinova", "tiago-torso-arm", "pr2-torso-right", "talos-right-arm")  # two with sliders
 PUBLIC = [arm for arm in ARMS if arm.id in CHOSEN]
-
-
-@cache
-def three_axes() -> Robot:
-    """The IRp-6 in the paper's 13 parameters."""
-    return moving_robot(built_in("irp6"), Task("irp6"))
-
-
-def general(robot: Robot) -> Robot:
-    return robot.replace(structure=Structure())
 
 
 def with_screws(robot: Robot) -> Robot:
@@ -104,34 +90,11 @@ def test_rate_of_the_energy_is_the_power_of_the_torques(robot: Robot) -> None:
     assert_rate_is_power(robot, random_states(robot, 200, seed=1))
 
 
-@pytest.mark.parametrize("arm", PUBLIC, ids=str)
-def test_rate_of_the_energy_is_the_power_of_the_torques_of_public_robots(arm: Arm) -> None:
-    robot = read_urdf(arm.path, base=arm.base, tip=arm.tip)
-    assert_rate_is_power(robot, random_states(robot, 20, seed=2))
-
-
 @given(kinds=KINDS, seed=SEED)
 @settings(max_examples=25)
 def test_rate_of_the_energy_is_the_power_of_the_torques_of_any_chain(kinds: str, seed: int) -> None:
     robot = random_chain(kinds, np.random.default_rng(seed))
     assert_rate_is_power(robot, random_states(robot, 10, seed=seed))
-
-
-def test_rate_is_the_derivative_of_the_state_in_time(robot: Robot) -> None:
-    """By central differences of eighth order, along ``q + t dq + t^2/2 ddq``."""
-    model = EnergyModel(robot, EVERYTHING)
-    states = random_states(robot, 5, seed=3)
-    q, dq, ddq = states.q, states.dq, states.ddq
-    h, total = 4e-3, 0.0
-    for k, weight in enumerate((4 / 5, -1 / 5, 4 / 105, -1 / 280), 1):
-        ahead, behind = (energies(model, q + t * dq + t**2 * ddq / 2, dq + t * ddq) for t in (k * h, -k * h))
-        total = total + weight / h * (ahead - behind)
-    lost = model.instants(states) - total
-    friction = [k for k, c in enumerate(model.columns) if c.group == "friction" and not c.name.endswith("o")]
-    scale = np.abs(model.instants(states)).max()
-    kept = np.setdiff1d(np.arange(len(model.columns)), friction)
-    np.testing.assert_allclose(lost[:, kept], 0.0, atol=1e-10 * scale)
-    assert np.all(lost[:, friction] >= 0.0)  # friction only takes
 
 
 # --- energies --------------------------------------------------------------------------------------------------------
@@ -214,18 +177,6 @@ def test_columns_are_those_of_the_differential_model(robot: Robot) -> None:
 # --- windows ---------------------------------------------------------------------------------------------------------
 
 
-def test_sum_of_joined_short_windows_is_the_long_one(robot: Robot) -> None:
-    motion, time = random_sines(robot.n, 6), np.linspace(0.0, 1.2, 121)
-    samples = motion.samples(time)
-    long = EnergyModel(robot, EVERYTHING, Window("long")).assemble(samples)
-    for length in (0.01, 0.03, 0.08):
-        count = round(length / 0.01)
-        short = EnergyModel(robot, EVERYTHING, Window("short", length)).assemble(samples)
-        assert short.shape == (120 // count, long.shape[1])
-        scale = np.abs(long).max(axis=0)
-        assert np.all(np.abs(np.cumsum(short, axis=0) - long[count - 1 :: count]) <= 1e-11 * np.maximum(scale, 1.0))
-
-
 @pytest.mark.parametrize("step", [1, 3, 7, 20])
 def test_windows_may_overlap_or_leave_gaps(step: int) -> None:
     """Each row is the change from the start of its own window to its end, whatever the next window is."""
@@ -258,56 +209,7 @@ def couplings(robot: Robot) -> Array:
     return robot.transmission.coupling[[k for k, d in enumerate(robot.transmission.drives) if not d.rests]]
 
 
-@pytest.mark.parametrize(
-    "window", [Window("short", 0.05), Window("short", 0.2), Window("short", 0.2, 0.05), Window("long")], ids=str
-)
-def test_quadrature_converges_at_its_order_and_energies_are_exact(window: Window) -> None:
-    """Simpson's rule: order 4 for int dz^2; what is a difference of energies does not depend on the sampling."""
-    robot = three_axes()
-    motion, model = random_sines(3, 9), EnergyModel(robot, window=window)
-    viscous, C = columns(model, "F1v", "F2v", "F3v"), couplings(robot)
-    found, errors = [], []
-    for finer in (1, 2, 4, 8):
-        time = np.linspace(0.0, 2.0, 40 * finer + 1)
-        first, last = window.ends(time)
-        common = (first % finer == 0) & (last % finer == 0)
-        W = model.assemble(motion.samples(time))[common]
-        ends = zip(time[first[common]], time[last[common]], strict=True)
-        exact = np.array([gauss(lambda t: (motion.at(t, 1) @ C.T) ** 2, *pair, 4) for pair in ends])
-        errors.append(float(np.abs(W[:, viscous] - exact).max()))
-        found.append(W[:, :7])
-    for W in found[1:]:
-        np.testing.assert_allclose(W, found[0], atol=1e-12 * np.abs(found[0]).max())
-    assert min(order_of(errors)) >= 3.5
-    assert errors[-1] < 1e-5
-
-
-def test_default_window_is_the_papers() -> None:
-    """Joined short windows of 5 ms [KD96] section 5."""
-    model = EnergyModel(three_axes())
-    assert model.window == Window("short", 0.005, None)
-    time = model.times(0.05, 2000.0)
-    first, last = model.window.ends(time)
-    np.testing.assert_allclose(time[first], 0.005 * np.arange(10), atol=1e-15)
-    np.testing.assert_allclose(time[last], 0.005 * np.arange(1, 11), atol=1e-15)
-
-
-# --- Coulomb friction: the length of the drives' paths, see also test_path_lengths.py --------------------------------
-
-
-@pytest.mark.parametrize("samples", [4, 11, 26])
-def test_coulomb_columns_are_exact_also_where_a_drive_turns_inside_a_window(samples: int) -> None:
-    """Drive 3 follows q2 + q3. The motion is a cubic of time in every joint, so coarse sampling is no excuse."""
-    cubics = np.array([[0.1, -0.2, 0.3], [-0.5, 0.4, 0.3], [0.2, -1.0, 0.1], [0.35, 0.6, 0.5]])
-    motion, robot = Polynomials(cubics), three_axes()
-    time = np.linspace(0.0, 1.5, samples)
-    model = EnergyModel(robot, window=Window("short", float(time[1])))
-    W = model.assemble(motion.samples(time))[:, columns(model, "F1c", "F2c", "F3c")]
-    drives = cubics @ np.array([[1, 0, 0], [0, 1, 1], [0, 0, 1]])
-    expected = [[path_of_polynomial(z, a, b) for z in drives.T] for a, b in pairwise(time)]
-    turning = np.array(expected) - np.abs(np.diff(motion.at(time, 0) @ couplings(robot).T, axis=0))
-    assert np.count_nonzero(turning > 1e-6) >= 3  # some windows do hold a turning point
-    np.testing.assert_allclose(W, expected, atol=1e-13)
+# --- Coulomb friction: the length of the drives' paths --------------------------------
 
 
 def test_coulomb_columns_where_the_structure_joins_or_drops_them() -> None:
@@ -478,15 +380,37 @@ def test_one_sample_is_no_motion(window: Window) -> None:
 
 # --- ranks -----------------------------------------------------------------------------------------------------------
 
+
+def symmetric() -> Robot:
+    return three_axes().replace(structure=Structure(zero=three_axes().structure.zero))
+
+
+def on_joint_rates(robot: Robot) -> Robot:
+    """Rotors that turn with the joints instead of the drive coordinates."""
+    old = robot.transmission
+    assert old is not None
+    n = robot.n
+    return robot.replace(transmission=Transmission(np.eye(n), old.drives[:n], old.limits.take(range(n))))
+
+
 RANKS = {
     "irp6, 13 parameters": (three_axes, Terms(), 13),
+    "irp6, 13 parameters without their names": (symmetric, Terms(), 13),
     "irp6, 3 general links": (lambda: general(three_axes()), INERTIAL, 15),
+    "irp6, 3 general links, friction": (lambda: general(three_axes()), Terms(rotor=False), 21),
+    "irp6, 3 general links, rotors": (lambda: general(three_axes()), MASSES, 15),
+    "irp6, 3 general links, rotors on joints": (lambda: on_joint_rates(general(three_axes())), MASSES, 16),
+    "irp6, 5 general links, rotors on joints": (lambda: on_joint_rates(general(built_in("irp6"))), MASSES, 32),
     "irp6, 5 general links": (lambda: general(built_in("irp6")), INERTIAL, 29),
     "irp6, 5 general links, friction": (lambda: general(built_in("irp6")), Terms(rotor=False), 39),
     "irp6, 5 general links, rotors": (lambda: general(built_in("irp6")), MASSES, 30),
     "irp6, 3 general links, screws": (lambda: with_screws(general(three_axes())), MASSES, 17),
     "irp6, 5 general links, screws": (lambda: with_screws(general(built_in("irp6"))), MASSES, 32),
+    "irp6-full, 3 axes, bodies": (lambda: with_locked_joints(built_in("irp6-full"), range(3)), INERTIAL, 18),
+    "irp6-full, 3 axes, rotors": (lambda: with_locked_joints(built_in("irp6-full"), range(3)), MASSES, 20),
     "irp6-full, 3 axes": (lambda: with_locked_joints(built_in("irp6-full"), range(3)), Terms(), 26),
+    "irp6-full, 5 axes, bodies": (lambda: built_in("irp6-full"), INERTIAL, 32),
+    "irp6-full, 5 axes, rotors": (lambda: built_in("irp6-full"), MASSES, 35),
     "irp6-full, 5 axes": (lambda: built_in("irp6-full"), Terms(), 45),
     "panda": (lambda: built_in("panda"), INERTIAL, 43),
     "panda, friction": (lambda: built_in("panda"), Terms(), 43 + 14),
@@ -506,17 +430,6 @@ def test_base_parameters_are_those_of_the_differential_model(case: tuple) -> Non
     assert ours.gap > 1e6
     np.testing.assert_allclose(ours.D, theirs.D, atol=1e-7)
     assert ours.expressions == theirs.expressions
-
-
-@pytest.mark.parametrize("window", [Window("short", 0.05), Window("long")])
-def test_windows_of_one_motion_show_the_base_parameters_and_no_more(window: Window) -> None:
-    robot = with_locked_joints(general(built_in("irp6")), range(3))
-    model = EnergyModel(robot, window=window)
-    base = base_parameters(model)
-    W = model.assemble(random_sines(3, 20, waves=5, size=0.8).samples(np.linspace(0.0, 8.0, 1601)))
-    sigma = np.linalg.svd(W / np.maximum(np.linalg.norm(W, axis=0), 1e-9 * np.linalg.norm(W)), compute_uv=False)
-    assert base.rank == 15 + 6
-    assert sigma[base.rank - 1] > 1e5 * sigma[base.rank]
 
 
 # --- instants for a design -------------------------------------------------------------------------------------------
@@ -540,3 +453,58 @@ def test_instants_of_short_windows_divide_them(duration: float, rate: float, len
     first, last = window.ends(time)
     np.testing.assert_allclose(time[last] - time[first], length, rtol=1e-9)
     np.testing.assert_array_equal(first[1:], last[:-1])
+
+
+COEFFICIENT = st.floats(-3.0, 3.0).map(lambda c: round(c, 3))
+CUBIC = st.tuples(COEFFICIENT, COEFFICIENT, COEFFICIENT, COEFFICIENT)
+
+
+def paths(motion: Polynomials | Sines, time: Array) -> Array:
+    return path_lengths(time, motion.at(time, 0), motion.at(time, 1))
+
+
+def assert_exact_path(cubic: tuple[float, ...], time: Array) -> None:
+    found = paths(Polynomials(np.array(cubic)[:, None]), time)[:, 0]
+    expected = [path_of_polynomial(np.array(cubic), time[0], t) for t in time]
+    np.testing.assert_allclose(found, expected, atol=1e-12 * (1.0 + np.abs(cubic).max()))
+
+
+@given(cubic=CUBIC, count=st.integers(2, 7))
+@example(cubic=(0.0, 0.21, -0.5, 1 / 3), count=2)  # dz = (t - 0.3)(t - 0.7): there, back, and there again
+@example(cubic=(0.0, 0.0, 0.25, -1 / 3), count=2)  # dz = t (1/2 - t): starts at rest, and turns before the next sample
+@example(cubic=(0.0, 0.0, 0.0, 0.0), count=3)
+@settings(max_examples=200)
+def test_path_of_any_cubic_is_exact_however_coarse_the_sampling(cubic: tuple[float, ...], count: int) -> None:
+    """Also where a drive turns twice between two samples, or leaves a rest and turns."""
+    assert_exact_path(cubic, np.linspace(0.0, 1.0, count))
+
+
+def path_of_sine(x: Array) -> Array:
+    """``int_0^x |cos u| du`` in closed form."""
+    halves = np.floor(x / np.pi + 0.5)
+    return 2 * halves + np.sin(x - np.pi * halves)
+
+
+@pytest.mark.parametrize("count", [9, 17, 40, 333])
+def test_path_of_a_sine_is_as_good_as_its_cubics(count: int) -> None:
+    """A cubic from positions and velocities is wrong by h^4/384 max|z''''| at most, twice per turning point."""
+    size, frequency, phase = 0.7, 5.0, 0.4
+    time = np.linspace(0.0, 3.0, count)
+    motion = Sines(np.zeros(1), np.array([[size]]), np.array([frequency]), np.array([[phase]]))
+    expected = size * (path_of_sine(frequency * time + phase) - path_of_sine(np.array(phase)))
+    bound = 2 * (time[1] * frequency) ** 4 / 384 * size
+    turns = np.floor((frequency * time + phase) / np.pi + 0.5)
+    assert np.all(np.abs(paths(motion, time)[:, 0] - expected) <= bound * turns + 1e-13)
+
+
+@given(seed=SEED, pace=st.floats(0.1, 5.0))
+@settings(max_examples=30)
+def test_path_does_not_depend_on_pace_direction_or_place(seed: int, pace: float) -> None:
+    """It is at least the way between its ends, and the same backwards, mirrored, moved and at another pace."""
+    motion, time = random_sines(2, seed), np.linspace(0.0, 2.0, 21)
+    z, dz = motion.at(time, 0), motion.at(time, 1)
+    length = path_lengths(time, z, dz)
+    assert np.all(np.diff(length, axis=0) >= np.abs(np.diff(z, axis=0)) - 1e-14)
+    np.testing.assert_allclose(path_lengths(time / pace, 3.0 - z, -pace * dz), length, atol=1e-12)
+    backwards = path_lengths(time, z[::-1], -dz[::-1])
+    np.testing.assert_allclose(length[-1] - backwards[::-1], length, atol=1e-12)

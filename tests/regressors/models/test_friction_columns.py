@@ -1,4 +1,4 @@
-"""Load share, root, asymmetry and Stribeck columns against friction written out by hand, with Pinocchio's torques."""
+"""Columns of friction against friction written out by hand, with Pinocchio's torques, of all drives and of some."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pinocchio_motions import drive_torques, joint_torques
+from motions import random_sines
+from pinocchio_chains import drive_torques, joint_torques
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
@@ -14,9 +15,11 @@ from regressors.models.carried_torque import standard_of
 from regressors.models.columns import DIRECTED_KINDS, FRICTION_KINDS, Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
+from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
 from regressors.models.springs import SpringModel
+from regressors.models.windows import Window
 from regressors.readers.library import built_in
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
@@ -213,3 +216,32 @@ def test_what_cannot_be_is_refused_in_words(case: str) -> None:
 
 def test_masses_that_are_not_known_do_without_load_shares() -> None:
     assert DifferentialModel(UNKNOWN, Terms(root=True)).names[-1] == "F7r"
+
+
+SOME, EVERY = Terms(coulomb=(1, 3), viscous=(2,), offset=(2, 3)), Terms(offset=True)
+ROBOTS = {"irp6": with_locked_joints(built_in("irp6"), [0, 1, 2]), "panda": built_in("panda")}
+
+
+def model(kind: str, robot: Robot, terms: Terms) -> RegressorModel:
+    if kind == "differential":
+        return DifferentialModel(robot, terms)
+    return EnergyModel(robot, terms, Window("short", 0.1), sign_width=0.1 if kind == "smooth energy" else 0.0)
+
+
+@pytest.mark.parametrize("kind", ["differential", "energy", "smooth energy"])
+@pytest.mark.parametrize("name", list(ROBOTS))
+def test_columns_of_some_drives_are_those_of_all(kind: str, name: str) -> None:
+    robot = ROBOTS[name]
+    some, every = (model(kind, robot, terms) for terms in (SOME, EVERY))
+    samples = random_sines(robot.n, np.random.default_rng(2)).samples(np.linspace(0.0, 1.0, 101))
+    wanted = [name for name in every.names if not name.startswith("F") or name in ("F1c", "F3c", "F2v", "F2o", "F3o")]
+    assert list(some.names) == wanted
+    expected = every.assemble(samples)[:, [every.names.index(name) for name in wanted]]
+    np.testing.assert_allclose(some.assemble(samples), expected, atol=1e-12)
+
+
+def test_no_drive_is_no_column() -> None:
+    robot = ROBOTS["irp6"]
+    names = DifferentialModel(robot, Terms(coulomb=(), viscous=False)).names
+    assert names == DifferentialModel(robot, Terms(coulomb=False, viscous=())).names
+    assert not any(name.startswith("F") for name in names)

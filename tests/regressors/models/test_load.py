@@ -1,22 +1,23 @@
-"""The differential load model: K against Pinocchio's body regressor, the paper's equations, and a moved body."""
+"""The load models: K against Pinocchio's body regressor, and K_I as its integral, made without any acceleration."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
-from load_sensors import KINDS, ROBOTS, SEED, shifted
+from motions import Sines, gauss, order_of, random_sines
 from pinocchio_chains import chain_model, inertia
-from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
-from slow_dynamics import cross_matrix, pose_rates, poses, random_body, random_chain
+from public_arms import THETA_FROM_PINOCCHIO
+from slow_dynamics import ROBOTS, random_body, shifted
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
-from regressors.models.load import EQUATIONS, LoadModel, Sensor
+from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
+from regressors.models.windows import Window
 from regressors.readers.library import built_in
-from regressors.readers.urdf import read_urdf
-from regressors.robot.inertia import transport
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -63,131 +64,13 @@ def test_regressor_is_pinocchios(robot: Robot, link: str | None, turned: bool) -
     close(regressors(robot, sensor, states), np.array(expected))
 
 
-@pytest.mark.parametrize("arm", [arm for arm in ARMS if arm.id in ("tiago-torso-arm", "kinova", "ur10")], ids=str)
-def test_regressor_is_pinocchios_on_public_robots(arm: Arm) -> None:
-    """Built from the URDF by Pinocchio itself; the first has a slider, the second has joints without limits."""
-    theirs, robot = reference(arm), read_urdf(arm.path, base=arm.base, tip=arm.tip)
-    rows = [theirs.joint(name).idx_v for name in robot.joint_names]
-    states, sensor = random_states(robot, 5, seed=2), shifted(None, 3)
-    placement = pin.SE3(np.array(sensor.rotation), np.array(sensor.translation))
-    expected = []
-    for q, dq, ddq in zip(states.q, states.dq, states.ddq, strict=True):
-        v, a = np.zeros((2, robot.n))
-        v[rows], a[rows] = dq, ddq
-        configuration = theirs.configuration(dict(zip(robot.joint_names, q, strict=True)))
-        joint = theirs.joint(robot.joint_names[-1]).id
-        expected.append(pinocchio_regressor(theirs.model, joint, placement, configuration, v, a))
-    close(regressors(robot, sensor, states), np.array(expected))
-
-
-@pytest.mark.parametrize("link", [None, "2"])
-def test_moving_a_known_body(robot: Robot, link: str | None) -> None:
-    """What a body on the sensor adds to the force that the sensor's joint transmits is K phi."""
-    sensor, phi = shifted(link, 4), random_body(np.random.default_rng(5))
-    joint = int(link) if link else robot.n
-    placement = pin.SE3(np.array(sensor.rotation), np.array(sensor.translation))
-    bare, loaded = chain_model(robot), chain_model(robot)
-    loaded.appendBodyToJoint(joint, inertia(phi), placement)
-    states = random_states(robot, 10, seed=6)
-    K = regressors(robot, sensor, states)
-    for K_k, *state in zip(K, states.q, states.dq, states.ddq, strict=True):
-        forces = []
-        for model in (bare, loaded):
-            data = model.createData()
-            pin.rnea(model, data, *state)
-            forces.append(data.f[joint])
-        wrench = placement.actInv(forces[1] - forces[0]).vector
-        np.testing.assert_allclose(K_k @ phi, wrench, atol=1e-11 * np.abs(forces[1].vector).max())
-
-
 # --- laws ------------------------------------------------------------------------------------------------------------
-
-
-@given(kinds=KINDS, seed=SEED)
-@settings(max_examples=25)
-def test_regressor_is_that_of_the_papers_equation(kinds: str, seed: int) -> None:
-    """[KD96] eq. (9) block by block; omega, domega and dv from derivatives of homogeneous matrices."""
-    rng = np.random.default_rng(seed)
-    robot, sensor = random_chain(kinds, rng), shifted(None, seed)
-    q, dq, ddq = rng.uniform(-2.0, 2.0, (3, robot.n))
-    S = np.eye(4)
-    S[:3, :3], S[:3, 3] = sensor.rotation, sensor.translation
-    T = np.real(poses(robot, q)[-1]) @ S
-    dT, ddT = (np.real(rate) @ S for rate in pose_rates(robot, q, dq, ddq)[-1])
-    R = T[:3, :3].T
-    turning = R @ dT[:3, :3]
-    bending = R @ ddT[:3, :3]  # [domega x] + [omega x][omega x]
-    w, dw = (np.array([X[2, 1], X[0, 2], X[1, 0]]) for X in (turning, bending - turning @ turning))
-    fall = R @ (ddT[:3, 3] - robot.gravity)
-    K = np.zeros((6, 10))
-    K[:3, 0] = fall
-    K[:3, 1:4] = cross_matrix(dw) + cross_matrix(w) @ cross_matrix(w)
-    K[3:, 1:4] = -cross_matrix(fall)
-    K[3:, 4:] = products(dw) + cross_matrix(w) @ products(w)
-    states = Samples(np.zeros(1), q[None], dq[None], ddq[None], 0 * q[None])
-    np.testing.assert_allclose(regressors(robot, sensor, states)[0], K, atol=1e-11 * max(1.0, np.abs(K).max()))
-
-
-def products(w: Array) -> Array:
-    """``[. w]`` with ``I w = [. w] (Ixx, Ixy, Ixz, Iyy, Iyz, Izz)``: one unit tensor at a time."""
-    columns = []
-    for i, j in zip(*np.triu_indices(3), strict=True):
-        tensor = np.zeros((3, 3))
-        tensor[i, j] = tensor[j, i] = 1.0
-        columns.append(tensor @ w)
-    return np.column_stack(columns)
-
-
-def test_held_still_the_sensor_carries_the_weight(robot: Robot) -> None:
-    """F = -m g and N = -mc x g in the sensor's axes; tensors do not show."""
-    sensor, phi = shifted(None, 7), random_body(np.random.default_rng(8))
-    states = random_states(robot, 10, seed=9)
-    still = Samples(states.time, states.q, *(0 * states.q for _ in range(3)))
-    K = regressors(robot, sensor, still)
-    for K_k, q in zip(K, states.q, strict=True):
-        up = -(np.real(poses(robot, q)[-1][:3, :3]) @ sensor.rotation).T @ robot.gravity
-        expected = np.concatenate([phi[0] * up, np.cross(phi[1:4], up)])
-        np.testing.assert_allclose(K_k @ phi, expected, atol=1e-12 * np.abs(expected).max())
-        assert not K_k[:, 4:].any()
-
-
-def test_in_free_fall_the_sensor_feels_nothing() -> None:
-    """A slider along gravity that falls freely: K = 0."""
-    robot = random_chain("p", np.random.default_rng(10))
-    axis = robot.joints[0].rotation @ robot.joints[0].axis
-    robot = robot.replace(gravity=9.81 * axis)
-    fall = np.full((1, 1), 9.81)
-    K = regressors(robot, shifted(None), Samples(np.zeros(1), 0.3 * fall, 0.1 * fall, fall, 0 * fall))
-    np.testing.assert_allclose(K, 0.0, atol=1e-14)
-
-
-def test_a_sensor_elsewhere_feels_the_same_body(robot: Robot) -> None:
-    """Wrenches about two frames on one link are one wrench; parameters change by the transport of a body."""
-    here, there = Sensor("3"), shifted("3", 11)
-    phi = random_body(np.random.default_rng(12))
-    states = random_states(robot, 10, seed=13)
-    from_there = transport(there.rotation, there.translation)  # from the sensor's frame to the link's
-    at_link = regressors(robot, here, states) @ (from_there @ phi)
-    at_sensor = regressors(robot, there, states) @ phi
-    force = at_sensor[:, :3] @ there.rotation.T
-    moment = at_sensor[:, 3:] @ there.rotation.T + np.cross(there.translation, force)
-    close(at_link, np.hstack([force, moment]))
 
 
 def test_all_ten_parameters_are_seen(robot: Robot) -> None:
     base = base_parameters(LoadModel(robot))
     assert base.rank == 10
     assert base.names == ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-
-
-def test_joints_beyond_the_sensor_do_not_matter() -> None:
-    robot = built_in("irp6")
-    states = random_states(robot, 5, seed=14)
-    others = [x.copy() for x in (states.q, states.dq, states.ddq)]
-    for x in others:
-        x[:, 3:] += 1.0
-    moved = Samples(states.time, *others, states.dddq)
-    np.testing.assert_array_equal(regressors(robot, Sensor("3"), moved), regressors(robot, Sensor("3"), states))
 
 
 # --- order, units, selection -----------------------------------------------------------------------------------------
@@ -204,13 +87,6 @@ def test_order_and_units_are_the_papers() -> None:
     definition, names = model.definition()
     np.testing.assert_array_equal(definition, np.eye(10))
     assert names == model.names
-
-
-def test_default_sensor_sits_on_the_last_link(robot: Robot) -> None:
-    states = random_states(robot, 3, seed=15)
-    by_number, by_name = str(robot.n), robot.links[-1].name
-    for sensor in (None, Sensor(by_number), Sensor(by_name)):
-        np.testing.assert_array_equal(regressors(robot, sensor, states), regressors(robot, Sensor(), states))
 
 
 SELECTIONS = [("fx",), ("nz", "fx"), ("fy", "fz", "ny"), EQUATIONS[::-1]]
@@ -273,3 +149,138 @@ def test_measured_wrench_of_a_selection_may_be_whole() -> None:
     wrench = np.random.default_rng(20).normal(size=(3, 6))
     model = LoadModel(robot, Sensor(equations=("nz", "fx")))
     np.testing.assert_array_equal(model.right_side(states, wrench), wrench[:, [5, 0]].ravel())
+
+
+WINDOWS = {
+    "short": Window("short", 0.2),
+    "overlapping": Window("short", 0.2, 0.1),
+    "gaps": Window("short", 0.1, 0.3),
+    "long": Window("long"),
+}
+
+
+def differential(robot: Robot, sensor: Sensor, motion: Sines) -> Callable[[Array], Array]:
+    """K of a motion, with its accelerations, as a function of time, shape (N, 6, 10)."""
+    model = LoadModel(robot, sensor)
+    return lambda time: model.assemble(motion.samples(time)).reshape(time.size, -1, 10)
+
+
+def windows_of(samples: Samples, window: Window) -> list[tuple[float, float]]:
+    first, last = window.ends(samples.time)
+    return list(zip(samples.time[first], samples.time[last], strict=True))
+
+
+# --- K_I is the integral of K ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
+@pytest.mark.parametrize("link", [None, "2"])
+def test_regressor_is_the_integral_of_the_differential_one(robot: Robot, window: Window, link: str | None) -> None:
+    """Against Gauss quadrature of K, whose accelerations are exact; Simpson's rule is what is left between them."""
+    sensor, motion = shifted(link, 1), random_sines(robot.n, 2, waves=2)
+    model, K = LoadIntegralModel(robot, sensor, window), differential(robot, sensor, motion)
+    errors = []
+    for finer in (1, 2, 4):
+        samples = motion.samples(np.linspace(0.0, 1.0, 40 * finer + 1))
+        found = model.assemble(samples).reshape(-1, 6, 10)
+        pairs = windows_of(samples, window)
+        if window.kind == "long":
+            found, pairs = found[finer - 1 :: 10 * finer], pairs[finer - 1 :: 10 * finer]
+        expected = np.array([gauss(K, *pair, order=24) for pair in pairs])
+        errors.append(float(np.abs(found - expected).max()))
+    assert min(order_of(errors)) >= 3.5
+    assert errors[-1] < 1e-4
+
+
+def test_rate_is_the_differential_regressor(robot: Robot) -> None:
+    """``d/dt state + density = K`` at random states: accelerations come back where a row is differentiated."""
+    for sensor in (shifted(seed=5), shifted("3", 6), Sensor()):
+        states = random_states(robot, 50, seed=7)
+        K = LoadModel(robot, sensor).instants(states)
+        found = LoadIntegralModel(robot, sensor).instants(states)
+        np.testing.assert_allclose(found, K, atol=1e-12 * np.abs(K).max())
+
+
+def parts(model: LoadIntegralModel, q: Array, dq: Array) -> tuple[Array, Array]:
+    symbols = [ca.SX.sym(name, model.robot.n) for name in ("q", "dq")]
+    both = [ca.densify(model.state(*symbols)), ca.densify(model.density(*symbols))]
+    state, density = ca.Function("parts", symbols, both)(q, dq)
+    return np.array(state), np.array(density)
+
+
+# --- windows ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_base_of_windows_is_all_ten_parameters(robot: Robot) -> None:
+    base = base_parameters(LoadIntegralModel(robot))
+    assert base.rank == 10
+    assert base.names == ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+    assert base.units == ("kg", *["kg m"] * 3, *["kg m^2"] * 6)
+
+
+# --- selection of equations ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("equations", SELECTIONS, ids="-".join)
+def test_any_selection_of_integrals_in_any_order(equations: tuple[str, ...]) -> None:
+    """Rows, labels and right side; the measured wrench may be whole, or selected already."""
+    robot, window = built_in("irp6"), Window("short", 0.04)
+    samples = random_sines(5, 14).samples(np.linspace(0.0, 0.4, 41))
+    model = LoadIntegralModel(robot, shifted(seed=15, equations=equations), window)
+    whole = LoadIntegralModel(robot, shifted(seed=15), window)
+    rows = [EQUATIONS.index(name) for name in equations]
+    assert model.row_labels == tuple((name, "N s" if name[0] == "f" else "Nm s") for name in equations)
+    expected = whole.assemble(samples).reshape(-1, 6, 10)[:, rows]
+    np.testing.assert_array_equal(model.assemble(samples), expected.reshape(-1, 10))
+    wrench = np.random.default_rng(16).normal(size=(41, 6))
+    y = whole.right_side(samples, wrench).reshape(-1, 6)[:, rows].ravel()
+    np.testing.assert_array_equal(model.right_side(samples, wrench), y)
+    if len(equations) < 6:  # six columns are the whole wrench in its own order
+        np.testing.assert_array_equal(model.right_side(samples, wrench[:, rows]), y)
+
+
+# --- right side ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
+def test_integrated_wrench_of_a_known_body(robot: Robot, window: Window) -> None:
+    """``int [F; N] dt = K_I phi`` for wrenches of Pinocchio: what a body adds to the force through its joint."""
+    sensor, phi = shifted(seed=17), random_body(np.random.default_rng(18))
+    placement = pin.SE3(np.array(sensor.rotation), np.array(sensor.translation))
+    bare, loaded = chain_model(robot), chain_model(robot)
+    loaded.appendBodyToJoint(robot.n, inertia(phi), placement)
+    motion, errors = random_sines(robot.n, 19, waves=2), []
+    model = LoadIntegralModel(robot, sensor, window)
+    for count in (40, 80, 160):
+        samples = motion.samples(np.linspace(0.0, 1.0, count + 1))
+        wrenches = [added_wrench(bare, loaded, placement, *state) for state in states_of(samples)]
+        y = model.right_side(samples, np.array(wrenches))
+        errors.append(float(np.abs(model.assemble(samples) @ phi - y).max()))
+    assert min(order_of(errors)) >= 3.5
+    assert errors[-1] < 1e-4 * np.abs(y).max()
+
+
+def states_of(samples: Samples) -> list[tuple[Array, Array, Array]]:
+    return list(zip(samples.q, samples.dq, samples.ddq, strict=True))
+
+
+def added_wrench(bare: object, loaded: object, placement: object, q: Array, dq: Array, ddq: Array) -> Array:
+    forces = []
+    for model in (bare, loaded):
+        data = model.createData()
+        pin.rnea(model, data, q, dq, ddq)
+        forces.append(data.f[model.njoints - 1])
+    return placement.actInv(forces[1] - forces[0]).vector
+
+
+# --- no acceleration, bad input --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
+def test_no_acceleration_is_used(robot: Robot, window: Window) -> None:
+    samples = random_sines(robot.n, 20).samples(np.linspace(0.0, 1.0, 41))
+    unknown = np.full_like(samples.q, np.nan)
+    blind = Samples(samples.time, samples.q, samples.dq, unknown, unknown)
+    model, wrench = LoadIntegralModel(robot, shifted(seed=21), window), np.sin(np.outer(samples.time, np.arange(6)))
+    np.testing.assert_array_equal(model.assemble(blind), model.assemble(samples))
+    np.testing.assert_array_equal(model.right_side(blind, wrench), model.right_side(samples, wrench))

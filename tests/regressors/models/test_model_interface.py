@@ -10,17 +10,15 @@ import casadi as ca
 import numpy as np
 import pytest
 from motions import Sines
+from slow_dynamics import general, three_axes
 
-from excite.identification.adjustment import presliding_note
-from excite.identification.equations import equations_of, friction_drives
+from excite.identification.equations import drive_rows, equations_of, friction_drives
 from excite.identification.estimator import Context
+from excite.identification.estimators.least_squares import weighted, weighting
 from excite.identification.estimators.standard import standard_problem
-from excite.identification.estimators.weighted import weighted
-from excite.identification.friction_directions import drive_rows
 from excite.identification.preparation import prepare
-from excite.identification.presliding import best_presliding
+from excite.identification.presliding import best_presliding, presliding_note
 from excite.identification.recipe import Recipe
-from excite.identification.weights import weighting
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
 from excite.simulation.plant import ModelMotion
@@ -34,8 +32,7 @@ from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.models.partial import of_drives, of_joints
-from regressors.models.reduction import Reduction
-from regressors.models.standard_columns import standard_columns
+from regressors.models.reduction import Reduction, standard_columns
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
 from regressors.robot.locked_joints import with_locked_joints
@@ -48,14 +45,9 @@ PERIOD = 2.0
 
 
 @cache
-def three_axes() -> Robot:
-    return with_locked_joints(built_in("irp6"), [0, 1, 2])
-
-
-@cache
 def plain() -> Robot:
     """The three axes without named combinations of parameters."""
-    return three_axes().replace(structure=Structure())
+    return general(three_axes())
 
 
 def spring_columns(robot: Robot) -> tuple[Column, ...]:
@@ -218,6 +210,16 @@ def test_combinations_of_the_structure_belong_to_no_body_and_loads_to_none_of_th
     assert {(c.kind, c.owner) for c in columns[:7]} == {("combination", None)}
     assert [(c.name, c.kind, c.owner) for c in columns[7:10]] == [(f"F{k}c", "coulomb", k) for k in (1, 2, 3)]
     assert {c.owner for c in LoadModel(built_in("irp6")).columns} == {None}
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_values_of_parameters_are_those_that_their_columns_stand_for(name: str) -> None:
+    """Standard parameters that columns stand for have these values again, shared, reflected and combined ones too."""
+    equal = built_in(name).replace(structure=Structure(equal=(("m1", "m2"), ("I1xx", "I2xx", "I2yy"))))
+    for robot in (built_in(name), equal):
+        composition = DifferentialModel(robot).composition
+        identity = composition.definition @ composition.matrix
+        np.testing.assert_allclose(identity, np.eye(len(composition.columns)), atol=1e-9)
 
 
 def test_a_structure_may_name_what_a_model_leaves_out_but_nothing_that_the_robot_lacks() -> None:

@@ -1,76 +1,120 @@
-"""The thirteen columns of [KD96] in the energy model: the corrected table of shared/paper/errata.md, in plain NumPy.
-
-That the differential model is Lagrange's derivative of the same table is tested in test_irp6_regressor.py.
-"""
+"""The thirteen parameters of [KD96]: in both models, by the corrected table of shared/paper/errata.md."""
 
 from __future__ import annotations
 
-from functools import cache
-
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motions import Polynomials, path_of_polynomial, random_sines
+from slow_dynamics import general, table_energies, three_axes
 
-from excite.information.target import moving_robot
-from excite.tasks.task import Task
-from regressors.models.base import random_states
+from regressors.models.base import base_parameters, random_states
 from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.windows import Window
-from regressors.readers.library import built_in
-from regressors.robot.robot import Robot, Structure
-from regressors.samples import Array, Samples
+from regressors.robot.robot import Structure
+from regressors.samples import Array
 
-NAMES = (*(f"X{k}" for k in range(1, 8)), "F1c", "F2c", "F3c", "F1v", "F2v", "F3v")
-L2, G = 0.455, 9.81
 SEED = st.integers(0, 2**32 - 1)
+NAMES = (*(f"X{k}" for k in range(1, 8)), "F1c", "F2c", "F3c", "F1v", "F2v", "F3v")
+MASSES = Terms(coulomb=False, viscous=False)
+L2, N1, N2, N3 = 0.455, 158.0, 167.5, 167.5
 
-
-@cache
-def three_axes() -> Robot:
-    return moving_robot(built_in("irp6"), Task("irp6"))
+# [KD96] section 5.1 with its misprints corrected (shared/paper/errata.md): X_i in standard parameters.
+AGGREGATES = {
+    "X1": {"I1zz": 1, "Ia1": N1**2, "I2xx": 1, "I3yy": 1},
+    "X2": {"I2yy": 1, "I2xx": -1, "m3": L2**2, "I3yy": -1, "I3xx": 1},
+    "X3": {"I2zz": 1, "Ia2": N2**2, "I3zz": 1, "Ia3": N3**2, "m3": L2**2},
+    "X4": {"I3zz": 1, "Ia3": N3**2},
+    "X5": {"I3yy": 1, "I3xx": -1},
+    "X6": {"m3c3x": 1},
+    "X7": {"m2c2x": 1, "m3": L2},
+}
 
 
 def energies(q: Array, dq: Array) -> Array:
     """d_1 ... d_7 at some states, shape (N, 7)."""
-    (_, q2, q3), (w1, w2, w3) = q.T, dq.T
-    return np.column_stack(
-        [
-            w1**2 / 2,
-            w1**2 * np.sin(q2) ** 2 / 2,
-            w2**2 / 2,
-            w3**2 / 2 + w2 * w3,
-            -(np.sin(q3) ** 2 * np.cos(2 * q2) + np.sin(2 * q2) * np.sin(2 * q3) / 2) * w1**2 / 2,
-            L2 * np.sin(q3) * (w2 + w3) * w2 - L2 * np.sin(q2) * np.cos(q2 + q3) * w1**2 + G * np.sin(q2 + q3),
-            G * np.cos(q2),
-        ]
-    )
+    return np.column_stack(table_energies(q.T, dq.T))
 
 
-def powers(dq: Array) -> Array:
-    """Integrands of d_8 ... d_13, shape (N, 6)."""
-    dz = np.column_stack([dq[:, 0], dq[:, 1], dq[:, 1] + dq[:, 2]])
-    return np.hstack([np.abs(dz), dz**2])
+def table_regressor() -> ca.Function:
+    """Torques per parameter: Lagrange's equation for X1 ... X7, Rayleigh's dissipation function for friction."""
+    q, dq, ddq = (ca.SX.sym(letter, 3) for letter in ("q", "dq", "ddq"))
+    columns = []
+    for total, V in zip(table_energies(q, dq, ca), table_energies(q, ca.SX(3, 1), ca), strict=True):
+        momentum, T = ca.gradient(ca.SX(total), dq), total - V
+        rate = ca.jtimes(momentum, q, dq) + ca.jtimes(momentum, dq, ddq)
+        columns.append(rate - ca.gradient(ca.SX(T), q) + ca.gradient(ca.SX(V), q))
+    dz = [dq[0], dq[1], dq[1] + dq[2]]  # |dz| is homogeneous of degree one, dz^2 of degree two
+    columns += [ca.gradient(P, dq) for P in (*map(ca.fabs, dz), *(w**2 / 2 for w in dz))]
+    return ca.Function("table", [q, dq, ddq], [ca.densify(ca.horzcat(*columns))])
 
 
-def aggregates(p: dict[str, float]) -> Array:
-    """X_1 ... X_13 from standard parameters by name, as the corrected table writes them."""
-    n1, n2, n3 = 158.0, 167.5, 167.5
-    return np.array(
-        [
-            p["I1zz"] + p["Ia1"] * n1**2 + p["I2xx"] + p["I3yy"],
-            p["I2yy"] - p["I2xx"] + p["m3"] * L2**2 - p["I3yy"] + p["I3xx"],
-            p["I2zz"] + n2**2 * p["Ia2"] + p["I3zz"] + n3**2 * p["Ia3"] + L2**2 * p["m3"],
-            p["I3zz"] + n3**2 * p["Ia3"],
-            p["I3yy"] - p["I3xx"],
-            p["m3c3x"],
-            p["m2c2x"] + L2 * p["m3"],
-            *(p[f"F{k}c"] for k in (1, 2, 3)),
-            *(p[f"F{k}v"] for k in (1, 2, 3)),
-        ]
-    )
+def test_default_form_has_the_papers_thirteen_parameters() -> None:
+    model = DifferentialModel(three_axes())
+    assert model.names == NAMES
+    assert [c.unit for c in model.columns] == [
+        *["kg m^2"] * 5, *["kg m"] * 2, *["Nm"] * 3, *["Nm s/rad"] * 3
+    ]  # fmt: skip
+    assert model.row_labels == (("q1", "Nm"), ("q2", "Nm"), ("q3", "Nm"))
+
+
+def test_regressor_is_the_lagrangian_derivative_of_the_corrected_table() -> None:
+    model = DifferentialModel(three_axes())
+    states = random_states(model.robot, 200, seed=1)
+    W = model.assemble(states)
+    expected = np.vstack([np.array(table_regressor()(*x)) for x in zip(states.q, states.dq, states.ddq, strict=True)])
+    assert np.abs(W - expected).max() <= 1e-12 * np.abs(expected).max()
+    scale = np.abs(expected).max(axis=0)
+    np.testing.assert_array_less(np.abs(W - expected).max(axis=0), 1e-12 * np.maximum(scale, 1.0))
+
+
+def test_parameters_are_those_combinations_of_standard_ones() -> None:
+    definition, standard = DifferentialModel(three_axes()).definition()
+    for row, terms in zip(definition, AGGREGATES.values(), strict=False):
+        found = {name: value for name, value in zip(standard, row, strict=True) if value != 0.0}
+        assert found == pytest.approx(terms, rel=1e-12)
+    for row, name in zip(definition[7:], NAMES[7:], strict=True):
+        assert {standard[k]: row[k] for k in np.flatnonzero(row)} == {name: 1.0}
+
+
+def test_values_of_the_parameters_are_the_published_ones() -> None:
+    """X_3dof of shared/facts/irp6.yaml; X7 = 8.125 kg m and X3 - X4 = 5.5 kg m^2 were measured [KD96]."""
+    robot = three_axes()
+    model = DifferentialModel(robot, MASSES)
+    definition, standard = model.definition()
+    assert robot.transmission is not None
+    rotors = [d.rotor_inertia for d in robot.transmission.drives[:3]]
+    values = np.concatenate([*(link.theta for link in robot.links), rotors])
+    assert standard[30:] == ("Ia1", "Ia2", "Ia3")
+    X = definition @ values
+    np.testing.assert_allclose(X, [5.5368, 1.2590, 9.7435, 4.2437, 2.0223, 0.59, 8.125], atol=1e-4)
+    assert X[2] - X[3] == pytest.approx(5.5, abs=6e-4)
+
+
+def test_general_machinery_finds_the_same_seven_inertial_parameters() -> None:
+    """Without the named combinations, from the zeros alone: base parameters and X1 ... X7 span the same functions."""
+    robot = three_axes()
+    plain = robot.replace(structure=Structure(zero=robot.structure.zero))
+    model = DifferentialModel(plain, MASSES)
+    base = base_parameters(model)
+    assert base.rank == 7
+    assert base.gap > 1e8
+    assert not set(base.names) & set(AGGREGATES)
+    definition, standard = model.definition()
+    beta = base.D @ definition
+    X = np.array([[terms.get(name, 0.0) for name in standard] for terms in AGGREGATES.values()])
+    X, beta = (rows / np.linalg.norm(rows, axis=1)[:, None] for rows in (X, beta))
+    for these, those in ((X, beta), (beta, X)):
+        mixed = np.linalg.lstsq(those.T, these.T, rcond=None)[0]
+        np.testing.assert_allclose(those.T @ mixed, these.T, atol=1e-9)
+
+
+# --- how many parameters there are: base_parameter_counts of shared/facts/irp6.yaml, and ranks of errata.md ----------
+# Counts with the bodies of a parallelogram are those of a robot with branches: test_branches.py.
 
 
 def assert_equal(found: Array, expected: Array) -> None:
@@ -90,14 +134,8 @@ def differences(values: Array, window: Window) -> Array:
     return np.array([values[k + length] - values[k] for k in range(0, len(values) - length, step)])
 
 
-def test_parameters_are_the_papers() -> None:
-    model = EnergyModel(three_axes())
-    assert model.names == NAMES
-    assert [c.unit for c in model.columns] == [*["kg m^2"] * 5, *["kg m"] * 2, *["Nm"] * 3, *["Nm s/rad"] * 3]
-
-
 @pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_d1_to_d7_are_changes_of_the_tables_energies(window: Window, seed: int) -> None:
     motion, time = random_sines(3, seed), 0.01 * np.arange(201)
     samples = motion.samples(time)
@@ -106,7 +144,7 @@ def test_d1_to_d7_are_changes_of_the_tables_energies(window: Window, seed: int) 
 
 
 @pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_d8_to_d10_are_paths_of_the_drives(window: Window, seed: int) -> None:
     """For random cubics of time, which turn inside windows; the path is known in closed form."""
     rng, time = np.random.default_rng(seed), 0.01 * np.arange(201)
@@ -118,7 +156,7 @@ def test_d8_to_d10_are_paths_of_the_drives(window: Window, seed: int) -> None:
 
 
 @pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_d11_to_d13_are_integrals_of_squared_velocities(window: Window, seed: int) -> None:
     """For random parabolas of time, where Simpson's rule is exact."""
     rng, time = np.random.default_rng(seed), 0.01 * np.arange(201)
@@ -133,29 +171,21 @@ def test_d11_to_d13_are_integrals_of_squared_velocities(window: Window, seed: in
     assert_equal(W[:, 10:], differences(np.column_stack(integrals), window))
 
 
-def test_rates_of_the_columns_are_those_of_the_table() -> None:
-    """At random states within the robot's limits: d/dt of d_1 ... d_7 by the complex step, integrands of the others."""
-    states = random_states(three_axes(), 500, seed=6)
-    step = 1e-30j
-    ahead = energies(states.q + step * states.dq, states.dq + step * states.ddq)
-    expected = np.hstack([np.imag(ahead) / 1e-30, powers(states.dq)])
-    assert_equal(EnergyModel(three_axes()).instants(states), expected)
-
-
 @given(seed=SEED)
 @settings(max_examples=25)
 def test_energy_of_the_links_is_the_sum_of_the_aggregates(seed: int) -> None:
     """``H - sum X_i d_i = 0`` for any symmetric links: standard parameters on one side, X on the other."""
     robot = three_axes()
     window = Window("short", 0.05)
-    plain = EnergyModel(robot.replace(structure=Structure()), Terms(reflected=False), window)
+    plain = EnergyModel(general(robot), Terms(reflected=False), window)
     rng = np.random.default_rng(seed)
     known = {name: 0.0 if name in robot.structure.zero else rng.normal() for name in plain.names}
     known |= {f"Ia{k}": rng.normal() * 1e-4 for k in (1, 2, 3)}
     samples = random_sines(3, seed).samples(0.01 * np.arange(101))
     W = plain.assemble(samples)
     expected = W @ np.array([known[name] for name in plain.names])
-    X = aggregates(known)
+    of_links = [sum(c * known[name] for name, c in terms.items()) for terms in AGGREGATES.values()]
+    X = np.array([*of_links, *(known[name] for name in NAMES[7:])])
     model = EnergyModel(robot, window=window)
     definition, standard = model.definition()
     np.testing.assert_allclose(definition @ [known[name] for name in standard], X, rtol=1e-12, atol=1e-12)
@@ -164,11 +194,3 @@ def test_energy_of_the_links_is_the_sum_of_the_aggregates(seed: int) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-12 * size.max())
     by_table = differences(energies(samples.q, samples.dq), window) @ X[:7]
     np.testing.assert_allclose(by_table, expected - W[:, -6:] @ X[7:], atol=1e-12 * size.max())
-
-
-def test_columns_do_not_use_the_acceleration() -> None:
-    samples = random_sines(3, 7).samples(0.01 * np.arange(101))
-    unknown = np.full_like(samples.q, np.nan)
-    blind = Samples(samples.time, samples.q, samples.dq, unknown, unknown)
-    W = EnergyModel(three_axes(), window=Window("long")).assemble(blind)
-    assert_equal(W[:, :7], energies(samples.q, samples.dq)[1:] - energies(samples.q, samples.dq)[0])

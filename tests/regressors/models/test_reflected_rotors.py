@@ -15,8 +15,7 @@ from regressors.models.base import base_parameters, random_states
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
-from regressors.models.motor_side import MotorSide, motor_sides
-from regressors.models.nominal import parameter_values, standard_values
+from regressors.models.nominal import MotorSide, motor_sides, parameter_values, standard_values
 from regressors.readers.library import built_in
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.robot import Drive, Limits, Robot, Transmission

@@ -7,27 +7,22 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from slow_dynamics import three_axes
 
 import excite
 from excite.registry import MODELS
-from excite.study.repetition import repetitions
+from excite.study.repetitions import repetitions
 from regressors.errors import UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.partial import of_drives
 from regressors.models.springs import SpringModel
-from regressors.readers.library import built_in
 from regressors.robot.locked_joints import with_locked_joints
-from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 REST = {"q2": 0.2, "q3": -0.1}
 STIFFNESS = np.array([30.0, 40.0, 50.0])
-
-
-def three_axes() -> Robot:
-    return with_locked_joints(built_in("irp6"), [0, 1, 2])
 
 
 def stiffness_columns(model: SpringModel) -> Array:

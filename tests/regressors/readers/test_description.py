@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regressors.errors import InputError, UnknownName
-from regressors.readers.coefficients import Coefficient
 from regressors.readers.description import parse_description, read_description, standard_parameters
+from regressors.readers.description_schema import Coefficient
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import from_centre_of_mass, skew
 
@@ -225,11 +225,7 @@ def test_degrees_are_converted_by_numpy(angle: float) -> None:
 PLACE = "    pose: {xyz: [0.0, 0.0, 0.5], rpy: [0.0, 90 deg, 0.0], axis: [0.0, 0.0, 2.0]}\n"
 CHANGES = [
     ("name: two", "name: 2", "name (line 1): should be a valid string, given 2"),
-    (
-        "name: two",
-        "nam: two",
-        "name (line 1): is missing; nam (line 1): no such field; did you mean name? available: name, source,",
-    ),
+    ("name: two", "nam: two", "name (line 1): is missing; nam (line 1): no such field; did you mean name? available:"),
     ("name: two", "name: ' '", "name (line 1): a robot's name is printable text on one line, given ' '"),
     ("gravity: 9.0", "gravity: .nan", "gravity[3] (line 4): should be a finite number, given nan"),
     ("gravity: 9.0", "gravity: [0, 0]", "gravity (line 4): should have at least 3 items, given a list of 2"),
@@ -246,51 +242,23 @@ CHANGES = [
     ("alpha: 90 deg", "alpha: 1e999 deg", "joints[1].mdh.alpha (line 9): should be a finite number, given inf"),
     ("alpha: 90 deg", "alpha: yes", "joints[1].mdh.alpha (line 9): expected a number"),
     ("alpha: 90 deg", "alpha: true", "joints[1].mdh.alpha (line 9): should be a valid number, given True"),
-    (
-        "alpha: 90 deg",
-        "alhpa: 90 deg",
-        "joints[1].mdh.alhpa (line 9): no such field; did you mean alpha? available: alpha, a, d, offset",
-    ),
+    ("alpha: 90 deg", "alhpa: 90 deg", "joints[1].mdh.alhpa (line 9): no such field; did you mean alpha? available: a"),
     ("a: 0.1", "a: 10 deg", "joints[1].mdh.a (line 9): should be a valid number, given '10 deg'"),
-    (
-        "kind: prismatic",
-        "kind: sliding",
-        "joints[1].kind (line 8): should be 'revolute' or 'prismatic', given 'sliding'",
-    ),
-    (
-        "position: [0.0, 1.5]",
-        "position: [0 deg, 9 deg]",
-        "limits (line 10): the limits of a prismatic joint are in met",
-    ),
+    ("kind: prismatic", "kind: sliding", "joints[1].kind (line 8): should be 'revolute' or 'prismatic', given 'slidin"),
+    ("position: [0.0, 1.5]", "position: [0 deg, 9 deg]", "limits (line 10): the limits of a prismatic joint are in me"),
     ("position: [0.0, 1.5]", "position: [1.5, 0.0]", "position (line 10): lower bound 1.5 must be below the upper bou"),
-    (
-        "position: [0.0, 1.5]",
-        "position: [1.5]",
-        "limits.position (line 10): should have at least 2 items, given a list of 1",
-    ),
+    ("position: [0.0, 1.5]", "position: [1.5]", "limits.position (line 10): should have at least 2 items, given a lis"),
     ("position: [0.0, 1.5]", "position: [-.inf, 1]", "joints[1].limits.position[1] (line 10): should be a finite numb"),
     ("velocity: 0.5", "velocity: 0", "joints[1].limits.velocity (line 10): should be greater than 0, given 0"),
     ("velocity: 0.5", "velocity: -1", "joints[1].limits.velocity (line 10): should be greater than 0, given -1"),
     ("velocity: 98 deg/s", "velocity: 98 deg/s^2", "velocity (line 14): expected a number or text such as '90 deg/s'"),
     ("name: turn", "name: lift", "joints[2].name (line 11): the name 'lift' is given twice"),
     ("name: turn", "name: the turn", "joints[2].name (line 11): a name must not be empty nor hold spaces or commas"),
-    (
-        "    pose: {",
-        "    poes: {",
-        "joints[2].poes (line 13): no such field; did you mean pose? available: name, kind, mdh, pose, limits",
-    ),
+    ("    pose: {", "    poes: {", "joints[2].poes (line 13): no such field; did you mean pose? available: name, kind"),
     (PLACE, "", "joints[2] (line 11): joint 'turn' needs mdh or pose, and not both"),
-    (
-        "    pose: {",
-        "    mdh: {d: 1.0}\n    pose: {",
-        "joints[2] (line 11): joint 'turn' needs mdh or pose, and not both",
-    ),
+    ("    pose: {", "    mdh: {d: 1.0}\n    pose: {", "joints[2] (line 11): joint 'turn' needs mdh or pose, and not b"),
     ("axis: [0.0, 0.0, 2.0]", "axis: [0, 0, 0]", "pose.axis (line 13): an axis needs a length that is not zero"),
-    (
-        "    mass: 2.0\n",
-        "",
-        "links[2] (line 17): link 'boom': give mass, com or first_moment, and inertia, or none; no mass",
-    ),
+    ("    mass: 2.0\n", "", "links[2] (line 17): link 'boom': give mass, com or first_moment, and inertia, or none; n"),
     ("mass: 2.0", "mass: -2.0", "links[2].mass (line 18): should be greater than or equal to 0, given -2.0"),
     ("com: [0.1", "com: [.nan", "links[2].com[1] (line 19): should be a finite number, given nan"),
     ("    com:", "    first_moment: [1, 0, 0]\n    com:", "links[2] (line 17): link 'boom': give com or first_moment"),
@@ -298,21 +266,13 @@ CHANGES = [
     ("about: centre-of-mass", "about: com", "inertia.about (line 20): should be 'origin' or 'centre-of-mass', given"),
     ("  - name: carriage\n", "", "links (line 15): expected as many links as joints, 2, given 1"),
     ("name: boom", "name: carriage", "links[2].name (line 17): the name 'carriage' is given twice"),
-    (
-        "ratio: 50",
-        "ratio: 0",
-        "drives[1].ratio (line 23): gear ratio must be a finite number other than zero, given 0.0",
-    ),
+    ("ratio: 50", "ratio: 0", "drives[1].ratio (line 23): gear ratio must be a finite number other than zero, given 0"),
     ("ratio: 50", "ratio: fast", "drives[1].ratio (line 23): expected a number or a ball_screw, given 'fast'"),
     ("ratio: 50", "ratio: {}", "drives[1].ratio (line 23): a ratio is a number or a ball_screw"),
     ("pitch: 0.005", "pitch: 0", "drives[2].ratio.ball_screw.pitch (line 28): should be greater than 0, given 0"),
     ("square: 0.08", "square: 0.01", "ratio.ball_screw (line 28): ball screw: no triangle has squared length 0.01"),
     ("rotor_inertia: 1.0e-4", "rotor_inertia: -1", "drives[1].rotor_inertia (line 24): should be greater than or eq"),
-    (
-        "coulomb: 3.0",
-        "columb: 3.0",
-        "drives[1].friction.columb (line 25): no such field; did you mean coulomb? available: coulomb, viscous",
-    ),
+    ("coulomb: 3.0", "columb: 3.0", "drives[1].friction.columb (line 25): no such field; did you mean coulomb? availa"),
     ("name: screw", "name: belt", "drives[2].name (line 27): the name 'belt' is given twice"),
     ("coupling: [[1, 0], [0.5, 1]]", "coupling: [[1, 0]]", "coupling (line 30): expected as many rows as drives, 2, "),
     ("[0.5, 1]]", "[0.5]]", "coupling[2] (line 30): expected as many columns as joints, 2, given 1"),
@@ -324,18 +284,10 @@ CHANGES = [
     ("[I2yy, I2zz]", "[I2yy]", "structure.equal[1] (line 33): should have at least 2 items, given a list of 1"),
     ("[I2yy, I2zz]", "[I2xx, I2zz]", "equal[1] (line 33): are declared equal, but the links give I2xx = 0.1, I2zz"),
     ("joints: [turn, lift]", "joints: [turn, grip]", "no joint named 'grip'; available: lift, turn"),
-    (
-        "joints: [turn, lift]",
-        "joints: [turn, turn]",
-        "structure.aggregates[1].joints (line 35): a joint is given twice",
-    ),
+    ("joints: [turn, lift]", "joints: [turn, turn]", "structure.aggregates[1].joints (line 35): a joint is given twic"),
     ("Ia1: n^2", "Ia1: n^2 + 1", "parameters.X1.Ia1 (line 37): expected a number or a product such as '-2*l2*n1^2'"),
     ("Ia1: n^2", "Ia1: k^2", "parameters.X1.Ia1 (line 37): no constant named 'k'; available: l1, n"),
-    (
-        "Ia1: n^2",
-        "Ia1: .nan",
-        "X1.Ia1 (line 37): expected a finite number or a product such as '-2*l2*n1^2', given nan",
-    ),
+    ("Ia1: n^2", "Ia1: .nan", "X1.Ia1 (line 37): expected a finite number or a product such as '-2*l2*n1^2', given na"),
     ("Ia1: n^2", "Ia1: true", "X1.Ia1 (line 37): expected a finite number or a product such as '-2*l2*n1^2', given Tr"),
     ("Ia1: n^2", "Ia7: n^2", "structure.aggregates[1].parameters.X1.Ia7 (line 37): no parameter named 'Ia7'"),
 ]
@@ -373,7 +325,7 @@ WHOLE = [
     ("name: &a [*a]\n", "f.yaml: name (line 1): anchors and aliases (&name, *name) are not supported"),
     ("<<: {name: x}\njoints: []\n", "'<<' (line 1): no such field"),
     ("? [a, b]\n: 1\n", "f.yaml: the file (line 1): a field's name must be text (line 1)"),
-    ("[" * 2000, "f.yaml: lists and mappings are nested too deeply"),
+    ("[" * 500, "f.yaml: lists and mappings are nested too deeply"),
     (MINIMAL + "drives: [{name: y}, {name: z}]\n", "f.yaml: drives (line 5): 2 drives of 1 joints need a coupling"),
     (MINIMAL + "coupling: [[1]]\n", "f.yaml: coupling (line 5): a coupling needs drives"),
     (MINIMAL + "drives: []\ncoupling: [[1]]\n", "f.yaml: coupling (line 6): expected as many rows as drives, 0"),
@@ -457,74 +409,30 @@ def test_standard_parameters() -> None:
 CONSTANTS = {"l2": 0.5, "n1": 10.0, "zero": 0.0, "big": 1e300}
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("1", 1.0),
-        ("-1", -1.0),
-        ("+2.5", 2.5),
-        (".5e1", 5.0),
-        ("2.", 2.0),
-        ("l2", 0.5),
-        ("-l2", -0.5),
-        ("l2^2", 0.25),
-        ("l2^-1", 2.0),
-        ("2*l2*n1^2", 100.0),
-        (" - 2 * l2 * n1^2 ", -100.0),
-        ("l2*l2*4", 1.0),
-        ("l2^0", 1.0),
-        ("zero^2", 0.0),
-    ],
-)
-def test_coefficient(text: str, value: float) -> None:
-    assert Coefficient.parse(text).value(CONSTANTS) == value
+COEFFICIENTS = {
+    "1": 1.0, "-1": -1.0, "+2.5": 2.5, ".5e1": 5.0, "2.": 2.0, "l2": 0.5, "-l2": -0.5, "l2^2": 0.25, "l2^-1": 2.0,
+    "2*l2*n1^2": 100.0, " - 2 * l2 * n1^2 ": -100.0, "l2*l2*4": 1.0, "l2^0": 1.0, "zero^2": 0.0,
+}  # fmt: skip
+NO_COEFFICIENTS = [
+    "", " ", "-", "*", "l2*", "*l2", "2**3", "l2**2", "l2^", "l2^x", "l2^2.5", "l2^100", "2^3", "--2", "+-2", "2*-l2",
+    "l2 n1", "l2/n1", "l2+n1", "(l2)", "2l2", "l2.x", "0x10", "1_0", "nan", "inf*", "1e999", "l²", "٣", "l2\n*n1;",
+    "__import__('os')",
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        " ",
-        "-",
-        "*",
-        "l2*",
-        "*l2",
-        "2**3",
-        "l2**2",
-        "l2^",
-        "l2^x",
-        "l2^2.5",
-        "l2^100",
-        "2^3",
-        "--2",
-        "+-2",
-        "2*-l2",
-        "l2 n1",
-        "l2/n1",
-        "l2+n1",
-        "(l2)",
-        "2l2",
-        "l2.x",
-        "0x10",
-        "1_0",
-        "nan",
-        "inf*",
-        "1e999",
-        "l²",
-        "٣",
-        "l2\n*n1;",
-        "__import__('os')",
-    ],
-)
+def test_coefficient() -> None:
+    assert {text: Coefficient.parse(text).value(CONSTANTS) for text in COEFFICIENTS} == COEFFICIENTS
+
+
+@pytest.mark.parametrize("text", NO_COEFFICIENTS)
 def test_coefficient_refuses(text: str) -> None:
     with pytest.raises(InputError):
         Coefficient.parse(text).value(CONSTANTS)
 
 
-@pytest.mark.parametrize(("text", "message"), [("k", "no constant named 'k'; available: l2, n1, zero, big")])
-def test_unknown_constant(text: str, message: str) -> None:
-    with pytest.raises(UnknownName, match=message):
-        Coefficient.parse(text).value(CONSTANTS)
+def test_unknown_constant() -> None:
+    with pytest.raises(UnknownName, match="no constant named 'k'; available: l2, n1, zero, big"):
+        Coefficient.parse("k").value(CONSTANTS)
 
 
 @pytest.mark.parametrize("text", ["zero^-1", "big^2", "big*big", "1e300*big"])

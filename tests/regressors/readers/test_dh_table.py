@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.files.robot_yaml import robot_text
+from excite.export.models.robot_yaml import robot_text
 from regressors.errors import InputError
 from regressors.readers.description import parse_description
 from regressors.readers.library import load_robot

@@ -71,11 +71,7 @@ LARGE: dict[str, tuple[str, dict[str, bytes], str]] = {
         {"h.bin": struct.pack("<ii", 10**5, 10**5)},
         r"h\.bin, a height field of 100000 x 100000",
     ),
-    "mesh": (
-        model('<mesh name="m" file="m.stl"/>'),
-        {"m.stl": b"sparse 70000000"},
-        r"it has 70 MB, more than the 67\.1",
-    ),
+    "mesh": (model('<mesh name="m" file="m.stl"/>'), {"m.stl": b"sparse 70000000"}, r"it has 70 MB, more than the 67"),
     "meshes together": (
         model("".join(f'<mesh name="m{k}" file="m{k}.obj"/>' for k in range(3))),
         {f"m{k}.obj": b"sparse 60000000" for k in range(3)},
@@ -106,11 +102,7 @@ LARGE: dict[str, tuple[str, dict[str, bytes], str]] = {
         {},
         r"with this <flexcomp> the model has 1e\+06 elements",
     ),
-    "include of itself": (
-        model(world='<include file="arm.xml"/>'),
-        {},
-        r"arm\.xml: arm\.xml includes itself",
-    ),
+    "include of itself": (model(world='<include file="arm.xml"/>'), {}, r"arm\.xml: arm\.xml includes itself"),
     "includes without end": (
         model(world='<include file="part.xml"/>' * 60),
         {"part.xml": b"<mujocoinclude>" + b" " * 6 * 10**6 + b"</mujocoinclude>"},

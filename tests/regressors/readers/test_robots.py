@@ -317,13 +317,9 @@ UR_D = (0.1807, 0.0, 0.0, 0.17415, 0.11985, 0.11655)
 UR_ALPHA = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
 UR_MASS = (7.369, 13.051, 3.989, 2.1, 1.98, 0.615)
 UR_CENTRE = (
-    (0.021, 0.0, 0.027),
-    (0.38, 0.0, 0.158),
-    (0.24, 0.0, 0.068),
-    (0.0, 0.007, 0.018),
-    (0.0, 0.007, 0.018),
+    (0.021, 0.0, 0.027), (0.38, 0.0, 0.158), (0.24, 0.0, 0.068), (0.0, 0.007, 0.018), (0.0, 0.007, 0.018),
     (0.0, 0.0, -0.026),
-)
+)  # fmt: skip
 # xx, xy, xz, yy, yz, zz about the centres of mass
 UR_INERTIA = (
     (0.0341, 0.0, -0.0043, 0.0353, 0.0001, 0.0216),
@@ -392,14 +388,9 @@ def test_ur10e_axes_are_those_of_its_urdf(q: np.ndarray) -> None:
 
 # Places of the joints as in the URDF of github.com/IFL-CAMP/iiwa_stack: xyz [m], rpy as multiples of pi / 2.
 IIWA7_ORIGINS = (
-    ((0, 0, 0.15), (0, 0, 0)),
-    ((0, 0, 0.19), (1, 0, 2)),
-    ((0, 0.21, 0), (1, 0, 2)),
-    ((0, 0, 0.19), (1, 0, 0)),
-    ((0, 0.21, 0), (-1, 2, 0)),
-    ((0, 0.0607, 0.19), (1, 0, 0)),
-    ((0, 0.081, 0.0607), (-1, 2, 0)),
-)
+    ((0, 0, 0.15), (0, 0, 0)), ((0, 0, 0.19), (1, 0, 2)), ((0, 0.21, 0), (1, 0, 2)), ((0, 0, 0.19), (1, 0, 0)),
+    ((0, 0.21, 0), (-1, 2, 0)), ((0, 0.0607, 0.19), (1, 0, 0)), ((0, 0.081, 0.0607), (-1, 2, 0)),
+)  # fmt: skip
 IIWA7_FLANGE = 0.045
 
 
@@ -473,11 +464,7 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("spec", "base", "message"),
     [
-        (
-            "kr6",
-            None,
-            "no robot 'kr6': built-in robots are iiwa7, irp6, irp6-full, panda, ur10e, and a file of that name",
-        ),
+        ("kr6", None, "no robot 'kr6': built-in robots are iiwa7, irp6, irp6-full, panda, ur10e, and a file of that n"),
         ("missing.yaml", None, "no robot 'missing.yaml': built-in robots are"),
         ("missing.urdf", "base", "no robot 'missing.urdf': built-in robots are"),
         ("../robots/irp6", None, "no robot '../robots/irp6'"),
@@ -486,11 +473,7 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
         ("folder.yaml", None, "cannot read 'folder.yaml'"),
         ("nul\0.yaml", None, "spec: expected text or a path that a file can have, given"),
         ("irp6", "base", "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none"),
-        (
-            "robot.yaml",
-            "base",
-            "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'robot.yaml' is none",
-        ),
+        ("robot.yaml", "base", "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'robot.yaml' is no"),
     ],
 )
 def test_load_robot_refuses(

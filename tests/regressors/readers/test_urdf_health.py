@@ -18,7 +18,7 @@ from regressors.readers.health import Body, inertia_findings
 from regressors.readers.joint_ranges import refuse_missing_ranges
 from regressors.readers.library import built_in, built_in_names
 from regressors.readers.urdf import parse_urdf, read_urdf
-from regressors.readers.urdf_words import edits, nearest
+from regressors.readers.urdf_elements import edits, nearest
 from regressors.robot.finding import Finding, MissingRange
 from regressors.robot.inertia import from_centre_of_mass
 from regressors.robot.locked_joints import with_locked_joints
@@ -59,17 +59,11 @@ def told(robot: Robot, *kinds: str) -> list[str]:
 # --- words -----------------------------------------------------------------------------------------------------------
 
 MISSPELT = {
-    "limits": (
-        chain('<limits lower="-1" upper="1"/>'),
-        "line 2: joint 'j': <joint> has no <limits>; did you mean <limit>?",
-    ),
+    "limits": (chain('<limits lower="-1" upper="1"/>'), "line 2: joint 'j': <joint> has no <limits>; did you mean <li"),
     "Limit": (chain('<Limit lower="-1" upper="1"/>'), "<joint> has no <Limit>; did you mean <limit>?"),
     "orgin": (chain(LIMIT + "<orgin/>"), "<joint> has no <orgin>; did you mean <origin>?"),
     "axes": (chain(LIMIT + "<axes/>"), "<joint> has no <axes>; did you mean <axis>?"),
-    "inertail": (
-        chain().replace('"b"/>', '"b"><inertail/></link>', 1),
-        "<link> has no <inertail>; did you mean <inertial>?",
-    ),
+    "inertail": (chain().replace('"b"/>', '"b"><inertail/></link>', 1), "<link> has no <inertail>; did you mean <iner"),
     "inertia": (
         document(
             f'<link name="a"><inertial><mass value="1"/>{INERTIA.replace("inertia ", "inerita ")}</inertial></link>'
@@ -78,10 +72,7 @@ MISSPELT = {
     ),
     "efort": (chain('<limit lower="-1" upper="1" efort="3"/>'), "<limit> has no 'efort'; did you mean 'effort'?"),
     "lowr": (chain('<limit lowr="-1" upper="1"/>'), "<limit> has no 'lowr'; did you mean 'lower'?"),
-    "velocty": (
-        chain('<limit lower="-1" upper="1" velocty="3"/>'),
-        "<limit> has no 'velocty'; did you mean 'velocity'?",
-    ),
+    "velocty": (chain('<limit lower="-1" upper="1" velocty="3"/>'), "<limit> has no 'velocty'; did you mean 'velocity"),
     "rpy": (chain(LIMIT + '<origin rpi="0 0 0"/>'), "<origin> has no 'rpi'; did you mean 'rpy'?"),
     "joints": (document(links("a") + "<joints/>"), "line 2: <joints>: <robot> has no <joints>; did you mean <joint>?"),
     "Link": (document(links("a") + '<Link name="b"/>'), "<robot> has no <Link>; did you mean <link>?"),
@@ -348,10 +339,7 @@ PLACEHOLDERS = {
     "slow slide": (limited("prismatic", velocity=0.0001), "a velocity limit of 0.0001 m/s"),
     "narrow": (limited(lower=-0.001, upper=0.001), "joint j: a range of 0.002 rad; it may be a placeholder"),
     "degrees": (limited(lower=-0.035, upper=0.035), "a range of 0.07 rad; it may be a placeholder, or in another unit"),
-    "weak": (
-        limited(effort=0.001),
-        "joint j: an effort limit of 0.001 Nm, but what it carries weighs on it with 29 Nm; masses may be in grams",
-    ),
+    "weak": (limited(effort=0.001), "joint j: an effort limit of 0.001 Nm, but what it carries weighs on it with 29 N"),
     "grams": (limited().replace('"10.0"', '"10000.0"'), "but what it carries weighs on it with 2.9e+04 Nm"),
 }
 
@@ -441,7 +429,6 @@ def test_built_in_robots_keep_their_hashes() -> None:
 
 EXPECTED = {  # base parameters, twelve or fourteen of them of friction, with and without right angles; default joints
     "so101": (48, 50, 5),
-    "so100": (48, 50, 5),
     "z1": (57, 57, 6),
 }
 

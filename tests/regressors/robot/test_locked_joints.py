@@ -245,7 +245,7 @@ def test_columns_left_explain_all_that_the_moving_joints_feel(moving: list[int],
 
 
 @given(kinds=st.text(alphabet="rp", min_size=2, max_size=4), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_columns_left_explain_all_whatever_the_chain_and_its_coupling(kinds: str, seed: int) -> None:
     """Axes in all directions, drives that move several joints, constant ratios."""
     rng = np.random.default_rng(seed)

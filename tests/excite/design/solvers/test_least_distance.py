@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.design.solvers.least_distance import AT_LOWER, AT_UPPER, FREE, LeastDistance, Rows
+from excite.design.solvers.limit_rows import AT_LOWER, AT_UPPER, FREE, LeastDistance, Rows
 from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)

@@ -14,13 +14,13 @@ from constraints.bounds.certificate import limit_uses
 from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import promising_motion, random_motion
-from excite.design.multistart import optimise_start
 from excite.design.problem import Problem
+from excite.design.single_start import optimise_start
 from excite.design.solvers.ipopt import Ipopt
 from excite.design.solvers.solver import Solver, SolverResult, Status
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
-from excite.information.criteria import ConditionNumber
 from excite.registry import SOLVERS, instance
+from excite.tasks.criteria import ConditionNumber
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import UnknownName

@@ -114,16 +114,6 @@ def test_every_link_of_a_group_is_a_possible_body(mass: str, kept: bool, tmp_pat
     assert (stated == mass) == kept
 
 
-def test_values_that_stay_are_not_written_again(tmp_path: Path) -> None:
-    path = tmp_path / "own.urdf"
-    path.write_text(OWN)
-    robot = excite.load_robot(str(path), snap_angles=False)
-    result = result_of(robot, tmp_path)
-    excite.export_model(result, "urdf", tmp_path / "once.urdf", robot_file=path)
-    excite.export_model(result, "urdf", tmp_path / "twice.urdf", robot_file=path)
-    assert (tmp_path / "once.urdf").read_bytes() == (tmp_path / "twice.urdf").read_bytes()
-
-
 REFUSED = (
     (OWN.replace("arm_fore", "elbow"), "it has no joint arm_fore"),
     (OWN.replace('xyz="0.4 0 0"', 'xyz="0.5 0 0"'), "joint 'arm_fore' sits elsewhere"),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +14,11 @@ from identified import result_of, true_standard
 
 import excite
 from excite.export.models.exported_model import about_centre, model_of_result, number, quaternion_of, rpy_of
-from excite.export.models.nearest_bodies import nearest_bodies, own_part
+from excite.export.models.identified_model import IdentifiedModel, ModelDrive
+from excite.export.models.nearest_bodies import NearestBodies, flat_bodies, flat_note, nearest_bodies, own_part
 from excite.identification.prediction import instantaneous_target
 from regressors.models.nominal import standard_values
+from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import (
     from_centre_of_mass,
     from_pseudo_inertia,
@@ -57,6 +61,19 @@ def test_the_described_robot_is_its_own_nearest(tmp_path: Path) -> None:
         np.testing.assert_allclose(link.theta, described.theta, atol=1e-5 * scale)
     assert model.change < 1e-10
     assert target.base.names == plain.names
+
+
+def test_bodies_that_change_torques_by_a_millionth_are_not_exact() -> None:
+    assert [NearestBodies({}, change, 0.0, {}).exact for change in (1e-12, 1e-6)] == [True, False]
+
+
+def test_a_drive_that_turns_twice_as_far_as_its_joint_counts_by_that() -> None:
+    """Torques reach the joint by the factor, and speeds the drive: friction once, damping and inertia squared."""
+    drive = ModelDrive(1, "z", np.array([0.0, -2.0]), ConstantRatio(10.0), True, 1e-3, 0.7, 0.4)
+    model: Any = SimpleNamespace(joint_drives=lambda joint: (drive,) if joint == drive.joint else ())
+    found = [getattr(IdentifiedModel, what)(model, 1) for what in ("friction", "damping", "armature")]
+    assert found == pytest.approx([2 * 0.7, 4 * 0.4, 4 * 100 * 1e-3])
+    assert IdentifiedModel.damping(model, 0) is None
 
 
 def test_zeros_and_equalities_of_the_structure_hold(tmp_path: Path) -> None:
@@ -122,3 +139,15 @@ def test_inertia_about_the_centre_reads_back() -> None:
     assert mass == 0.0
     assert not np.any(centre)
     assert not np.any(inertia)
+
+
+@pytest.mark.parametrize(
+    ("size", "flat"),
+    [((0.1, 0.2, 0.3), False), ((1.0, 1.0, 0.004), False), ((1.0, 1.0, 0.002), True), ((1.0, 0.001, 0.001), True)],
+)
+def test_flat_boxes_are_named(size: tuple[float, ...], flat: bool) -> None:
+    a, b, c = size
+    tensor = 5.0 / 12.0 * np.diag([b * b + c * c, a * a + c * c, a * a + b * b])
+    body = from_centre_of_mass(5.0, np.array([0.3, -0.1, 0.7]), tensor)
+    assert flat_bodies({"box": body}) == (("box",) if flat else ())
+    assert ("box" in "".join(flat_note({"box": body, "cube": body}))) == flat

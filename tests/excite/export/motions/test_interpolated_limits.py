@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_designs import irp6, panda, ur10e
+from designs import irp6, panda, ur10e
 from scipy.interpolate import BPoly
 
 import excite
 from constraints.bounds.interpolation import Curve, curve_pieces
-from excite.export.motions.certificate import Interpolation, certify, check_formula, deviation
+from excite.export.motions.certificate import Interpolation, certify, deviation
 from excite.export.motions.export_motion import export_motion
-from excite.export.motions.franka_csv import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
-from excite.export.motions.ros2_yaml import Ros2Yaml
+from excite.export.motions.franka import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
+from excite.export.motions.ros2 import Ros2Yaml
 from excite.export.motions.sampled_design import SampledDesign, breaks_of, sampled_design
 from excite.trajectories import Fourier, Trajectory
 from excite.trajectories.bspline import BSpline
@@ -78,7 +78,7 @@ def test_a_rate_too_low_is_refused_and_none_given_is_raised(tmp_path: Path) -> N
     class Slow(Ros2Yaml):
         default_rate = 3.0
 
-    with pytest.raises(excite.BrokenLimitError, match=r"raise `rate`"):
+    with pytest.raises(excite.errors.BrokenLimitError, match=r"raise `rate`"):
         export_motion(panda(), "ros2-yaml", tmp_path / "a.yaml", rate=3.0)
     assert not list(tmp_path.iterdir())
     written = export_motion(panda(), Slow(), tmp_path / "a.yaml")
@@ -111,16 +111,10 @@ def test_a_step_breaks_the_limits_of_lines() -> None:
     assert {use.label.split()[1] for use in broken} == {"panda_joint4"}
 
 
-@pytest.mark.parametrize("design", [irp6, ur10e, panda])
-@pytest.mark.slow
-def test_designs_within_their_limits_pass(design: object) -> None:
-    check_formula(sampled_design(design(), 50.0))  # type: ignore[operator]
-
-
 def test_a_design_that_broke_a_limit_is_refused(tmp_path: Path) -> None:
     design = irp6()
     broken = replace(design, task=design.task.changed(torque_margin=0.8))  # a reserve that it was not designed for
-    with pytest.raises(excite.BrokenLimitError, match="does not keep its limits"):
+    with pytest.raises(excite.errors.BrokenLimitError, match="does not keep its limits"):
         export_motion(broken, "npz", tmp_path / "a.npz")
     assert not list(tmp_path.iterdir())
 
@@ -129,7 +123,7 @@ def test_a_design_that_broke_a_limit_is_refused(tmp_path: Path) -> None:
 def test_a_faster_motion_than_the_robot_s_is_refused(tmp_path: Path) -> None:
     design = ur10e()
     fast = replace(design, trajectory=replace(design.trajectory, x=1.5 * design.trajectory.x))
-    with pytest.raises(excite.BrokenLimitError, match=r"(velocity|position) is"):
+    with pytest.raises(excite.errors.BrokenLimitError, match=r"(velocity|position) is"):
         export_motion(fast, "npz", tmp_path / "a.npz")
 
 
@@ -160,7 +154,9 @@ def test_libfranka_s_limits_count_differences(order: int, bound: np.ndarray, wor
         check_rates(robot, q)
 
     checked(0.999)
-    with pytest.raises(excite.BrokenLimitError, match=rf"libfranka refuses the motion: the {word} of panda_joint4"):
+    with pytest.raises(
+        excite.errors.BrokenLimitError, match=rf"libfranka refuses the motion: the {word} of panda_joint4"
+    ):
         checked(1.001)
 
 

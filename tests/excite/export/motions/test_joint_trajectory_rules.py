@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from typing import Any
 
@@ -12,28 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from excite.errors import BrokenLimitError
-from excite.export.motions.joint_trajectory import broken_rules, check_rules
-from excite.export.motions.ros2_yaml import quoted, yaml_float
+from excite.export.motions.ros2 import broken_rules, check_rules, quoted
+from regressors.readers.documents import yaml_float
 
 JOINTS = ("a", "b")
 
 
 def trajectory() -> dict[str, Any]:
     def point(sec: int, q: float, v: float) -> dict[str, Any]:
-        return {
-            "positions": [q, q],
-            "velocities": [v, v],
-            "accelerations": [0.0, 0.0],
-            "effort": [],
-            "time_from_start": {"sec": sec, "nanosec": 5},
-        }
+        rates = {"velocities": [v, v], "accelerations": [0.0, 0.0], "effort": []}
+        return {"positions": [q, q], **rates, "time_from_start": {"sec": sec, "nanosec": 5}}
 
     points = [point(0, 0.0, 0.0), point(1, 1.0, 0.5), point(2, 2.0, 0.0)]
     return {"header": {"stamp": {"sec": 0, "nanosec": 0}}, "joint_names": ["b", "a"], "points": points}
-
-
-def test_a_right_one_is_accepted() -> None:
-    assert broken_rules(trajectory(), JOINTS) == []
 
 
 def change(*place: Any, to: Any) -> Callable[[dict[str, Any]], None]:
@@ -50,25 +40,23 @@ def change(*place: Any, to: Any) -> Callable[[dict[str, Any]], None]:
     ("changed", "word"),
     [
         (change("joint_names", to=["a"]), "joint_names"),
-        (change("joint_names", to=["a", "a"]), "joint_names"),
         (change("joint_names", to=["a", "c"]), "joint_names"),
         (change("points", to=[]), "no points"),
         (change("header", "stamp", "sec", to=1), "stamp"),
-        (change("header", "stamp", "nanosec", to=1), "stamp"),
         (change("points", 2, "velocities", to=[0.0, 1.2e-7]), "last point"),
         (change("points", 1, "time_from_start", to={"sec": 0, "nanosec": 5}), "time_from_start"),
         (change("points", 2, "time_from_start", to={"sec": 1, "nanosec": 4}), "time_from_start"),
         (change("points", 0, "time_from_start", to={"sec": -1, "nanosec": 0}), "time_from_start"),
         (change("points", 1, "time_from_start", to={"sec": 0, "nanosec": 1_000_000_000}), "time_from_start"),
         (change("points", 1, "positions", to=[1.0]), "positions"),
-        (change("points", 1, "positions", to=[]), "positions"),
         (change("points", 1, "velocities", to=[]), "velocities"),
         (change("points", 1, "accelerations", to=[0.0]), "accelerations"),
         (change("points", 1, "effort", to=[0.0, 0.0]), "effort"),
     ],
 )
 def test_each_rule_is_checked(changed: Callable[[dict[str, Any]], None], word: str) -> None:
-    message = copy.deepcopy(trajectory())
+    message = trajectory()
+    assert broken_rules(message, JOINTS) == []
     changed(message)
     assert any(word in rule for rule in broken_rules(message, JOINTS))
     with pytest.raises(BrokenLimitError, match="joint_trajectory_controller refuses the motion"):

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 import scipy.io
 import yaml
-from exported_designs import irp6, panda, ur10e
+from designs import irp6, panda, ur10e
 from robot_programs import NotInGrammar, krl_program, rapid_moves, ur_program
 
 import excite
-from excite.design.stored_design import StoredDesign
-from excite.export.motions.joint_trajectory import broken_rules
+from excite.design.design import Design
+from excite.export.exported import Exported
+from excite.export.motions.ros2 import broken_rules
 from excite.logs.mapping import read_mapping
 from excite.registry import MOTION_FORMATS
 from regressors.samples import Samples
@@ -26,24 +27,15 @@ SUFFIX = {
     "ros2-yaml": ".yaml", "mcap": ".mcap", "urscript": ".script", "krl": ".src", "rapid": ".mod", "npz": ".npz",
     "mujoco": ".npz", "mat": ".mat",
 }  # fmt: skip
-SLOW = {
-    "urscript": 125.0,
-    "rtde": 125.0,
-    "rsi": 125.0,
-    "egm": 125.0,
-    "npz": 50.0,
-    "mujoco": 50.0,
-    "mat": 50.0,
-    "mcap": 50.0,
-}
+SLOW = dict.fromkeys(("urscript", "rtde", "rsi", "egm"), 125.0) | dict.fromkeys(("npz", "mujoco", "mat", "mcap"), 50.0)
 
 
-def exported(folder: Path, design: StoredDesign, form: str, **options: object) -> tuple[Path, excite.Exported]:
+def exported(folder: Path, design: Design, form: str, **options: object) -> tuple[Path, Exported]:
     path = folder / f"motion{SUFFIX.get(form, '.csv')}"
     return path, excite.export_motion(design, form, path, **options)  # type: ignore[arg-type]
 
 
-def motion(design: StoredDesign, rate: float) -> Samples:
+def motion(design: Design, rate: float) -> Samples:
     """The design's formula on a grid."""
     count = int(np.ceil(design.sequence.duration * rate - 1e-9))
     return design.sequence.at(np.arange(count + 1) / rate)[0]
@@ -55,12 +47,12 @@ def table(path: Path, header: bool = True) -> tuple[list[str], np.ndarray]:
     return names, np.loadtxt(io.StringIO("\n".join(lines)), delimiter=",")
 
 
-def design_of(form: str) -> StoredDesign:
+def design_of(form: str) -> Design:
     return panda() if form == "franka" else ur10e()
 
 
 @pytest.mark.parametrize("form", MOTION_FORMATS)
-def test_files_are_the_same_bytes_again_and_hold_the_hashes(form: str, tmp_path: Path) -> None:
+def test_files_are_the_same_bytes_again_and_the_mapping_beside_reads_a_recording(form: str, tmp_path: Path) -> None:
     design = design_of(form)
     path, first = exported(tmp_path / "a", design, form, rate=SLOW.get(form))
     _, again = exported(tmp_path / "b", design, form, rate=SLOW.get(form))
@@ -71,22 +63,42 @@ def test_files_are_the_same_bytes_again_and_hold_the_hashes(form: str, tmp_path:
     held = held if path.suffix != ".mat" else bytes(scipy.io.loadmat(path)["design_sha256"][0], "ascii")
     assert design.file_sha256 is not None
     assert design.file_sha256.encode() in held
+    beside = first.files[-1]
+    mapping = read_mapping(beside)
+    assert beside.name == f"{path.name}.mapping.yaml"
+    assert "start marker" in beside.read_text()
+    assert (mapping.design, tuple(mapping.joints or ())) == (design.file_sha256, design.robot.joint_names)
+    expected = recording(beside)
+    log = excite.read_log(beside.with_name("recording.csv"), None, mapping, robot=design.robot)
+    assert log.joints == design.robot.joint_names
+    assert np.abs(log.q - expected).max() < 1e-12
+    assert log.effort is not None
+    assert log.time[1] - log.time[0] == pytest.approx(0.004)
 
 
-@pytest.mark.parametrize("form", MOTION_FORMATS)
-def test_the_mapping_beside_names_joints_and_design(form: str, tmp_path: Path) -> None:
-    design = design_of(form)
-    _, written = exported(tmp_path, design, form, rate=SLOW.get(form))
-    mapping = read_mapping(written.files[-1])
-    assert mapping.design == design.file_sha256
-    assert tuple(mapping.joints or ()) == design.robot.joint_names
-    assert written.files[-1].name == f"{written.files[0].name}.mapping.yaml"
-    assert "start marker" in written.files[-1].read_text()
+def recording(path: Path, rows: int = 50) -> np.ndarray:
+    """A recording with the columns that a mapping names, and numbers in them; positions in rad."""
+    given = yaml.safe_load(path.read_text())
+    names = [given["time"]["column"]]
+    for section in ("position", "velocity", "effort", "current", "temperature"):
+        names += given.get(section, {}).get("columns", [])
+    scale = {"s": 1.0, "ms": 1e3, "ns": 1e9}[given["time"]["unit"]]
+    table = np.random.default_rng(0).normal(size=(rows, len(names)))
+    table[:, 0] = scale * 0.004 * np.arange(rows)
+    separator = " " if given.get("separator") == "whitespace" else ","
+    lines = [separator.join(names), *(separator.join(f"{value:.17g}" for value in row) for row in table)]
+    path.with_name("recording.csv").write_text("\n".join(lines) + "\n")
+    count = len(given["position"]["columns"])
+    unit = {"rad": 1.0, "deg": np.pi / 180}[given["position"]["unit"]]
+    return unit * table[:, 1 : 1 + count]
 
 
 def test_ros2_goal_is_read_by_pyyaml_and_accepted(tmp_path: Path) -> None:
     design = panda()
-    path, _ = exported(tmp_path, design, "ros2-yaml")
+    path, written = exported(tmp_path, design, "ros2-yaml")
+    parameters = yaml.safe_load(written.files[1].read_text())["rosbag2_recorder"]["ros__parameters"]
+    assert "/joint_states" in parameters["record"]["topics"]
+    assert parameters["storage"]["custom_data"] == [f"excite_design_sha256={design.file_sha256}"]
     trajectory = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)["trajectory"]
     assert broken_rules(trajectory, design.robot.joint_names) == []
     points = trajectory["points"]
@@ -94,18 +106,12 @@ def test_ros2_goal_is_read_by_pyyaml_and_accepted(tmp_path: Path) -> None:
     time = np.array([point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points])
     expected, _ = design.sequence.at(time)
     for field, values in (("positions", expected.q), ("velocities", expected.dq), ("accelerations", expected.ddq)):
-        written = np.array([point[field] for point in points])
-        assert np.abs(written - values).max() < 1e-5  # times in whole nanoseconds, jerks up to 1e4
+        assert (
+            np.abs(np.array([point[field] for point in points]) - values).max() < 1e-5
+        )  # times in whole nanoseconds, jerks up to 1e4
     assert not any(points[0]["velocities"] + points[0]["accelerations"])
     assert not any(points[-1]["velocities"] + points[-1]["accelerations"])
     assert trajectory["header"]["frame_id"] == f"excite_design_sha256_{design.file_sha256}"
-
-
-def test_ros2_recorder_has_parameters_of_rosbag2(tmp_path: Path) -> None:
-    _, written = exported(tmp_path, ur10e(), "ros2-yaml")
-    parameters = yaml.safe_load(written.files[1].read_text())["rosbag2_recorder"]["ros__parameters"]
-    assert "/joint_states" in parameters["record"]["topics"]
-    assert parameters["storage"]["custom_data"] == [f"excite_design_sha256={ur10e().file_sha256}"]
 
 
 def test_mcap_is_read_by_rosbags_and_by_mcap_ros2(tmp_path: Path) -> None:
@@ -213,7 +219,7 @@ def test_egm_rows_are_degrees(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("design", [irp6, panda])
 def test_arrays_are_read_by_numpy_and_scipy(design: object, tmp_path: Path) -> None:
-    stored: StoredDesign = design()  # type: ignore[operator]
+    stored: Design = design()  # type: ignore[operator]
     arrays = np.load(exported(tmp_path, stored, "npz", rate=300.0)[0], allow_pickle=False)
     matlab = scipy.io.loadmat(exported(tmp_path, stored, "mat", rate=300.0)[0])
     expected = motion(stored, 300.0)
@@ -263,36 +269,6 @@ def test_arrays_are_set_in_a_model_of_mujoco_by_joint(tmp_path: Path) -> None:
 def test_parsers_refuse_what_is_not_in_the_grammar(parse: object, text: str) -> None:
     with pytest.raises(NotInGrammar):
         parse(text)  # type: ignore[operator]
-
-
-def recording(path: Path, rows: int = 50) -> np.ndarray:
-    """A recording with the columns that a mapping names, and numbers in them; positions in rad."""
-    given = yaml.safe_load(path.read_text())
-    names = [given["time"]["column"]]
-    for section in ("position", "velocity", "effort", "current", "temperature"):
-        names += given.get(section, {}).get("columns", [])
-    scale = {"s": 1.0, "ms": 1e3, "ns": 1e9}[given["time"]["unit"]]
-    table = np.random.default_rng(0).normal(size=(rows, len(names)))
-    table[:, 0] = scale * 0.004 * np.arange(rows)
-    separator = " " if given.get("separator") == "whitespace" else ","
-    lines = [separator.join(names), *(separator.join(f"{value:.17g}" for value in row) for row in table)]
-    path.with_name("recording.csv").write_text("\n".join(lines) + "\n")
-    count = len(given["position"]["columns"])
-    unit = {"rad": 1.0, "deg": np.pi / 180}[given["position"]["unit"]]
-    return unit * table[:, 1 : 1 + count]
-
-
-@pytest.mark.parametrize("form", MOTION_FORMATS)
-def test_mappings_read_the_recording_that_they_describe(form: str, tmp_path: Path) -> None:
-    design = design_of(form)
-    _, written = exported(tmp_path, design, form, rate=SLOW.get(form))
-    mapping = read_mapping(written.files[-1])
-    expected = recording(written.files[-1])
-    log = excite.read_log(tmp_path / "recording.csv", None, mapping, robot=design.robot)
-    assert log.joints == design.robot.joint_names
-    assert np.abs(log.q - expected).max() < 1e-12
-    assert log.effort is not None
-    assert log.time[1] - log.time[0] == pytest.approx(0.004)
 
 
 @pytest.mark.parametrize("name", ["a\nEND\nb", 'q"1 --> ---', "\u00e9\U0001f916 # b: c"])

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from breakaway_ramps import RAMP, RATE, REST, away, ramps, recorded, without
+from breakaway_ramps import RAMP, RATE, REST, away, planned, ramps, recorded, without
 from played import irp6
 
 from excite.friction.fit.breakaway_tests import (
@@ -17,25 +17,18 @@ from excite.friction.fit.breakaway_tests import (
     repeated_break_aways,
 )
 from excite.friction.fit.breakaway_torque import break_aways
-from excite.friction.fit.characteristics import characteristics
-from excite.friction.fit.drive_log import Source
+from excite.friction.fit.data_set import sources_of
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.log_assignment import sources_of
-from excite.friction.fit.plan_match import PlanMatch, PlannedRamp, PlannedRuns, PlannedWindow, match_ramps
-from excite.friction.fit.points import Point, drive_log
-from excite.friction.fit.rigid_torques import described_model
+from excite.friction.fit.friction_fit import characteristics
+from excite.friction.fit.plan_match import PlanMatch, Source, match_ramps
+from excite.friction.fit.points import Point, described_model, drive_log
+from excite.friction.plan.schedule import Ramp
 from excite.logs.log import Log
 from regressors.errors import InputError
 
-STILL = dict.fromkeys(irp6().joint_names, 0.0)
 SPANS = [(REST, REST + RAMP), (2 * REST + RAMP, 2 * (REST + RAMP))]
-RAMPS = tuple(PlannedRamp(*span, rate) for span, rate in zip(SPANS, (RATE, -RATE), strict=True))
+RAMPS = tuple(Ramp("", 1, *span, rate) for span, rate in zip(SPANS, (RATE, -RATE), strict=True))
 NONE = FitSettings(gravity="none")
-
-
-def planned(drive: str, **more: object) -> PlannedRuns:
-    line = {**STILL, f"q{drive[1]}": 1.0}
-    return PlannedRuns("plan", drive, STILL, line, "none", (PlannedWindow(51.0, 52.0, -0.5, 0.5),), (), **more)
 
 
 PLAN = {drive: planned(drive, ramps=RAMPS) for drive in ("z4", "z1", "z5")}
@@ -55,9 +48,9 @@ def test_ramps_of_a_plan_are_those_of_one_drive() -> None:
     log = ramp_log()
     late = replace(log, time=log.time + 3.0, q=log.q, effort=log.effort).rows(slice(200, None))
     for one, seconds in ((log, 0.0), (late, -0.4)):
-        name, where = match_ramps(drive_log(one, irp6()), PLAN)
+        name, spans = match_ramps(drive_log(one, irp6()), PLAN)
         assert name == "z1"
-        assert where.seconds == pytest.approx(seconds, abs=0.02)
+        assert spans[0][0] == pytest.approx(SPANS[0][0] + seconds, abs=0.02)
     found = sources_of([drive_log(log, irp6())], NONE, None, PLAN)
     assert list(found) == ["z1"]
     assert [one.direction for one in broken_loose("z1", found["z1"], NONE, PLAN["z1"])] == [1, -1]

@@ -7,13 +7,12 @@ import tracemalloc
 import numpy as np
 import pytest
 from breakaway_ramps import ramps, recorded, without
-from planned_runs import fitted, log, runs
+from friction_runs import fitted, log, runs
 from played import irp6
 
 from excite.friction.fit.breakaway_torque import break_aways
-from excite.friction.fit.constant_speed_windows import WindowSearch, constant_windows
+from excite.friction.fit.constant_speed_windows import WindowSearch, constant_windows, position_noise
 from excite.friction.fit.points import drive_log
-from excite.friction.fit.recorded_stretches import position_noise
 
 
 def test_a_gap_in_motion_is_no_noise() -> None:

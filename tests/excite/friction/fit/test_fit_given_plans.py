@@ -27,7 +27,6 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path, Any]:
 def curve(plan: Any, simulation: Any) -> np.ndarray:
     fit = excite.fit_friction("irp6", simulation, plan=plan, model="coulomb-viscous")
     (found,) = fit.characteristics
-    assert found.fit is not None
     assert found.drive == "z1"
     return np.asarray(found.fit.values)
 

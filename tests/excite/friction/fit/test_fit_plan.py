@@ -6,17 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planned_runs import CURVE, LINE, RATE, fitted, log, runs
+from friction_runs import CURVE, LINE, RATE, fitted, log, runs
 from played import irp6, torques
 
 from excite.friction.fit.breakaway_tests import gravity_about
-from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.constant_speed_windows import WindowSearch
-from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow, _stretch, match_plan, windows_of_plan
-from excite.friction.fit.points import drive_log, points_of
-from excite.friction.fit.rigid_torques import described_model
+from excite.friction.fit.friction_fit import characteristics
+from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow, Source, _stretch, match_plan, windows_of_plan
+from excite.friction.fit.points import described_model, drive_log, points_of
 from excite.logs.log import Log
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -147,8 +145,8 @@ def test_gravity_near_the_pose_is_seen_in_the_windows() -> None:
     balance = gravity_about("z2", [Source(0, part, None, None, match_plan(part, runs()))])
     still = np.outer([-0.3, 0.3], line)
     below, above = torques(robot, Samples(np.arange(2.0), still, *[0 * still] * 3), 0) @ line
-    assert balance.slope == pytest.approx((above - below) / 0.6, rel=0.05)
-    assert balance.middle == pytest.approx(0.0, abs=1e-9)
+    assert balance is not None
+    assert balance(np.array([0.0, 1.0])) == pytest.approx([0.0, (above - below) / 0.6], rel=0.05, abs=1e-6)
 
 
 def test_odd_gravity_is_no_noise_of_a_mean() -> None:

@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.cli.friction_fit_command import command
 from excite.friction.fit.breakaway_torque import BreakAway, mean_break_aways
-from excite.friction.fit.characteristics import Characteristic
 from excite.friction.fit.curve_fit import CurveFit, NoCurve, chosen_fit, fit, table_of
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Conditions, Form, forms
+from excite.friction.fit.friction_fit import Characteristic
 from excite.friction.fit.points import Point
 from excite.friction.fit.remarks import alike_remarks, stiction_remarks, temperature_remarks, why_no_curve
 
@@ -105,9 +104,3 @@ def test_means_of_break_aways_are_at_the_reference_temperature(asymmetric: bool)
     assert replace(one, fit=plain).break_aways == found
     said = temperature_remarks("20 to 45 deg C", 30.0, plain, FitSettings(), found)
     assert said[1] == "mean break-away torques are from 20 to 45 deg C"
-
-
-def test_the_help_names_every_command_that_takes_curves(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        command.main(["--help-all"], prog_name="fit")
-    assert "'excite design', 'excite plan' and 'excite identify'" in capsys.readouterr().out

@@ -7,19 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.stats
-from breakaway_ramps import RAMP, RATE, REST, away, ramps, recorded
+from breakaway_ramps import RAMP, RATE, REST, away, planned, ramps, recorded
 from played import irp6
 
 from excite.friction.fit.breakaway_tests import broken_loose
-from excite.friction.fit.breakaway_torque import Balance, break_aways, mean_break_aways, rest_points
-from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.breakaway_torque import break_aways, mean_break_aways, rest_points
 from excite.friction.fit.curve_fit import chosen_fit, fit
-from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Conditions, Form, forms
-from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow
-from excite.friction.fit.points import Point, drive_log
-from excite.friction.fit.rigid_torques import described_model
+from excite.friction.fit.friction_fit import characteristics
+from excite.friction.fit.plan_match import Source
+from excite.friction.fit.points import Point, described_model, drive_log
 from excite.logs.log import Log
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -56,24 +54,22 @@ def test_a_torque_that_a_controller_raises(stiction: float, coulomb: float, cont
 
 def test_noise_does_not_make_torque_ramps_of_a_plan_those_of_a_controller() -> None:
     """Of a log by itself a few in a hundred are taken for one, and read where the torque is largest."""
-    still = dict.fromkeys(irp6().joint_names, 0.0)
-    plan = PlannedRuns("plan", "z1", still, {**still, "q1": 1.0}, "none", (PlannedWindow(1.0, 2.0, -0.5, 0.5),))
-    by_itself, planned = [], []
+    plan = planned("z1", 1.0)
+    by_itself, by_plan = [], []
     for seed in range(24):
         part = drive_log(recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=1.0, seed=seed), irp6())
         by_itself += [abs(one.torque) for one in break_aways(part, "z1", None)]
-        planned += [
+        by_plan += [
             abs(o.torque) for o in broken_loose("z1", [Source(0, part, None)], FitSettings(gravity="none"), plan)
         ]
     assert max(by_itself) > 14.7
-    assert len(planned) == 48
-    assert planned == pytest.approx([14.1] * 48, abs=0.45)
+    assert len(by_plan) == 48
+    assert by_plan == pytest.approx([14.1] * 48, abs=0.45)
 
 
 def test_ramps_alone_are_not_enough() -> None:
     ahead = recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=0.1)
-    still = dict.fromkeys(irp6().joint_names, 0.0)
-    plan = PlannedRuns("plan", "z1", still, {**still, "q1": 1.0}, "none", (PlannedWindow(1.0, 2.0, -0.5, 0.5),))
+    plan = planned("z1", 1.0)
     with pytest.raises(InputError, match="z1: the logs contain break-away tests, but no runs at constant speed"):
         characteristics(irp6(), [ahead], FitSettings(), described_model, None, {"z1": plan})
 
@@ -147,7 +143,7 @@ def test_gravity_about_a_balanced_pose_is_taken_off() -> None:
     measured = drive_log(recorded(t, z, tau - 60.0 * (z - 0.01), noise=0.1), irp6())
     plain, level = (
         [one.torque for one in break_aways(measured, "z1", None, controlled=True, balance=balance)]
-        for balance in (None, Balance(-60.0, 0.01))
+        for balance in (None, lambda z: -60.0 * (z - 0.01))
     )
     assert level == pytest.approx([14.1, -14.1], rel=0.03)
     assert np.subtract(plain, level) == pytest.approx([0.6 - 60 * 3e-3] * 2, abs=0.2)

@@ -14,11 +14,10 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import chain_model
 
-from excite.files.sampled_motion import read_motion
 from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
-from excite.friction.plan.plan_friction import friction_plan
-from excite.friction.plan.schedule import Schedule
-from excite.friction.plan.torque_ramps import torque_ramps
+from excite.friction.plan.plan_friction import plan_friction
+from excite.friction.plan.schedule import Schedule, torque_ramps
+from excite.simulation.motion_source import read_motion
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
@@ -29,12 +28,11 @@ SHORT = Schedule(percent=(50.0,), warm_up=0.0, breakaways=2, creeping=0.5, rate=
 
 @cache
 def plan() -> FrictionPlan:
-    return friction_plan(built_in("irp6"), SHORT, drives=("1", "3"))
+    return plan_friction(built_in("irp6"), SHORT, drives=("1", "3"))
 
 
 def limited(robot: Robot, torque: float) -> Robot:
     """The same with other torque limits of its drives."""
-    assert robot.transmission is not None
     limits = robot.transmission.limits
     return robot.replace(
         transmission=replace(robot.transmission, limits=replace(limits, torque=np.full_like(limits.torque, torque)))
@@ -42,7 +40,7 @@ def limited(robot: Robot, torque: float) -> Robot:
 
 
 def coordinate(robot: Robot, *drives: str, **options: object) -> CoordinatePlan:
-    return friction_plan(robot, SHORT, drives=drives, **options).coordinates[0]  # type: ignore[arg-type]
+    return plan_friction(robot, SHORT, drives=drives, **options).coordinates[0]  # type: ignore[arg-type]
 
 
 def along(robot: Robot, pose: Array, line: Array) -> float:
@@ -53,7 +51,6 @@ def along(robot: Robot, pose: Array, line: Array) -> float:
 
 def test_torque_rises_in_proportion_to_time_to_the_largest_one_and_is_zero_elsewhere() -> None:
     for c, largest in zip(plan().coordinates, (1.5 * 28.0, 1.5 * 30.0), strict=True):
-        assert c.ramps is not None
         samples, torque, segments = c.ramps.samples(c.place.pose)
         inside = np.zeros(torque.size, dtype=bool)
         for ramp in c.ramps.ramps:
@@ -71,24 +68,13 @@ def test_torque_rises_in_proportion_to_time_to_the_largest_one_and_is_zero_elsew
 
 def test_directions_alternate_with_rests_between() -> None:
     ramps = plan().coordinates[0].ramps
-    assert ramps is not None
     assert [ramp.segment for ramp in ramps.ramps] == ["z1 stiction +", "z1 stiction -"] * 2
     assert [ramp.direction for ramp in ramps.ramps] == [1, -1, 1, -1]
     ends = [0.0, *(ramp.end for ramp in ramps.ramps)]
     starts = [*(ramp.start for ramp in ramps.ramps), ramps.duration]
     np.testing.assert_allclose(np.subtract(starts, ends), 1.3, atol=1e-9)
-    (hasty,) = friction_plan(built_in("irp6"), replace(SHORT, pause=0.0), drives=("1",)).coordinates
-    assert hasty.ramps is not None
+    (hasty,) = plan_friction(built_in("irp6"), replace(SHORT, pause=0.0), drives=("1",)).coordinates
     assert hasty.ramps.ramps[1].start - hasty.ramps.ramps[0].end == pytest.approx(1.0)
-
-
-def test_the_pose_is_held() -> None:
-    c = plan().coordinates[1]
-    assert c.ramps is not None
-    samples, _, _ = c.ramps.samples(c.place.pose)
-    np.testing.assert_array_equal(samples.q, np.broadcast_to(c.place.pose, samples.q.shape))
-    assert not np.any(samples.dq)
-    assert not np.any(samples.ddq)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +89,6 @@ def test_torque_is_capped_at_half_of_the_limit(limit: float, largest: float, tol
     line = np.eye(5)[0]
     ramps, reason = torque_ramps(limited(built_in("irp6"), limit), SHORT, "z1", line, 0.0)
     assert reason == ""
-    assert ramps is not None
     assert ramps.largest == pytest.approx(largest)
     assert told in ramps.origin
 
@@ -111,7 +96,6 @@ def test_torque_is_capped_at_half_of_the_limit(limit: float, largest: float, tol
 def test_gravity_in_the_pose_takes_its_part_of_the_limit() -> None:
     robot, line = limited(built_in("irp6"), 60.0), np.eye(5)[0]
     ramps, _ = torque_ramps(robot, SHORT, "z1", line, -45.0)
-    assert ramps is not None
     assert ramps.largest == pytest.approx(15.0)
     none, reason = torque_ramps(robot, SHORT, "z1", line, 61.0)
     assert none is None
@@ -122,18 +106,16 @@ def test_gravity_in_the_pose_takes_its_part_of_the_limit() -> None:
 
 def test_a_drive_that_turns_against_its_coordinate_is_pushed_the_other_way() -> None:
     ramps, _ = torque_ramps(built_in("irp6"), SHORT, "q1", -np.eye(5)[0], 0.0)
-    assert ramps is not None
     assert [ramp.direction for ramp in ramps.ramps] == [1, -1, 1, -1]
     assert [np.sign(ramp.rate) for ramp in ramps.ramps] == [-1, 1, -1, 1]
 
 
 def test_torques_that_are_given() -> None:
     robot = built_in("ur10e")
-    one, two = friction_plan(robot, SHORT, drives=("1", "6"), torque_ramp=(20.0, 0.0)).coordinates
-    assert one.ramps is not None
+    one, two = plan_friction(robot, SHORT, drives=("1", "6"), torque_ramp=(20.0, 0.0)).coordinates
     assert (one.ramps.largest, one.ramps.drive, one.ramps.origin) == (20.0, "shoulder_pan_joint", "given")
     assert (two.ramps, two.no_ramps) == (None, "none were requested")
-    both = friction_plan(robot, SHORT, drives=("1", "6"), torque_ramp=(5.0,)).coordinates
+    both = plan_friction(robot, SHORT, drives=("1", "6"), torque_ramp=(5.0,)).coordinates
     assert [c.ramps.largest for c in both if c.ramps is not None] == [5.0, 5.0]
 
 
@@ -141,13 +123,12 @@ def test_there_are_none_where_friction_is_not_known_or_several_drives_turn() -> 
     unknown = coordinate(built_in("ur10e"), "1")
     assert unknown.ramps is None
     assert "states no friction; give `torque_ramp`" in unknown.no_ramps
-    (several,) = friction_plan(built_in("irp6"), SHORT, joints=("q3",), torque_ramp=(10.0,)).coordinates
+    (several,) = plan_friction(built_in("irp6"), SHORT, joints=("q3",), torque_ramp=(10.0,)).coordinates
     assert several.ramps is None
     assert "z3, z4 move together" in several.no_ramps
-    (alone,) = friction_plan(built_in("irp6"), SHORT, joints=("q1",)).coordinates
-    assert alone.ramps is not None
+    (alone,) = plan_friction(built_in("irp6"), SHORT, joints=("q1",)).coordinates
     assert alone.ramps.drive == "z1"
-    (never,) = friction_plan(built_in("irp6"), replace(SHORT, breakaways=0), drives=("1",)).coordinates
+    (never,) = plan_friction(built_in("irp6"), replace(SHORT, breakaways=0), drives=("1",)).coordinates
     assert never.ramps is None
 
 
@@ -156,7 +137,6 @@ def test_files_hold_the_ramps(tmp_path: Path) -> None:
     robot, content = plan().robot, json.loads((tmp_path / "plan.json").read_text())
     for c, written in zip(plan().coordinates, content["trajectories"], strict=True):
         told = written["torque_ramps"]
-        assert c.ramps is not None
         assert (told["file"], told["drive"], told["unit"]) == (f"{c.label}.stiction.csv", c.label, "Nm")
         assert told["largest"] == c.ramps.largest
         assert told["gravity"] == c.ramps.gravity
@@ -187,7 +167,7 @@ def test_files_hold_the_ramps(tmp_path: Path) -> None:
 )
 def test_torques_that_cannot_be(given: tuple[float, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        friction_plan(built_in("irp6"), SHORT, drives=("1", "3"), torque_ramp=given)
+        plan_friction(built_in("irp6"), SHORT, drives=("1", "3"), torque_ramp=given)
 
 
 def test_the_command_writes_and_clears_them(

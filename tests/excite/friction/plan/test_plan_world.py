@@ -13,10 +13,10 @@ from commands import Here
 from slow_dynamics import random_chain
 
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
-from excite.files.world_file import world_of
+from constraints.collision.world_file import world_of
 from excite.friction.plan.clearances import CollisionChecks
 from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
-from excite.friction.plan.plan_friction import friction_plan
+from excite.friction.plan.plan_friction import plan_friction
 from excite.friction.plan.runs import Pace, Runs
 from excite.friction.plan.schedule import Schedule
 from regressors.errors import InputError, UnknownName
@@ -41,7 +41,7 @@ def cell(*obstacles: Obstacle) -> World:
 
 @cache
 def among_all() -> FrictionPlan:
-    return friction_plan(built_in("irp6"), SHORT, drives=("1", "3"), world=cell(CRATE, POST, FLOOR))
+    return plan_friction(built_in("irp6"), SHORT, drives=("1", "3"), world=cell(CRATE, POST, FLOOR))
 
 
 def passed(c: CoordinatePlan, count: int) -> Array:
@@ -56,7 +56,6 @@ def test_every_run_keeps_the_distances_that_coal_measures() -> None:
     plan = among_all()
     world = plan.world
     assert plan.holds
-    assert world is not None
     for c in plan.coordinates:
         assert c.distances
         for d in c.distances:
@@ -76,21 +75,21 @@ def test_every_run_keeps_the_distances_that_coal_measures() -> None:
 def test_another_pose_is_looked_for_where_the_best_one_is_not_free() -> None:
     robot, schedule = built_in("irp6"), Schedule(percent=(5.0, 100.0), warm_up=0.0, breakaways=0, rate=100.0)
     in_the_way = Obstacle("crate", Box((0.75, 0.0, 1.25), (0.2, 0.3, 0.2)))
-    (alone,) = friction_plan(robot, schedule, drives=("2",)).coordinates
-    (about,) = friction_plan(robot, schedule, drives=("2",), world=cell(in_the_way)).coordinates
+    (alone,) = plan_friction(robot, schedule, drives=("2",)).coordinates
+    (about,) = plan_friction(robot, schedule, drives=("2",), world=cell(in_the_way)).coordinates
     assert (alone.place.gravity, about.place.gravity) == ("cancels", "cancels")
     assert alone.distances is None
     assert np.abs(about.place.pose - alone.place.pose).max() > 0.1
     assert about.place.pose[1] == pytest.approx(0.0, abs=1e-6)  # the arm stands upright still
     assert not about.too_near
     assert about.distances
-    kept = friction_plan(robot, schedule, drives=("2",), pose=alone.place.pose, world=cell(in_the_way)).coordinates[0]
+    kept = plan_friction(robot, schedule, drives=("2",), pose=alone.place.pose, world=cell(in_the_way)).coordinates[0]
     assert kept.too_near or kept.stroke < about.stroke
 
 
 def test_a_stroke_ends_where_something_comes_too_near() -> None:
     world = cell(CRATE)
-    plan = friction_plan(built_in("irp6"), SHORT, drives=("3",), pose=np.zeros(5), world=world)
+    plan = plan_friction(built_in("irp6"), SHORT, drives=("3",), pose=np.zeros(5), world=world)
     (c,) = plan.coordinates
     assert plan.holds
     assert c.place.obstacle == c.place.below == "forearm to crate"
@@ -104,7 +103,7 @@ def test_a_stroke_ends_where_something_comes_too_near() -> None:
 
 def test_a_given_pose_in_which_something_is_too_near_is_kept_and_told() -> None:
     pose = np.array([0.0, -0.3, -0.3, 0.0, 0.0])
-    plan = friction_plan(built_in("irp6"), SHORT, drives=("1",), pose=pose, world=cell(CRATE, POST))
+    plan = plan_friction(built_in("irp6"), SHORT, drives=("1",), pose=pose, world=cell(CRATE, POST))
     (c,) = plan.coordinates
     assert not plan.holds
     assert not c.broken
@@ -166,7 +165,7 @@ def test_a_position_is_timed_where_it_is_passed_first() -> None:
 def test_straight_lines_from_pose_to_pose_are_judged() -> None:
     robot = built_in("irp6").replace(home=np.array([1.5, 0.0, 0.0, 0.0, 0.0]))
     world = cell(Obstacle("wall", Box((0.5, 0.7, 1.0), (0.6, 0.05, 2.0))))
-    plan = friction_plan(robot, SHORT, drives=("5", "4"), pose=np.zeros(5), world=world)
+    plan = plan_friction(robot, SHORT, drives=("5", "4"), pose=np.zeros(5), world=world)
     assert [(p.start, p.end) for p in plan.passages] == [("home", "z5"), ("z5", "z4")]
     assert plan.passages[0].obstacle.endswith("to wall")
     assert plan.passages[1].obstacle == ""
@@ -182,7 +181,7 @@ def test_distances_are_stored(tmp_path: Path) -> None:
         assert [d["label"] for d in written["distances"]] == [d.use.label for d in c.distances]
         assert [d["at"] for d in written["distances"]] == [d.at for d in c.distances]
         assert all(d["holds"] and d["method"] == "enclosed" for d in written["distances"])
-    (alone,) = friction_plan(built_in("irp6"), SHORT, drives=("5",)).coordinates
+    (alone,) = plan_friction(built_in("irp6"), SHORT, drives=("5",)).coordinates
     assert alone.distances is None
 
 
@@ -200,7 +199,7 @@ def test_distances_are_stored(tmp_path: Path) -> None:
 )
 def test_worlds_that_do_not_fit(world: World, kind: type[InputError], message: str) -> None:
     with pytest.raises(kind, match=message):
-        friction_plan(built_in("irp6"), SHORT, drives=("2",), world=world)
+        plan_friction(built_in("irp6"), SHORT, drives=("2",), world=world)
 
 
 @pytest.mark.slow

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from excite.errors import ConicSolverError
-from excite.identification.choices import bodies
-from excite.identification.choices.block_statistics import BlockStatistics
-from excite.identification.choices.bodies import (
+from excite.identification.choices import scoring
+from excite.identification.choices.left_out import BlockStatistics, least_squares_of_products, left_out
+from excite.identification.choices.scoring import (
     DEVIATIONS,
+    best_pulled,
     choose_bodies,
     deviations_to_try,
     equivalent_rows,
     of_base_columns,
     possible_estimate_of_products,
+    pulled_least_squares,
 )
-from excite.identification.choices.left_out import least_squares_of_products, left_out
-from excite.identification.choices.scoring import best_pulled, pulled_least_squares
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.physical import Physical, physical
 from excite.identification.estimators.standard import near_described
@@ -196,20 +196,20 @@ def test_one_pull_only() -> None:
 
 
 def test_few_data_hold_bodies_possible_and_near() -> None:
-    recipe, choice, errors = choose_bodies(statistics(12, 0.5), target(), described(), Recipe(delay=0.001))
+    recipe, choice = choose_bodies(statistics(12, 0.5), target(), described(), Recipe(delay=0.001))
     assert recipe.estimator == "physical"
     assert recipe.described_within is not None
     assert recipe.delay == 0.001
     assert choice.value.startswith("physically possible, within about")
     assert len(choice.candidates) == 1 + len(DEVIATIONS)
     least_squares = next(c for c in choice.candidates if c.value == "weighted")
-    assert errors.score < least_squares.score
+    assert next(c for c in choice.candidates if c.value == choice.value).score < least_squares.score
     assert "by least squares to" in choice.reason
 
 
 def test_what_predicts_alike_is_held_least() -> None:
     """Many data of the described robot: every deviation predicts the same to a standard error or nearly so."""
-    recipe, choice, _ = choose_bodies(statistics(2000, 0.1), target(), described(), Recipe())
+    recipe, choice = choose_bodies(statistics(2000, 0.1), target(), described(), Recipe())
     assert recipe.estimator == "physical"
     scores = [c.score for c in choice.candidates]
     assert np.ptp(scores) < 1e-3
@@ -217,7 +217,7 @@ def test_what_predicts_alike_is_held_least() -> None:
 
 def test_bodies_that_are_impossible_are_not_held() -> None:
     """Least squares predicts clearly better where the torques are those of no possible body."""
-    recipe, choice, _ = choose_bodies(statistics(500, 0.02, scale=-1.0), target(), described(), Recipe())
+    recipe, choice = choose_bodies(statistics(500, 0.02, scale=-1.0), target(), described(), Recipe())
     assert (recipe.estimator, choice.value) == ("weighted", "weighted")
     assert "not held physically possible" in choice.reason
 
@@ -226,8 +226,8 @@ def test_least_squares_without_a_solution_of_the_cones(monkeypatch: pytest.Monke
     def fails(*_: object, **__: object) -> None:
         raise ConicSolverError("no solution")
 
-    monkeypatch.setattr(bodies, "possible_fit", fails)
-    recipe, choice, _ = choose_bodies(statistics(60, 0.1), target(), described(), Recipe())
+    monkeypatch.setattr(scoring, "possible_fit", fails)
+    recipe, choice = choose_bodies(statistics(60, 0.1), target(), described(), Recipe())
     assert recipe.estimator == "weighted"
     assert "the conic solver found none" in choice.reason
 

@@ -14,21 +14,21 @@ from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
 
 import excite
 from excite.errors import ConicSolverError
-from excite.files.result_json import load_result
-from excite.identification.choices import choose, pieces
+from excite.identification.choices import choose, trial
 from excite.identification.choices import choose as choices_in_turn
 from excite.identification.choices.choose import choose_settings
-from excite.identification.choices.free_settings import TERM_SETTINGS
+from excite.identification.choices.friction_terms import TERM_SETTINGS
+from excite.identification.equations import nearest
 from excite.identification.estimators.physical import Physical
 from excite.identification.identification import Identification
-from excite.identification.known_instants import nearest
 from excite.identification.recipe import Recipe
+from excite.identification.result_json import load_result
 from excite.logs.log import Log
 from excite.registry import CHOSEN
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
 from regressors.models.differential import DifferentialModel
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array
 
 SLOW = pytest.mark.slow
@@ -146,7 +146,7 @@ def test_a_delay_at_a_high_rate() -> None:
 @pytest.mark.slow
 def test_noise_of_the_motion_is_not_that_of_its_delay() -> None:
     pytest.importorskip("jax")
-    from excite.study.repetition import position_noise
+    from excite.study.repetitions import position_noise
 
     result = excite.identify("irp6", late(0.004), choose=("delay",), estimator="weighted", cutoff=20.0)
     np.testing.assert_allclose(position_noise(result), 1e-6, rtol=0.4)
@@ -210,7 +210,7 @@ def test_choices_are_written_and_read_back(tmp_path: Path) -> None:
     content = json.loads((tmp_path / "out" / "result.json").read_text())
     assert [choice["name"] for choice in content["choices"]] == ["cutoff", "delay", "presliding"]
     for written, choice in zip(content["choices"], result.choices, strict=True):
-        assert written == json.loads(json.dumps(choice.to_dict()))
+        assert (written["value"], written["reason"]) == (choice.value, choice.reason)
         assert len(written["candidates"]) >= 2
         for candidate in written["candidates"]:
             assert set(candidate) == {"value", "error", "score"}
@@ -337,13 +337,13 @@ def test_logs_that_do_not_fit_are_refused_as_without_choices() -> None:
 
 @pytest.mark.slow
 def test_very_long_logs_are_tried_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pieces, "_LONGEST", 1000)
+    monkeypatch.setattr(trial, "_LONGEST", 1000)
     tried = []
     monkeypatch.setattr(choose, "trial_of", lambda *a: tried.append(trial_of(*a)) or tried[-1])
     chosen = choose_settings(irp6(), Task("irp6"), [clean()], Recipe(), frozenset({"cutoff", "delay"}))
-    (trial,) = tried
-    assert [log.count for log in trial.logs] == 5 * [200]
-    assert [log.time[0] for log in trial.logs] == pytest.approx([0.0, 1.75, 3.5, 5.25, 7.0], abs=0.01)
+    (chosen_trial,) = tried
+    assert [log.count for log in chosen_trial.logs] == 5 * [200]
+    assert [log.time[0] for log in chosen_trial.logs] == pytest.approx([0.0, 1.75, 3.5, 5.25, 7.0], abs=0.01)
     assert chosen.recipe.delay == 0.0
 
 
@@ -359,13 +359,13 @@ def test_pieces_of_very_long_logs_span_them(count: int) -> None:
         left_out = ((1.0, 2.0),)
 
     Part.log = log
-    found = pieces.pieces_of(Part())
-    assert [piece.log.count for piece in found] == 5 * [10_000]
-    assert found[0].log.time[0] == 0.0
-    assert time[-1] - found[-1].log.time[-1] <= 0.005
-    gaps = np.diff([piece.log.time[0] for piece in found])
+    found = trial.pieces_of(Part())
+    assert [log.count for log, _ in found] == 5 * [10_000]
+    assert found[0][0].time[0] == 0.0
+    assert time[-1] - found[-1][0].time[-1] <= 0.005
+    gaps = np.diff([log.time[0] for log, _ in found])
     np.testing.assert_allclose(gaps, gaps[0])
-    assert all(piece.left_out == Part.left_out for piece in found)
+    assert all(left_out == Part.left_out for _, left_out in found)
 
 
 def test_nearest_instants() -> None:

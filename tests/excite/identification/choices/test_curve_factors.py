@@ -11,11 +11,11 @@ from played import curves, described, noisy, played, three_joints
 
 import excite
 from excite.cli.main import cli
-from excite.identification.choices.choice import Choice
+from excite.identification.choices.left_out import Choice
 from excite.identification.identification import Identification
 from excite.logs.log import Log
-from regressors.friction.curves import FrictionCurves
-from regressors.friction.multiplied import multiplied
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.uncertainty import multiplied
 
 SLOW = pytest.mark.slow
 CHOOSE = ("cutoff", "friction_scale")

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.identification.choices.cutoffs import choose_cutoff, cutoff_candidates
+from excite.identification.choices.cutoff_and_timing import choose_cutoff, cutoff_candidates
 from excite.identification.choices.left_out import LeftOut
-from excite.identification.recipe import Recipe
-from excite.signals.low_pass import edge
+from excite.logs.signals.butterworth import edge
 
 
 @given(st.floats(0.05, 1e4), st.floats(1.0, 1e4))
@@ -42,10 +41,9 @@ def scored_with(optimum: float, slope: float = 0.5):
     """Errors that grow with the distance from an optimum on the logarithmic scale; counts of what was asked."""
     asked = []
 
-    def scored(recipe: Recipe) -> LeftOut:
-        assert recipe.cutoff is not None
-        asked.append(recipe.cutoff)
-        size = np.exp(slope * abs(np.log2(recipe.cutoff / optimum)))
+    def scored(cutoff: float) -> LeftOut:
+        asked.append(cutoff)
+        size = np.exp(slope * abs(np.log2(cutoff / optimum)))
         return LeftOut(np.full((5, 1), 0.01 * size**2), 5, np.array([5.0]))
 
     return scored, asked
@@ -54,9 +52,8 @@ def scored_with(optimum: float, slope: float = 0.5):
 @pytest.mark.parametrize("optimum", [2.0, 7.0, 24.0, 90.0, 260.0])
 def test_a_planted_optimum_is_found_to_a_quarter_octave(optimum: float) -> None:
     scored, asked = scored_with(optimum)
-    recipe, choice = choose_cutoff(cutoff_candidates(40.0, 1000.0), Recipe(every=3), scored)
-    assert recipe.cutoff == choice.value
-    assert recipe.every == 3
+    cutoff, choice = choose_cutoff(cutoff_candidates(40.0, 1000.0), scored)
+    assert cutoff == choice.value
     assert abs(np.log2(choice.value / optimum)) <= 0.25 / 2 + 0.01
     assert len(asked) == len(set(asked)) == len(choice.candidates) <= 9 + 4
     assert [c.value for c in choice.candidates] == sorted(asked)
@@ -70,7 +67,7 @@ def test_a_planted_optimum_is_found_to_a_quarter_octave(optimum: float) -> None:
 def test_an_optimum_beyond_the_candidates_is_their_end(optimum: float, end: int) -> None:
     candidates = cutoff_candidates(40.0, 1000.0)
     scored, asked = scored_with(optimum)
-    _, choice = choose_cutoff(candidates, Recipe(), scored)
+    _, choice = choose_cutoff(candidates, scored)
     assert choice.value == pytest.approx(candidates[end], rel=5e-3)
     assert min(asked) >= candidates[0]
     assert max(asked) <= candidates[-1]
@@ -80,10 +77,10 @@ def test_of_equals_the_lowest_is_taken() -> None:
     """What no error tells apart passes least noise into the accelerations."""
     scored, _ = scored_with(10.0, slope=0.0)
     candidates = cutoff_candidates(40.0, 1000.0)
-    assert choose_cutoff(candidates, Recipe(), scored)[1].value == pytest.approx(candidates[0], rel=5e-3)
+    assert choose_cutoff(candidates, scored)[1].value == pytest.approx(candidates[0], rel=5e-3)
 
 
 def test_one_candidate() -> None:
     scored, asked = scored_with(10.0)
-    assert choose_cutoff([35.0], Recipe(), scored)[0].cutoff == 35.0
+    assert choose_cutoff([35.0], scored)[0] == 35.0
     assert asked == [35.0]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from played import irp6
 
-from excite.identification.choices.free_settings import TERM_SETTINGS, free_settings
+from excite.identification.choices.choose import free_settings
+from excite.identification.choices.friction_terms import TERM_SETTINGS
 from excite.identification.recipe import Recipe
 from excite.registry import CHOSEN
 from excite.tasks.model_choice import ModelChoice

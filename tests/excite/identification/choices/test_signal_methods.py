@@ -11,13 +11,13 @@ from motions import Sines
 from played import noisy, periodic, played, three_joints
 
 import excite
-from excite.files.result_json import load_result
-from excite.identification.choices.choice import Choice
+from excite.identification.choices.left_out import Choice
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
+from excite.identification.result_json import load_result
 from excite.logs.log import Log
-from excite.signals.savitzky_golay import SavitzkyGolay
-from excite.signals.smoothing_spline import SmoothingSpline
+from excite.logs.signals.savitzky_golay import SavitzkyGolay
+from excite.logs.signals.smoothing_spline import SmoothingSpline
 
 COARSE = 1e-3  # steps of the positions [rad]
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.identification.choices.time_blocks import COUNT, time_blocks
+from excite.identification.choices.left_out import time_blocks
 
 
 def test_blocks_follow_each_other_with_gaps_of_a_fifth() -> None:
@@ -65,7 +65,3 @@ def test_every_instant_is_in_a_block_or_in_a_gap(counts, number, step, start, se
         assert np.all(distance[block >= 0] >= near - 1e-9)
         if time.size > 40:
             assert np.mean(block < 0) < 0.35
-
-
-def test_five_blocks() -> None:
-    assert COUNT == 5

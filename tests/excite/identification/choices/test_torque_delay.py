@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.identification.choices.block_statistics import BlockStatistics
-from excite.identification.choices.cutoffs import choose_delay
-from excite.identification.choices.left_out import LeftOut, left_out
-from excite.identification.choices.time_blocks import time_blocks
+from excite.identification.choices.cutoff_and_timing import choose_delay
+from excite.identification.choices.left_out import BlockStatistics, LeftOut, left_out, time_blocks
 
 TIME = np.arange(0.0, 8.0, 0.008)
 RNG = np.random.default_rng(0)

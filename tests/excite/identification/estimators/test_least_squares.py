@@ -14,8 +14,7 @@ from observed import noise_of, observations_of, random_problem, robot_observatio
 from excite.identification import observations as observations_file
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.instrumental import instrumental
-from excite.identification.estimators.least_squares import least_squares
-from excite.identification.estimators.weighted import weighted
+from excite.identification.estimators.least_squares import least_squares, weighted
 from excite.identification.observations import GroupFactors, Observations, join_observations
 from excite.identification.recipe import Recipe
 from excite.registry import ESTIMATORS, instance

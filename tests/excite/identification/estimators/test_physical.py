@@ -12,12 +12,10 @@ from observed import observations_of, robot_model, robot_observations
 
 import excite
 from excite.identification.estimate import Estimate
-from excite.identification.estimators.log_cholesky import log_cholesky
-from excite.identification.estimators.physical import LEAST, UNCHANGED, physical
+from excite.identification.estimators.least_squares import weighted, weighting
+from excite.identification.estimators.physical import LEAST, UNCHANGED, log_cholesky, physical
 from excite.identification.estimators.standard import Entropic, Quadratic, StandardProblem, standard_problem
-from excite.identification.estimators.weighted import weighted
 from excite.identification.observations import Observations
-from excite.identification.weights import weighting
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.differential import DifferentialModel
@@ -145,7 +143,7 @@ def test_log_cholesky_approaches_an_optimum_on_the_boundary() -> None:
 
 def test_jacobian_of_the_log_cholesky_coordinates() -> None:
     """Against central differences, the divergence included."""
-    from excite.identification.estimators.log_cholesky import _charts, _Coordinates
+    from excite.identification.estimators.physical import _charts, _Coordinates
 
     _, _, known = robot_model("irp6")
     coordinates = _Coordinates(problem("irp6", 0.05), _charts(problem("irp6", 0.05), Entropic(known, 3.0)))
@@ -222,7 +220,7 @@ def test_a_strong_pull_ends_at_its_values_and_a_weak_one_at_the_data(metric: str
 
 def test_entropic_divergence_is_its_definition() -> None:
     """Sum of squares in log-Cholesky coordinates against the trace and the determinant."""
-    from excite.identification.estimators.log_cholesky import _charts
+    from excite.identification.estimators.physical import _charts
 
     _, _, known = robot_model("panda")
     standard = problem("panda", 1e-3)

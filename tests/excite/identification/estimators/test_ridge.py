@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from observed import observations_of, random_problem, robot_observations
 
 import excite
+from excite.identification.estimators.least_squares import weighted
 from excite.identification.estimators.ridge import Ridge, ridge
-from excite.identification.estimators.weighted import weighted
 from excite.identification.observations import Observations
 from excite.registry import ESTIMATORS, instance
 from regressors.errors import InputError, UnknownName

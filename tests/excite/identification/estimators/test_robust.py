@@ -11,8 +11,8 @@ from observed import noise_of, observations_of, random_problem
 
 from excite.identification.estimators.huber import huber
 from excite.identification.estimators.instrumental import instrumental
+from excite.identification.estimators.least_squares import weighted
 from excite.identification.estimators.total import total
-from excite.identification.estimators.weighted import weighted
 from regressors.errors import InputError
 from regressors.samples import Array
 

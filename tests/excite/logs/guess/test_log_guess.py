@@ -23,9 +23,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import excite
-from excite.logs.guess.mapping_text import mapping_text
-from excite.logs.mapping import SECONDS, LogMapping
-from excite.logs.mapping_sections import PositionSection, VelocitySection
+from excite.logs.guess.log_guess import mapping_text
+from excite.logs.mapping import SECONDS, LogMapping, PositionSection, VelocitySection
 from regressors.errors import InputError
 from regressors.readers.documents import parse_document, validate
 

@@ -8,21 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.io
-from array_files import ROWS, Matlab73, motion, write_hdf5
+from array_files import ROWS, Matlab73, motion, read_all, write_hdf5
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from excite.logs.recordings.formats import format_of
-from excite.logs.recordings.recording import Contents, Recording
 from regressors.errors import InputError
-
-
-def read_all(path: Path) -> tuple[Contents, Recording]:
-    form = format_of(path)
-    assert form is not None
-    contents = form.contents(path)
-    return contents, form.read(path, {stream.name: stream.columns for stream in contents.streams})
 
 
 def assert_motion(columns: Any, prefix: str, expected: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.io
-from array_files import Matlab73, motion, write_hdf5, write_lerobot, write_parquet
+from array_files import Matlab73, motion, read_all, write_hdf5, write_lerobot, write_parquet
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
@@ -33,7 +33,6 @@ from ros_bags import (
 )
 
 from excite.logs.recordings.formats import format_of
-from excite.logs.recordings.recording import Contents, Recording
 from regressors.errors import InputError
 from regressors.quoting import LONGEST_LINE
 
@@ -41,14 +40,6 @@ for package in ("rosbags", "h5py", "pyarrow", "mcap_ros2"):
     pytest.importorskip(package, reason=f"{package} is not installed")
 
 TOPIC = "/joint_states"
-
-
-def read_all(path: Path) -> tuple[Contents, Recording]:
-    form = format_of(path)
-    if form is None:
-        raise InputError("not a recording")
-    contents = form.contents(path)
-    return contents, form.read(path, {stream.name: stream.columns for stream in contents.streams})
 
 
 def states(types: Any = None) -> list[tuple[str, Any, int]]:

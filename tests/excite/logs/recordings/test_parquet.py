@@ -6,19 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from array_files import ROWS, motion, write_lerobot, write_parquet
-
-from excite.logs.recordings.formats import format_of
-from excite.logs.recordings.recording import Contents, Recording
+from array_files import ROWS, motion, read_all, write_lerobot, write_parquet
 
 pytest.importorskip("pyarrow", reason="pyarrow is not installed")
-
-
-def read_all(path: Path) -> tuple[Contents, Recording]:
-    form = format_of(path)
-    assert form is not None
-    contents = form.contents(path)
-    return contents, form.read(path, {stream.name: stream.columns for stream in contents.streams})
 
 
 @pytest.mark.parametrize("compression", ["none", "snappy", "zstd"])

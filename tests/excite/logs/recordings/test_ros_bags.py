@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from array_files import read_all
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
@@ -28,19 +29,12 @@ from ros_bags import (
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.logs.recordings.formats import format_of
-from excite.logs.recordings.recording import Contents, Recording
+from excite.logs.recordings.recording import Recording
 from regressors.errors import InputError
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
 
 TOPIC = "/joint_states"
-
-
-def read_all(path: Path) -> tuple[Contents, Recording]:
-    form = format_of(path)
-    assert form is not None
-    contents = form.contents(path)
-    return contents, form.read(path, {stream.name: stream.columns for stream in contents.streams})
 
 
 def assert_columns(recording: Recording, stream: str, expected: dict[str, Any]) -> None:

@@ -1,0 +1,199 @@
+"""World files: shape of a robot and obstacles as YAML, schema ``excite.world/1``."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StrictBool
+
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, Shape, Vector, World
+from constraints.collision.urdf_shapes import lowest_point, urdf_shape
+from regressors.arguments import checked
+from regressors.errors import InputError
+from regressors.readers.documents import Document, read_document, validate
+from regressors.readers.sized_numbers import Angles, Length, Point
+from regressors.readers.urdf import read_urdf
+from regressors.readers.urdf_elements import URDF, xml_kind
+from regressors.samples import Array
+
+SCHEMA = "excite.world/1"
+_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+_Two = Annotated[list[str], Field(min_length=2, max_length=2)]
+
+
+class _Capsule(BaseModel):
+    model_config = _CONFIG
+    start: Point = Field(alias="from")
+    end: Point | None = Field(default=None, alias="to")  # a sphere has one point
+    radius: Length
+
+
+class _Part(_Capsule):
+    link: str
+
+
+class _Sphere(BaseModel):
+    model_config = _CONFIG
+    centre: Point
+    radius: Length
+
+
+class _Plane(BaseModel):
+    model_config = _CONFIG
+    normal: Point
+    offset: Length = 0.0
+
+
+class _Box(BaseModel):
+    model_config = _CONFIG
+    centre: Point
+    size: Point
+    rpy: Angles = [0.0, 0.0, 0.0]
+
+
+class _Object(BaseModel):
+    model_config = _CONFIG
+    capsule: _Capsule | None = None
+    sphere: _Sphere | None = None
+    plane: _Plane | None = None
+    box: _Box | None = None
+    clearance: Length | None = None
+    mounting: StrictBool = False
+
+
+class _File(BaseModel):
+    model_config = _CONFIG
+    schema_: Literal["excite.world/1"] = Field(default="excite.world/1", alias="schema")
+    clearance: Length = 0.01
+    tolerance: Length = 0.005
+    self_collision: StrictBool = True
+    ignore: list[_Two] = []
+    robot: list[_Part] | Literal["urdf"]
+    objects: dict[str, _Object] = {}
+
+
+@checked
+def read_world(
+    path: str | Path, robot: str = "", base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
+) -> World:
+    """Read a world file.
+
+    Parameters
+    ----------
+    path : path
+    robot : str
+        URDF that supplies the robot's shape if the file has ``robot: urdf``.
+    base, tip : str, optional
+        Names of the first and last link of the chain in it.
+    snap_angles : bool
+        Take rounded right angles in it for right angles.
+
+    Raises
+    ------
+    InputError
+        Cannot be read, is malformed (with the line), or has invalid shapes.
+    """
+    return _world(read_document(path, "world file"), partial(urdf_capsules, robot, base, tip, snap_angles=snap_angles))
+
+
+def world_of(content: Mapping[str, Any], source: str = "world") -> World:
+    """The world that `World.to_dict` describes."""
+    return _world(Document(source, dict(content), {}), partial(urdf_capsules, ""))
+
+
+_Shape = tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]
+
+
+def _world(document: Document, urdf: Callable[[], _Shape]) -> World:
+    content = validate(document, _File)
+    if content.robot == "urdf":
+        with document.at("robot"):
+            parts, left_out = urdf()
+            if left_out:
+                raise InputError(f"{left_out[0][1]}; put it there, or list capsules of your own instead of 'urdf'")
+    else:
+        parts = ()
+        for k, entry in enumerate(content.robot):
+            with document.at("robot", k):
+                parts += (Part(entry.link, _capsule(entry)),)
+    obstacles = tuple(_obstacle(document, name, each) for name, each in content.objects.items())
+    ignored = tuple((pair[0], pair[1]) for pair in content.ignore)
+    try:
+        return World(parts, obstacles, content.clearance, content.self_collision, ignored, content.tolerance)
+    except InputError as error:
+        raise InputError(f"{document.source}: {error}") from error
+
+
+def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True) -> _Shape:
+    """Shape of a chain of a URDF, see `constraints.collision.urdf_shapes.urdf_shape`, and what was left out of it."""
+    named = robot.lower().endswith((".urdf", ".xml"))
+    if not named or (Path(robot).is_file() and xml_kind(robot) != URDF):
+        what_is_given = f"{robot!r} is not one" if robot else "none is given"
+        raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
+    read = read_urdf(robot, base=base, tip=tip, snap_angles=snap_angles)
+    return urdf_shape(Path(robot), read, base, snap_angles=snap_angles)
+
+
+def urdf_lowest(
+    robot: str, normal: Array, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
+) -> float | None:
+    """Height of the lowest point of a chain's base, see `lowest_point`; None if not known."""
+    # normal (3,)
+    if not robot.lower().endswith((".urdf", ".xml")) or xml_kind(robot) != URDF:
+        return None
+    read = read_urdf(robot, base=base, tip=tip, snap_angles=snap_angles)
+    return lowest_point(Path(robot), read, base, normal, snap_angles=snap_angles)
+
+
+def capsules_text(parts: Iterable[Part]) -> str:
+    """Beginning of a world file: capsules to the micrometre, radii rounded up so that they contain the same points."""
+    lines = [f"schema: {SCHEMA}", "robot:"]
+    for part in parts:
+        start, end = (", ".join(f"{x:.6f}" for x in point) for point in (part.capsule.start, part.capsule.end))
+        radius = math.ceil(part.capsule.radius * 1e6 + 1) / 1e6
+        name = json.dumps(part.link, ensure_ascii=False)
+        lines.append(f"  - {{link: {name}, from: [{start}], to: [{end}], radius: {radius:.6f}}}")
+    return "\n".join(lines) + "\n"
+
+
+def _vector(values: list[float]) -> Vector:
+    x, y, z = values
+    return x, y, z
+
+
+def _obstacle(document: Document, name: str, entry: _Object) -> Obstacle:
+    """An object with its single shape."""
+    kinds: dict[str, Callable[[Any], Shape]] = {"capsule": _capsule, "sphere": _sphere, "plane": _plane, "box": _box}
+    given = [kind for kind in kinds if getattr(entry, kind) is not None]
+    if len(given) != 1:
+        what_is_given = ", ".join(given) or "nothing"
+        raise document.error([(("objects", name), f"expected one of {', '.join(kinds)}, given {what_is_given}")])
+    with document.at("objects", name, given[0]):
+        shape = kinds[given[0]](getattr(entry, given[0]))
+    with document.at("objects", name):
+        return Obstacle(name, shape, entry.clearance, entry.mounting)
+
+
+def _capsule(entry: _Capsule) -> Capsule:
+    return Capsule(_vector(entry.start), _vector(entry.start if entry.end is None else entry.end), entry.radius)
+
+
+def _sphere(entry: _Sphere) -> Capsule:
+    return Capsule(_vector(entry.centre), _vector(entry.centre), entry.radius)
+
+
+def _plane(entry: _Plane) -> HalfSpace:
+    """Half-space from a normal of any length; the offset is the distance along it."""
+    length = math.hypot(*entry.normal)
+    if length == 0:
+        raise InputError("normal must not be zero")
+    return HalfSpace(_vector([x / length for x in entry.normal]), entry.offset)
+
+
+def _box(entry: _Box) -> Box:
+    return Box(_vector(entry.centre), _vector(entry.size), _vector(entry.rpy))

@@ -1,0 +1,137 @@
+"""Execution of ``excite robots``: the list of built-in robots, one robot, or its shape."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.text import Text
+
+from constraints.collision.world_file import capsules_text, urdf_capsules
+from constraints.linear import QUANTITIES, linear_limits
+from excite.cli.literal_console import console
+from excite.cli.messages import in_options
+from excite.cli.options import robot_file_of
+from excite.cli.streams import remark, verbosity
+from excite.cli.summary import Summary, print_table, show
+from excite.cli.task_options import chosen_of
+from excite.export.models.robot_yaml import write_robot
+from excite.information.nearly_unidentifiable import left_out_by_rounding
+from excite.information.target import left_to_right_base
+from excite.tasks.robot_of_task import installed_robot
+from excite.tasks.task import PARTS, Task
+from regressors.errors import InputError
+from regressors.models.base import Base
+from regressors.robot.robot import Link, Robot
+
+
+def print_capsules(robot: str, given: Mapping[str, Any]) -> None:
+    """Print the shape of a URDF as capsules of a world file."""
+    read = robot_file_of(given)
+    parts, left_out = urdf_capsules(robot, read["base_link"], read["tip"], snap_angles=read["snap_angles"])
+    if not parts:
+        more = f" ({len(left_out) - 1} more like it)" if len(left_out) > 1 else ""
+        raise InputError(f"{left_out[0][1]}{more}, and no other shape is left; put the meshes there")
+    for _, what in left_out:
+        remark(f"excite: note: left out: {what}")
+    if verbosity().as_json:
+        click.echo(json.dumps({"world": capsules_text(parts), "left_out": [what for _, what in left_out]}, indent=1))
+    else:
+        click.echo(capsules_text(parts), nl=False)
+
+
+def show_robot(robot: str, out: Path | None, given: Mapping[str, Any]) -> None:
+    """Print a robot, or write it."""
+    asked = {**chosen_of(PARTS["installation"], given), **chosen_of(PARTS["model"], given)}
+    task = Task(robot, **robot_file_of(given), **asked)
+    whole = installed_robot(task)
+    if out is not None:
+        write_robot(whole, out, replace=given["force"])
+        show(Summary(f"written: {out}"), lambda: {"out": str(out)}, lambda: None)
+        return
+    motion, base = left_to_right_base(whole, task)
+    if verbosity().plain:
+        _print(whole, motion.labels, base)
+        return
+    moving = ", ".join(motion.labels)
+    show(
+        Summary(f"{whole.name}: {whole.n} joints; motion of {moving} identifies {base.rank} base parameters"),
+        lambda: _content(whole, motion.labels, base),
+        lambda: _print(whole, motion.labels, base),
+    )
+
+
+def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any]:
+    return {
+        "name": whole.name,
+        "sha256": whole.sha256(),
+        "description": whole.description(),
+        "health": [
+            {"kind": note.kind, "where": note.where, "what": note.what, "advice": in_options(note.advice)}
+            for note in whole.notes
+        ],
+        "moving_joints": list(moving),
+        "base": {
+            "rank": base.rank,
+            "gap": base.gap if math.isfinite(base.gap) else None,
+            "columns": list(base.names),
+            "expressions": list(base.expressions),
+            "units": list(base.units),
+            "by_rounding": list(base.by_rounding),
+        },
+    }
+
+
+def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
+    out = console()
+    out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
+    out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", soft_wrap=True)
+    print_table("joints", ("number", "name", "kind", "link", "mass [kg]"), _bodies(whole))
+    limits = _limits(whole)
+    if limits:
+        print_table("limits", ("coordinate", *QUANTITIES), limits)
+    else:
+        out.print("no limits are known")
+    if whole.notes:
+        notes = [(note.kind, note.where, note.what, in_options(note.advice)) for note in whole.notes]
+        print_table("health of the description", ("", "where", "what", "advice"), notes)
+    clarity = f"singular value gap {base.gap:.1e}" if math.isfinite(base.gap) else "no column depends on others"
+    title = f"base parameters of {', '.join(moving)}: {base.rank} of {len(base.columns)} columns ({clarity})"
+    for line in (title, *map(in_options, left_out_by_rounding(whole, base))):
+        out.print(line, soft_wrap=True)
+    rows = zip(base.names, base.expressions, base.units, strict=True)
+    print_table(None, ("column", "combination", "unit"), rows)
+
+
+def _bodies(whole: Robot) -> list[tuple[str, ...]]:
+    """Joints with the links that they move, and branches, which move with them."""
+    rows: list[tuple[str, ...]] = [
+        (str(number), joint.name, joint.kind, link.name, _mass(link))
+        for number, (joint, link) in enumerate(zip(whole.joints, whole.links, strict=True), 1)
+    ]
+    for branch, number in zip(whole.branches, whole.body_numbers[whole.n :], strict=True):
+        terms = (f"{c:g} {name}" for c, name in zip(branch.coupling, whole.joint_names, strict=True) if c != 0.0)
+        verb = "turns" if branch.joint.kind == "revolute" else "slides"
+        kind = f"{verb} with {' + '.join(terms)}"
+        rows.append((str(number), f"on {branch.parent}", kind, branch.link.name, _mass(branch.link)))
+    return rows
+
+
+def _mass(link: Link) -> str:
+    return "unknown" if link.theta is None else f"{link.theta[0]:.4g}"
+
+
+def _limits(whole: Robot) -> list[tuple[str, ...]]:
+    """Limits of each joint and drive that has any."""
+    drives = whole.transmission.drives if whole.transmission else ()
+    names = [*(f"joint {name}" for name in whole.joint_names), *(f"drive {drive.name}" for drive in drives)]
+    limits: dict[str, dict[str, str]] = {name: {} for name in names}
+    for limit in linear_limits(whole):
+        for label, lower, upper, unit in zip(limit.labels, limit.lower, limit.upper, limit.units, strict=True):
+            shown = f"[{lower:.4g}, {upper:.4g}]" if limit.derivative == 0 else f"{upper:.4g}"
+            limits[label.removesuffix(f" {limit.quantity}")][limit.quantity] = f"{shown} {unit}"
+    return [(name, *(row.get(quantity, "-") for quantity in QUANTITIES)) for name, row in limits.items() if row]

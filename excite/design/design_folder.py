@@ -1,0 +1,218 @@
+"""The folder of a design: ``design.json``, ``trajectory.csv``, and a file per start."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.design.design import Design
+from excite.design.kept_starts import remove_starts, remove_temporary
+from excite.design.sampled_motion import motion_columns, write_motion_table
+from excite.design.start_results import write_start
+from excite.design.task_file import task_content
+from excite.information.metrics import noise_per_row
+from excite.storage.atomic import replacing, write_json, writing
+from excite.storage.codec import content_of
+from excite.storage.destination import NEXT
+from excite.storage.figure_names import figure_names
+from excite.storage.manifest import sha256_of
+from excite.storage.migrations import schema_of
+from excite.storage.result_folder import check_not_taken, replace_result, result_folder
+from excite.tasks.stored_files import EarlierInformation, InitialDesign
+from excite.tasks.task import Task
+from excite.tasks.values import NONE
+from regressors.samples import Array
+
+KIND = "design"
+SCHEMA = schema_of(KIND)
+HASHES = "sha256"  # entry by which an edited motion is found: of its coefficients, and of the files that play it
+DESIGN, TRAJECTORY, STARTS = "design.json", "trajectory.csv", "starts"
+_FIGURES, _WORLD_FIGURES = ("motion", "phase", "spectrum", "convergence"), ("clearance", "workspace")
+_REHEARSAL = re.compile(r"trajectory-[0-9.e-]+\.csv")
+
+
+def check_no_design(folder: Path, names: Collection[str], *, replace: bool = False) -> None:
+    """Raise `TakenError` where a folder holds a design, or a user's own file under one of the given names."""
+    check_not_taken(folder, DESIGN, "a design", names, replace=replace)
+
+
+def data_files(task: Task) -> list[str]:
+    """Names of a design's files beside the figures, ``design.json`` first."""
+    searched = (PRECISION, PRECISION_TABLE) if seeks_precision(task) else ()
+    return [DESIGN, TRAJECTORY, *searched, *(rehearsal_name(speed) for speed in task.output.speed)]
+
+
+def figure_files(task: Task, formats: Collection[str] = ("png",)) -> list[str]:
+    """Names of a design's figures."""
+    own = ("precision",) if seeks_precision(task) else ()
+    if task.limits.world is not None:
+        own = (*own, *_WORLD_FIGURES)
+    elif task.limits.floor != NONE:
+        own = (*own, "workspace")
+    return figure_names((*_FIGURES, *own), formats)
+
+
+def starts_folder(folder: Path) -> Path:
+    """Make the folder for the starts of a search.
+
+    Starts of a design that is to be replaced stay until the new one is complete, so that those of the new one go to a
+    hidden folder until then.
+    """
+    starts = folder / NEXT / STARTS if (folder / DESIGN).exists() else folder / STARTS
+    with writing(starts):
+        starts.mkdir(parents=True, exist_ok=True)
+        remove_temporary(starts)
+    return starts
+
+
+def save_design(design: Design, folder: str | Path, *, replace: bool = False) -> list[Path]:
+    """Write a design into a folder, which is created if it does not exist."""
+    folder = Path(folder)
+    with result_folder(folder):
+        check_no_design(folder, data_files(design.task), replace=replace)
+        write_starts(design, folder)
+        return write_design(design, folder)
+
+
+def write_starts(design: Design, folder: Path) -> None:
+    """Write the starts of a design into its folder, in place of those that are there."""
+    starts = starts_folder(folder)
+    remove_starts(starts)
+    for start in design.starts:
+        write_start(starts, start)
+
+
+def write_design(design: Design, folder: Path, figures: Collection[str] | None = None) -> list[Path]:
+    """Write a design's files, and replace an older design, all at once."""
+    searched = (PRECISION, PRECISION_TABLE) if design.precision_search is not None else ()
+    names = [*data_files(design.task), *searched]
+    older = _older_files(folder)
+    run = design.provenance.get("run")
+    run = None if run is None else str(run)
+    with replace_result(folder, KIND, run=run, older=older, folders=(STARTS,), figures=figures) as staged:
+        write_trajectory(design, staged / TRAJECTORY)
+        for speed in design.task.output.speed:
+            write_trajectory(design, staged / rehearsal_name(speed), speed)
+        if searched:
+            _write_precision(design, staged)
+        files = {file.name: sha256_of(file) for file in sorted(staged.glob("trajectory*.csv"))}
+        hashes = {"trajectory": design.coefficients_sha256, "files": files}
+        write_json(staged / DESIGN, {**design_content(design), HASHES: hashes})
+    return [folder / name for name in names]
+
+
+def _older_files(folder: Path) -> list[str]:
+    """Files of a design that was written without a manifest."""
+    if not (folder / DESIGN).exists():
+        return []
+    rehearsals = [path.name for path in folder.glob("trajectory-*.csv") if _REHEARSAL.fullmatch(path.name)]
+    return [*rehearsals, *figure_names((*_FIGURES, *_WORLD_FIGURES))]
+
+
+def rehearsal_name(speed: float) -> str:
+    """Name of the file of the same motion at a fraction of full speed, such as ``trajectory-0.1.csv``."""
+    return f"trajectory-{speed:.12g}.csv"
+
+
+_PRECISION_SCHEMA = "excite.precision/1"
+PRECISION, PRECISION_TABLE = "precision.json", "precision.csv"
+_HEAD = ("period", "runs", "robot_seconds", "largest_use")
+
+
+def seeks_precision(task: Task) -> bool:
+    """Whether a task asks for the shortest experiment that meets a precision, not for one motion at its period."""
+    return task.objective.precision is not None and task.objective.scale != "precision"
+
+
+def _precision_content(design: Design) -> dict[str, Any]:
+    """Content of ``precision.json``."""
+    search, forecast, run = design.precision_search, design.precision, design.run_information
+    assert search is not None
+    assert forecast is not None
+    assert run is not None
+    return {
+        "schema": _PRECISION_SCHEMA,
+        "asked": run.precision.to_dict(),
+        "noise": noise_per_row(design.task.objective.noise, design.target.model).tolist(),
+        "max_time": design.task.objective.max_time,
+        "period": design.task.trajectory.period,
+        **forecast.to_dict(),
+        **search.to_dict(),
+    }
+
+
+def _write_precision(design: Design, folder: Path) -> None:
+    """Write both files of a design's search for a precision."""
+    search = design.precision_search
+    assert search is not None
+    write_json(folder / PRECISION, _precision_content(design))
+    with replacing(folder / PRECISION_TABLE) as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(_HEAD)
+        writer.writerows((repr(p.period), p.runs, repr(p.robot_seconds), repr(p.use)) for p in search.front)
+
+
+def design_content(design: Design) -> dict[str, Any]:
+    """Content of ``design.json``; of a design that was loaded, with what is computed from its coefficients."""
+    design = design.stored()
+    begin, after = design.task.search.begin, design.task.objective.after
+    return {
+        "schema": SCHEMA,
+        **content_of(design)[0],
+        "task": task_content(design.task),
+        **({"begins_with": dict(begin.trajectory)} if isinstance(begin, InitialDesign) else {}),
+        **({"after": [_earlier(each) for each in after]} if after else {}),
+        "trajectory": design.series,
+        "criteria": {name: _finite(value) for name, value in design.criteria.items()},
+        "minimised_value": _finite(design.minimised_value),
+        "played": _sequence(design),
+    }
+
+
+def _sequence(design: Design) -> dict[str, Any]:
+    """Segments of trajectory.csv, approach and return with their limits, and the rehearsals."""
+    sequence = design.sequence
+    speeds = {rehearsal_name(wanted): sequence.speed(wanted) for wanted in design.task.output.speed}
+    return {
+        "rate": design.task.output.rate,
+        "duration": sequence.duration,
+        "segments": [{"name": name, "start": start, "end": end} for name, (start, end) in sequence.spans().items()],
+        "rehearsals": [
+            {"file": name, "speed": speed, "duration": sequence.duration / speed} for name, speed in speeds.items()
+        ],
+        "between_samples": [each.to_dict() for each in design.between_samples],
+        **(design.approach_and_return.to_dict() if design.approach_and_return is not None else {}),
+    }
+
+
+def _earlier(earlier: EarlierInformation) -> dict[str, Any]:
+    """Information in hand with the hash of its file, so that the task can be run again without the folder."""
+    return {
+        **vars(earlier),
+        "A": _sparse(earlier.A),
+        "factors": [_sparse(F) for F in earlier.factors],
+        "values": None if earlier.values is None else [float(x) if np.isfinite(x) else None for x in earlier.values],
+    }
+
+
+def _sparse(A: Array) -> dict[str, Any]:
+    """A matrix as its shape, and the places and values of what is not zero."""
+    rows, columns = np.nonzero(A)
+    return {"shape": list(A.shape), "rows": rows.tolist(), "columns": columns.tolist(), "values": A[A != 0.0].tolist()}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:
+    """Write the motion of a design; with approach and return, a last column ``segment`` is added."""
+    samples, segments = design.sequence.sampled(speed)
+    header, table = motion_columns(design.robot.joint_names, samples)
+    write_motion_table(path, header, table, None if design.approach_and_return is None else segments)

@@ -1,0 +1,246 @@
+"""Task files: the options of ``excite design`` as YAML, and a task's options as the plain values of ``design.json``."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, create_model
+
+from constraints.collision.geometry import World
+from constraints.collision.world_file import read_world, world_of
+from excite.registry import BUILT_IN, OwnPart, name_of, place_of
+from excite.tasks.friction_file import friction_content, friction_of_content, read_friction
+from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
+from excite.tasks.model_options import options_of_model
+from excite.tasks.objective import Belief
+from excite.tasks.option import Kind, options_of
+from excite.tasks.precision_target import PrecisionTarget
+from excite.tasks.prior_file import known_beforehand
+from excite.tasks.stored_files import TaskMotion, UnopenedFile
+from excite.tasks.task import PARTS, Task
+from excite.tasks.values import COUNTS, EXPECTED, MARGINS, MOUNTS, NONE
+from regressors.quantities import QUANTITIES
+from regressors.readers.documents import described, read_document, validate
+from regressors.readers.sized_numbers import within
+from regressors.robot.friction.curves import FrictionCurves
+
+_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+_FORMERLY = {"reflected_rotors": False}  # what files of results without these options were made with
+_FILES = ("world", "friction_curves", "payload", "task_motion", "begin")  # options that may be names of files
+_ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts
+
+
+def _several(value: object) -> object:
+    return [value] if _is(value, int | float) else value
+
+
+def _folders(value: object) -> object:
+    return [value] if isinstance(value, str) else value
+
+
+def _text(value: object) -> object:
+    return str(value) if _is(value, int) else value
+
+
+def _checked(expected: str, holds: Callable[[Any], bool]) -> Any:
+    """Type of a value that is taken as it is, where it is what is expected."""
+
+    def check(value: object) -> object:
+        if holds(value):
+            return value
+        raise ValueError(f"should be {expected}, given {described(value)}")
+
+    return Annotated[Any, AfterValidator(check)]
+
+
+def _is(value: object, kinds: Any) -> bool:
+    return isinstance(value, kinds) and not isinstance(value, bool)
+
+
+def _drives(value: object) -> object:
+    """True, false, or names or numbers of drives; one of them without brackets, all and none likewise."""
+    if isinstance(value, bool):
+        return value
+    names = [_text(name) for name in value] if isinstance(value, list) else [_text(value)]
+    if all(isinstance(name, str) for name in names):
+        return names if isinstance(value, list) else names[0]
+    raise ValueError(f"should be {EXPECTED['drives']}, given {described(value)}")
+
+
+_NUMBER = Annotated[float, Strict()]
+_NUMBERS = Annotated[list[_NUMBER], BeforeValidator(_several)]  # one number stands for all joints
+_PAIR = Annotated[list[_NUMBER], Field(min_length=2, max_length=2)]
+_SIDE = Annotated[list[_NUMBER | None], Field(min_length=2, max_length=2)]
+_THREE = Field(min_length=3, max_length=3)
+_NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
+_TYPES: Mapping[Kind, Any] = {
+    "flag": Annotated[bool, Strict()],
+    "integer": Annotated[int, Strict()],
+    "number": _NUMBER,
+    "numbers": _NUMBERS,
+    "ranges": list[_PAIR],
+    "box": Annotated[list[_SIDE], _THREE],
+    "triple": Annotated[list[_NUMBER], _THREE],
+    "pose": _NUMBERS | Literal["robot"],
+    "poses": list[_NUMBERS],
+    "names": _NAMES,
+    "name": str,
+    "text": Annotated[str, BeforeValidator(_text)],
+    # relative to the task file's folder
+    "file": _checked("the name of a file or its content", lambda value: isinstance(value, str | dict)),
+    "payload": _NUMBERS | str,
+    "mount": Annotated[list[_NUMBER], _THREE] | Literal[*MOUNTS],
+    "margin": _NUMBER | Literal[*MARGINS],
+    "count": _checked(EXPECTED["count"], lambda value: value in COUNTS or _is(value, int)),
+    "prior": Annotated[Any, AfterValidator(known_beforehand)],
+    "drives": Annotated[Any, AfterValidator(_drives)],
+    "parameters": dict[str, _NUMBER],
+    "folders": Annotated[list[str], BeforeValidator(_folders)],
+    "precision": _checked(EXPECTED["precision"], lambda value: _is(value, str | int | float | dict)),
+}
+
+
+def _type(name: str, kind: Kind) -> Any:
+    """Type of an option's value; of numbers also their range."""
+    checked = name in QUANTITIES and kind not in ("prior", "precision")
+    return Annotated[_TYPES[kind], AfterValidator(within(name))] if checked else _TYPES[kind]
+
+
+def option_types() -> dict[str, Any]:
+    """Types of the values of every option of a task file by name; limits of joints are below ``limits``."""
+    flags = dict.fromkeys(("snap_angles", "xacro"), _TYPES["flag"])
+    types: dict[str, Any] = {**dict.fromkeys(("robot", *_ENDS), str), **flags}
+    limits: dict[str, Any] = {}
+    for part in PARTS.values():
+        for field, option in options_of(part):
+            joints = part is LimitChoice and field.name in OF_JOINTS
+            (limits if joints else types)[field.name] = _type(field.name, option.kind)
+    return {**types, "limits": options_schema("Limits", limits)}
+
+
+def options_schema(name: str, types: Mapping[str, Any]) -> type[BaseModel]:
+    """Schema with options of given types, none of them required."""
+    fields: dict[str, Any] = {option: (kind | None, None) for option, kind in types.items()}
+    return create_model(name, __config__=_CONFIG, **fields)
+
+
+def beside(folder: Path, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options whose names of files are relative to the folder of the file that states them."""
+    named = {name: str(folder / options[name]) for name in _FILES[:-1] if isinstance(options.get(name), str)}
+    return {**options, **named}
+
+
+def read_task_file(path: Path) -> dict[str, Any]:
+    """Read the options of a task file, ready for `task_from_options`."""
+    options = validate(read_document(path, "task file"), options_schema("Task", option_types()))
+    return beside(path.parent, options.model_dump(exclude_none=True))
+
+
+def task_from_options(
+    options: Mapping[str, Any], *, stored: bool = False, allowed: Collection[str] = (), **own: Any
+) -> Task:
+    """Task from the plain options of a command line, of a task file or of ``design.json``."""
+    given = {name: value for name, value in options.items() if value is not None}
+    if stored:
+        given = {"torque_margin": NONE, "floor": NONE, **given}  # of files that are older than "auto"
+    given |= {name: value for name, value in (given.pop("limits", None) or {}).items() if value is not None}
+    if stored:
+        given = {**_FORMERLY, **given}
+        given = {name: _stored(name, value, allowed) for name, value in given.items()}
+        given.setdefault("snap_angles", False)  # files that do not say it were made of the angles as printed
+    given |= {name: value for name, value in own.items() if value is not None}
+    if "prior" in given:
+        given["prior"] = _prior(given["prior"])
+    if "world" in given:
+        given["world"] = _world(given)
+    if isinstance(given.get("task_motion"), Mapping):
+        given["task_motion"] = TaskMotion.from_dict(given["task_motion"])
+    if "friction_curves" in given:
+        given["friction_curves"] = _friction(given["friction_curves"])
+    return Task(**given)
+
+
+def _stored(name: str, value: Any, allowed: Collection[str]) -> Any:
+    if isinstance(value, str) and name in _FILES:
+        return UnopenedFile(name, value)
+    if isinstance(value, str) and name in BUILT_IN:
+        return stored_part(name, value, allowed)
+    if name == "after":
+        return tuple(UnopenedFile(name, each) if isinstance(each, str) else each for each in value)
+    if name == "constraints":
+        return tuple(stored_part("constraint", part, allowed) for part in value)
+    return value
+
+
+def stored_part(kind: str, name: str, allowed: Collection[str]) -> str | OwnPart:
+    """A part named in a file of results: its name if it is built in or allowed, else a part that is not imported."""
+    return OwnPart(kind, name) if ":" in name and name not in allowed else name
+
+
+def _world(options: Mapping[str, Any]) -> World | UnopenedFile:
+    """World from an object, the content of a world file, or the name of one."""
+    world = options["world"]
+    if isinstance(world, str | Path):
+        ends = (options.get(end) for end in _ENDS)
+        robot = options["robot"] if isinstance(options["robot"], str) else ""
+        return read_world(Path(world), robot, *ends, snap_angles=options.get("snap_angles", True))
+    return world if isinstance(world, World | UnopenedFile) else world_of(world)
+
+
+def _friction(curves: Any) -> FrictionCurves | UnopenedFile:
+    if isinstance(curves, str | Path):
+        return read_friction(Path(curves))
+    return curves if isinstance(curves, FrictionCurves | UnopenedFile) else friction_of_content(curves)
+
+
+def _prior(value: Any) -> float | tuple[Belief, ...]:
+    if not isinstance(value, Mapping):
+        return value  # type: ignore[no-any-return]
+    return tuple(Belief(name, float(known["value"]), float(known["deviation"])) for name, known in value.items())
+
+
+def _content(given: Any) -> Any:
+    """Content of a world or of curves; the name of what is only named."""
+    if isinstance(given, World | TaskMotion):
+        return given.to_dict()
+    if isinstance(given, FrictionCurves):
+        return friction_content(given)
+    return given if given is None or isinstance(given, tuple) else str(given)
+
+
+def _part_name(kind: str, given: Any) -> str:
+    """Name of a part; the place of a model object where the options beside it do not say what it was made with."""
+    told = kind != "model" or isinstance(given, str | OwnPart | type) or options_of_model(given) is not None
+    return name_of(given) if told else place_of(given)
+
+
+def task_content(task: Task) -> dict[str, Any]:
+    """Options of a task as plain values: the keys of a task file."""
+    options: dict[str, Any] = {}
+    for part in PARTS:
+        for field, option in options_of(PARTS[part]):
+            value = getattr(getattr(task, part), field.name)
+            if not option.late or value != field.default:
+                options[field.name] = _part_name(option.part, value) if option.part is not None else value
+    if "after" in options:
+        options["after"] = [str(each) for each in task.objective.after]
+    options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
+    options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own settings
+    if task.limits.torque_margin is None:
+        options["torque_margin"] = NONE
+    for name in _FILES:
+        if name in options:
+            options[name] = _content(options[name])
+    if isinstance(task.objective.prior, tuple):
+        known = task.objective.prior
+        options["prior"] = {belief.name: dataclasses.asdict(belief) for belief in known}
+        for entry in options["prior"].values():
+            del entry["name"]
+    if isinstance(task.objective.precision, PrecisionTarget):
+        options["precision"] = task.objective.precision.to_dict()
+    described: dict[str, Any] = {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip}
+    described |= {"snap_angles": task.snap_angles} | ({"xacro": True} if task.xacro else {})
+    return {**described, **options}

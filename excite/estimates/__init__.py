@@ -1,1 +1,0 @@
-"""Predictions of the memory and time that work takes, made before it starts; each rule is beside its work."""

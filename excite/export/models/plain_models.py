@@ -1,0 +1,142 @@
+"""Identified models as plain data: robot YAML, actuators of Isaac Lab, arrays of NumPy.
+
+Isaac Lab 2.3 documentation, ``isaaclab.actuators.ImplicitActuatorCfg``: ``joint_names_expr``, ``effort_limit_sim``,
+``velocity_limit_sim``, ``armature``, ``friction`` (static), ``dynamic_friction`` and ``viscous_friction``, each by
+joint name; from Isaac Sim 5.0 on the frictions are efforts [Nm or N], the viscous one [Nm s/rad or N s/m].
+
+Pinocchio's `Inertia` has mass, lever (the centre of mass) and rotational inertia about it; `toDynamicParameters` is
+(m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz) about the joint's frame. `Model.rotorInertia`, `rotorGearRatio`,
+`damping`, `friction` and `armature` have one entry per joint.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.export.models.exported_model import about_centre
+from excite.export.models.identified_model import BRANCHES, COUPLED, VARYING, IdentifiedModel
+from excite.export.models.model_format import ModelFormat, ModelText
+from excite.export.models.robot_yaml import robot_text
+from regressors.models.columns import COULOMB, ROTOR, VISCOUS
+from regressors.readers.documents import yaml_float
+from regressors.robot.inertia import PARAMETERS_PER_LINK
+
+
+class YamlFormat(ModelFormat):
+    """Robot YAML: bodies, drives with their coupling and gears, Coulomb and viscous friction, limits."""
+
+    name = "robot YAML"
+    suffix = ".yaml"
+    expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED, VARYING, BRANCHES})
+
+    def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.model_format.ModelFormat.text`."""
+        robot = model.robot.replace(source=f"{model.described.source}, with identified parameters")
+        return ModelText("".join(f"# {line}\n" for line in comment) + robot_text(robot))
+
+
+_NOTES = (
+    "not played: the fields are those of Isaac Lab 2.3 with Isaac Sim 5.0 or later; Isaac Lab 3.0 calls the limits "
+    "joint_effort_limit and joint_velocity_limit",
+    "stiffness and damping are gains of the controller, which an identification does not know: fill them in",
+    "the inertia of the links is not part of an actuator configuration: import the URDF or the MJCF of this result",
+)
+
+
+class IsaacFormat(ModelFormat):
+    """Fields of Isaac Lab's `ImplicitActuatorCfg` as YAML: armature, friction and limits of joints."""
+
+    name = "Isaac Lab"
+    suffix = ".yaml"
+    expresses = frozenset({ROTOR, COULOMB, VISCOUS})
+
+    def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.model_format.ModelFormat.text`."""
+        robot = model.robot
+        friction = [model.friction(k) for k in range(robot.n)]
+        columns: dict[str, list[float | None]] = {
+            "effort_limit_sim": robot.limits.torque.tolist(),
+            "velocity_limit_sim": robot.limits.velocity.tolist(),
+            "armature": [model.armature(k) for k in range(robot.n)],
+            "friction": friction,
+            "dynamic_friction": friction,
+            "viscous_friction": [model.damping(k) for k in range(robot.n)],
+        }
+        names = [json.dumps(re.escape(name), ensure_ascii=False) for name in robot.joint_names]
+        lines = [f"# {line}" for line in (*comment, *_NOTES)]
+        lines += ["actuators:", "  identified:", "    class_type: ImplicitActuatorCfg"]
+        lines += [f"    joint_names_expr: [{', '.join(names)}]", "    stiffness: null", "    damping: null"]
+        for field, values in columns.items():
+            rows = zip(names, values, strict=True)
+            known = [f"      {name}: {yaml_float(x + 0.0)}" for name, x in rows if x is not None and math.isfinite(x)]
+            lines += [f"    {field}:", *known] if known else []
+        return ModelText("\n".join([*lines, ""]), _NOTES)
+
+
+_PINOCCHIO = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # its order of the ten parameters
+_OLDEST = (1980, 1, 1, 0, 0, 0)  # of every member, so that the same model gives the same bytes
+
+
+class NpzFormat(ModelFormat):
+    """NumPy arrays, read by ``numpy.load(file, allow_pickle=False)``."""
+
+    name = "NPZ"
+    suffix = ".npz"
+    expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED})
+
+    def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.model_format.ModelFormat.text`."""
+        stream = io.BytesIO()
+        with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
+            for name, values in arrays(model, comment).items():
+                member = io.BytesIO()
+                np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
+                archive.writestr(zipfile.ZipInfo(f"{name}.npy", _OLDEST), member.getvalue())
+        return ModelText(stream.getvalue())
+
+
+def arrays(model: IdentifiedModel, comment: tuple[str, ...]) -> dict[str, Any]:
+    """Arrays of the file by their names."""
+    robot, n = model.robot, range(model.robot.n)
+    thetas = [np.full(PARAMETERS_PER_LINK, np.nan) if link.theta is None else link.theta for link in robot.links]
+    bodies = [about_centre(theta) for theta in thetas]
+    one = [drives[0] if len(drives := model.joint_drives(k)) == 1 else None for k in n]
+    return {
+        "comment": np.array(comment),
+        "robot": np.array(model.described.name),
+        "joint_names": np.array(robot.joint_names),
+        "link_names": np.array([link.name for link in robot.links]),
+        "mass": np.array([mass for mass, _, _ in bodies]),
+        "lever": np.array([centre for _, centre, _ in bodies]),
+        "inertia": np.array([inertia for _, _, inertia in bodies]),
+        "dynamic_parameters": np.array([theta[_PINOCCHIO] for theta in thetas]),
+        "placement_rotation": np.array([joint.rotation for joint in robot.joints]),
+        "placement_translation": np.array([joint.translation for joint in robot.joints]),
+        "axis": np.array([joint.axis for joint in robot.joints]),
+        "prismatic": np.array([joint.kind == "prismatic" for joint in robot.joints]),
+        "gravity": np.array(robot.gravity),
+        "rotorInertia": np.array([d.rotor_inertia or 0.0 if d is not None and d.ratio else 0.0 for d in one]),
+        "rotorGearRatio": np.array([d.ratio * d.factor if d is not None and d.ratio else 0.0 for d in one]),
+        "armature": np.array([model.armature(k) or 0.0 for k in n]),
+        "damping": np.array([model.damping(k) or 0.0 for k in n]),
+        "friction": np.array([model.friction(k) or 0.0 for k in n]),
+        "drive_names": np.array([drive.name for drive in model.drives]),
+        "coupling": np.array([drive.row for drive in model.drives]),
+        "drive_armature": np.array([drive.reflected or 0.0 for drive in model.drives]),
+        "drive_damping": np.array([drive.viscous or 0.0 for drive in model.drives]),
+        "drive_friction": np.array([drive.coulomb or 0.0 for drive in model.drives]),
+        "lower": robot.limits.lower,
+        "upper": robot.limits.upper,
+        "velocity_limit": robot.limits.velocity,
+        "effort_limit": robot.limits.torque,
+        "base_parameter_names": np.array([parameter.name for parameter in model.parameters]),
+        "base_parameters": np.array([parameter.value for parameter in model.parameters]),
+    }

@@ -1,0 +1,343 @@
+"""Errors of an estimate that are not noise, found by estimating once more, and intervals that allow for them.
+
+An estimate that changes by d where it should not has an error of about d beside the noise: ``Cov + d d'``.
+
+Near standstill friction may hold a drive: its torque is then what the rest of the drive's torque asks for, no function
+of the motion, and the filter blurs it into the rows beside. With a right model, leaving out rows of slow drives changes
+an estimate by noise alone; where friction holds, by the bias as well [Hausman 1978]. So the change counts where rows
+near standstill show that the model fails there: because they are left out, from those of drives faster than twice that
+speed; or because their residuals are larger than the others'.
+
+Noise of the positions, or the steps of encoders, passes the filter and enters the regressor, whose noise pulls
+parameters towards zero; more equations do not help. Its size is known from what was filtered out. Adding as much noise
+once more, with both signs, which cancels what is linear in it, repeats the bias [Cook, Stefanski 1994]:
+``d = (b(x + n) + b(x - n)) / 2 - b(x)``. Where h of the signal's power is noise, estimates are pulled by the factor
+``1 - h``, and by ``(1 - h) / (1 + h)`` with twice the noise, so that the bias is ``d (1 + h) / (1 - h)``. Noise is
+largest in the highest derivative, and is added there alone: at reversals, steps of an encoder do not disturb the sign
+of the velocity as white noise would.
+
+The model's friction is a few terms per drive; real friction is a curve over speed. What the curve has beside the terms
+is written as bumps, ``g_k = exp(-(dz / v_k)^2) s`` with the direction of motion s, at three speeds v_k of each drive's
+fastest. With them the equations are ``y = W beta + G c``, whose solution differs from the model's by
+``d = -(W'VW)^-1 W'VG c``. Where c is more than noise explains, the error of the estimate has about the second moments
+``d d' + (W'VW)^-1 W'VG Cov(c) G'VW (W'VW)^-1`` beside the covariance for noise [Hausman 1978, Econometrica 46, 1251],
+with the covariance of c by the residuals that the bumps leave, which are the noise's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import scipy.linalg
+import scipy.stats
+from numpy.typing import NDArray
+
+from excite.identification.covariance import METHODS, divisors, group_scale, with_covariance
+from excite.identification.equations import drive_directions, drive_rows, equations, friction_drives, kept_rows, nearest
+from excite.identification.estimate import CONFIDENCE, Estimate, allowing_for, largest_share, noted
+from excite.identification.estimator import Context, Estimator
+from excite.identification.estimators.least_squares import weighted
+from excite.identification.observations import Observations, row_stretches
+from excite.identification.preparation import PreparedLog, chosen_method
+from excite.identification.recipe import Recipe
+from excite.identification.residuals import autocorrelation, effective_samples
+from excite.identification.streamed_rows import StreamedRows
+from excite.information.target import IdentificationTarget
+from excite.logs.excitation import runs
+from excite.logs.saturation import within
+from excite.logs.signals.resampling import resample
+from regressors.errors import ExciteError, InputError
+from regressors.samples import Array, Samples
+
+_SLOW = 0.1  # of the typical speed: rows of slower drives are compared with the others
+_FASTER = 2.0  # of the speed below which rows are left out
+_INSTANTS = 100_000  # of a log, that the typical speed is found from
+_SAID = 0.5  # change over deviation that is worth a note
+
+
+def allowing_for_standstill(
+    estimate: Estimate, estimator: Estimator, observations: Observations, context: Context
+) -> Estimate:
+    """Extend the covariance of an estimate by its change without rows near standstill, where friction holds there."""
+    target, recipe = context.target, context.recipe
+    if estimate.method not in METHODS or target.model.torque_equations() is None:
+        return estimate
+    if target.model.coulomb_friction() is None:
+        return estimate
+    shown = _held(observations)
+    speed = _FASTER * recipe.standstill if recipe.standstill else _SLOW * typical_speed(target, _thinned(context))
+    fast = fast_rows(shown, context, speed)
+    if fast.all() or not (recipe.standstill or fails_near_standstill(estimate, shown, fast)):
+        return estimate
+    try:
+        before = estimate if shown is observations else estimator.estimate(shown, context)
+        other = estimator.estimate(shown.rows(np.flatnonzero(fast)), context)
+    except ExciteError:
+        return noted(
+            estimate,
+            f"rows of drives faster than {speed:.3g} rad/s (m/s) are too few to tell what friction near standstill "
+            "does",
+        )
+    # what moving drives do not show is known from rows near standstill alone
+    change = np.where(np.isfinite(other.values), other.coefficients - before.coefficients, estimate.coefficients)
+    worst, share = largest_share(estimate, change)
+    note = (
+        f"friction near standstill: without rows of drives slower than {speed:.3g} rad/s (m/s) {estimate.names[worst]} "
+        f"changes most, by {share:.2g} of its deviations; the intervals allow for that"
+    )
+    return allowing_for(estimate, change, *((note,) if share >= _SAID else ()))
+
+
+def _held(observations: Observations) -> Observations:
+    """The observations themselves; of streamed ones, stretches that stand for all."""
+    if not isinstance(observations.W, StreamedRows):
+        return observations
+    rows = [np.arange(stretch.start, stretch.stop) for stretch in row_stretches(observations)]
+    return observations.rows(np.concatenate(rows))
+
+
+def _thinned(context: Context) -> list[PreparedLog]:
+    """The logs at few instants, as far as these are."""
+    steps = [max(1, part.samples.time.size // _INSTANTS) for part in context.prepared]
+    every = (slice(None, None, step) for step in steps)
+    return [replace(p, samples=p.samples.rows(which)) for p, which in zip(context.prepared, every, strict=True)]
+
+
+def fast_rows(observations: Observations, context: Context, speed: float) -> NDArray[np.bool_]:
+    """Rows of the equations whose drives are faster than a speed, shape (m,)."""
+    fast = np.ones(observations.y.size, dtype=bool)
+    for log, part in enumerate(context.prepared):
+        rows = np.flatnonzero(observations.log == log)
+        instants, which = np.unique(nearest(part.samples.time, observations.time[rows]), return_inverse=True)
+        speeds = least_speeds(replace(part, samples=part.samples.rows(instants)), context.target)
+        fast[rows] = speeds[which, observations.equation[rows]] >= speed
+    return fast
+
+
+def fails_near_standstill(estimate: Estimate, observations: Observations, fast: NDArray[np.bool_]) -> bool:
+    """True if residuals are larger in rows near standstill than in the others, beyond what noise does in 1 % of cases.
+
+    Their mean squares in units of each group's noise are compared, with a normal distribution of variance
+    ``2 / n_slow + 2 / n_fast`` in effective rows, see `excite.identification.residuals`.
+    """  # fast (m,)
+    residual, group = estimate.residual(observations), observations.group
+    squares = (residual / group_scale(estimate)[group]) ** 2
+    share = np.ones(observations.y.size)
+    for g in np.flatnonzero(np.bincount(group)):
+        rows = group == g
+        count = int(np.count_nonzero(rows))
+        share[rows] = effective_samples(autocorrelation(residual[rows]), count) / count
+    slow, quick = (max(2.0, float(share[rows].sum())) for rows in (~fast, fast))
+    if not np.any(fast):
+        return False
+    excess = float(squares[~fast].mean() / squares[fast].mean()) - 1.0
+    return excess > float(scipy.stats.norm.ppf(CONFIDENCE)) * float(np.sqrt(2 / slow + 2 / quick))
+
+
+SPEEDS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # candidates, of the typical speed of the drives that move
+_NOTHING = 1e-12  # of a drive's torque in an equation
+
+
+def without_standstill(part: PreparedLog, target: IdentificationTarget, speed: float | None) -> PreparedLog:
+    """The log with the stretches of each equation in which a drive whose torque it contains hardly moves."""
+    if not speed:
+        return part
+    equations = target.model.torque_equations()
+    if equations is None:
+        raise InputError("`standstill` is for models of joint torques at single instants")
+    slow = least_speeds(part, target) < speed
+    labels = [name for name, _ in target.model.row_labels]
+    each = ", ".join(f"{100 * share:.2g} % of {name}" for name, share in zip(labels, slow.mean(axis=0), strict=True))
+    note = f"rows left out while a drive is slower than {speed:.3g} rad/s (m/s), where friction may hold it: {each}"
+    time = part.samples.time
+    spans = tuple(tuple((float(time[a]), float(time[b - 1])) for a, b in runs(column)) for column in slow.T)
+    return replace(part, standing=spans, notes=(*part.notes, note))
+
+
+def standstill_candidates(target: IdentificationTarget, parts: Sequence[PreparedLog]) -> tuple[float, ...]:
+    """Speeds for `without_standstill` to choose from, `SPEEDS` times the typical speed of the drives that move."""
+    if target.model.torque_equations() is None:
+        return (0.0,)
+    typical = typical_speed(target, parts)
+    return tuple(share * typical for share in SPEEDS) if typical > 0 else (0.0,)
+
+
+def typical_speed(target: IdentificationTarget, parts: Sequence[PreparedLog]) -> float:
+    """Median over the drives that move of the root mean square of their speed; 0 where none does [rad/s or m/s]."""
+    speeds = np.concatenate([part.samples.dq for part in parts]) @ drive_rows(target.robot).T
+    sizes = np.sqrt(np.mean(speeds**2, axis=0))
+    return float(np.median(sizes[sizes > 0])) if np.any(sizes > 0) else 0.0
+
+
+def least_speeds(part: PreparedLog, target: IdentificationTarget) -> Array:
+    """Least speed of the drives whose torque each equation contains, shape (N, r); infinite where there is none."""
+    equations = target.model.torque_equations()
+    assert equations is not None
+    rows = drive_rows(target.robot)
+    speed = np.abs(part.samples.dq @ rows.T)
+    acts = np.abs(rows @ equations.directions) > _NOTHING
+    return np.column_stack([np.min(speed, axis=1, where=drives, initial=np.inf) for drives in acts.T])
+
+
+SHARE = 0.01  # noise over signal of an acceleration below which parameters are pulled by less than 1e-4
+_MOST = 0.99  # of the signal's power that may be noise
+_BIAS_SAID = 0.1  # bias over deviation that is worth a note
+_NOISE_STRETCH = 2**16  # instants of a long log that its noise is determined from
+_SIGNALS = ("butterworth", "savitzky-golay", "fourier", "differences")  # linear in the positions
+
+
+@dataclass(frozen=True, eq=False)
+class MotionNoise:
+    """Noise of one log's motion, as random as the measured one, after the filter."""
+
+    what: str  # which derivative
+    # (N, n) its noise at the instants of the log's samples [rad/s^2 or rad/s, or with m]; zero in long logs where it
+    # is below `SHARE`
+    values: Array
+    share: float  # largest ratio of noise to noisy signal, over the joints
+
+
+def motion_noise(part: PreparedLog, recipe: Recipe, what: str, seed: int = 0) -> MotionNoise | None:
+    """Draw noise of the size that was filtered out of a log's positions."""
+    if recipe.average or recipe.measured_velocity or recipe.signals not in _SIGNALS:
+        return None
+    uniform = resample(part.log).log
+    method, count = chosen_method(recipe).settled(uniform.time, uniform.q), len(part.samples.time)
+    whole = recipe.signals == "fourier" or uniform.count <= _NOISE_STRETCH
+    uniform = uniform if whole else uniform.rows(_middle(uniform.count))
+    rng = np.random.default_rng(seed)
+    white = rng.normal(size=uniform.q.shape)
+    passed = method.motion(uniform.time, white)
+    if whole and passed.samples.q.shape != part.samples.q.shape:
+        return None
+    smooth = method.motion(uniform.time, uniform.q).samples.q  # not that of the part, which may be delayed
+    used = ~within(passed.samples.time, part.left_out)  # impacts and gaps are no noise
+    left = np.std((uniform.q[passed.kept] - smooth)[used], axis=0) if np.any(used) else np.zeros(white.shape[1])
+    size = left / np.maximum(np.std(white[passed.kept] - passed.samples.q, axis=0), 1e-6)
+    values = size * getattr(passed.samples, what)
+    signal = np.sqrt(np.mean(getattr(part.samples, what) ** 2, axis=0))
+    share = np.divide(np.std(values, axis=0), signal, out=np.zeros_like(signal), where=signal > 0)
+    most = float(share.max(initial=0.0))
+    if most < SHARE and not whole:
+        values = np.broadcast_to(0.0, part.samples.q.shape)
+    while len(values) < count:  # as random in every stretch
+        more = method.motion(uniform.time, rng.normal(size=white.shape))
+        values = np.concatenate([values, size * getattr(more.samples, what)])
+    return MotionNoise(what, values[:count], most)
+
+
+def _middle(count: int) -> slice:
+    first = (count - _NOISE_STRETCH) // 2
+    return slice(first, first + _NOISE_STRETCH)
+
+
+def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context: Context) -> Estimate:
+    """Extend the covariance of an estimate by the bias that noise in the motion causes, where there is any."""
+    if estimate.method not in METHODS:
+        return estimate
+    what = "ddq" if context.target.model.window is None else "dq"
+    noises = [motion_noise(part, context.recipe, what, seed) for seed, part in enumerate(context.prepared)]
+    known = [noise for noise in noises if noise is not None]
+    if len(known) < len(noises) or max(noise.share for noise in known) < SHARE:
+        return estimate
+    try:
+        bias = motion_bias(estimate, estimator, context, known)
+    except ExciteError:  # so much noise that nothing can be estimated
+        return noted(estimate, "the bias by noise in the motion could not be determined")
+    bias = np.where(np.isfinite(bias), bias, 0.0)
+    worst, deviations = largest_share(estimate, bias)
+    share = f"{100 * abs(bias[worst] / estimate.values[worst]):.2g} % or " if estimate.values[worst] else ""
+    note = (
+        f"noise in the motion biases {estimate.names[worst]} most, by about {share}{deviations:.2g} of its deviations; "
+        "the intervals allow for that. A lower `cutoff` lessens it"
+    )
+    return allowing_for(estimate, bias, *((note,) if deviations > _BIAS_SAID else ()))
+
+
+def motion_bias(estimate: Estimate, estimator: Estimator, context: Context, noises: Sequence[MotionNoise]) -> Array:
+    """Bias of an estimate by noise in the motion, shape (p,)."""
+    shifted = [_estimated_with(estimator, context, noises, sign) for sign in (1.0, -1.0)]
+    h = min(max(noise.share for noise in noises) ** 2, _MOST)
+    return np.asarray((1 + h) / (1 - h) * ((shifted[0] + shifted[1]) / 2 - estimate.coefficients))
+
+
+def _estimated_with(estimator: Estimator, context: Context, noises: Sequence[MotionNoise], sign: float) -> Array:
+    """Estimate with the noise once more, shape (p,)."""
+    parts = tuple(_shifted(part, noise, sign) for part, noise in zip(context.prepared, noises, strict=True))
+    observations = equations(context.target, parts, context.recipe)
+    observations = observations.held() if estimator.holds_rows else observations
+    return estimator.estimate(observations, replace(context, prepared=parts)).coefficients
+
+
+def _shifted(part: PreparedLog, noise: MotionNoise, sign: float) -> PreparedLog:
+    moved = {field.name: getattr(part.samples, field.name) for field in fields(Samples)}
+    moved[noise.what] = moved[noise.what] + sign * noise.values
+    return replace(part, samples=Samples(**moved))
+
+
+BUMP_SPEEDS = (0.05, 0.15, 0.45)  # of each drive's fastest
+_CHANCE = 1e-3  # of noise alone being taken for a mismatch
+_SHOWN = 1e-6  # of a bump's length that neither the model nor the other bumps explain
+
+
+def friction_mismatch(estimate: Estimate, observations: Observations, context: Context) -> Array | None:
+    """Second moments of the error that friction of other forms causes, shape (p, p)."""
+    if estimate.method not in METHODS or isinstance(observations.W, StreamedRows):
+        return None
+    model, base = context.target.model, context.target.base
+    friction = model.coulomb_friction()
+    if model.window is not None or friction is None or not np.isin(friction.columns, base.index).any():
+        return None
+    seen = np.isfinite(np.diag(estimate.covariance))
+    G = bumps(context.target, context.prepared, context.recipe)
+    G, reach = _unexplained(observations.W[:, seen], G, 1 / divisors(estimate)[observations.group])
+    shown = replace(
+        observations,
+        W=observations.matrix[:, seen],
+        names=tuple(np.array(observations.names)[seen].tolist()),
+        units=tuple(np.array(observations.units)[seen].tolist()),
+    )
+    wider = shown.beside(G, [f"bumps {k}" for k in range(1, G.shape[1] + 1)], "Nm")
+    other = with_covariance(weighted(wider), wider, context.recipe.covariance)
+    rank, c, C = G.shape[1], other.values[-G.shape[1] :], other.covariance[-G.shape[1] :, -G.shape[1] :]
+    if not rank or not np.all(np.isfinite(C)):
+        return None
+    bound = rank * scipy.stats.f.isf(_CHANCE, rank, max(other.degrees_of_freedom, 1))
+    if c @ np.linalg.solve(C, c) <= bound:
+        return None
+    moments = np.zeros_like(estimate.covariance)
+    moments[np.ix_(seen, seen)] = np.outer(reach @ c, reach @ c) + reach @ C @ reach.T
+    return moments
+
+
+def bumps(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe) -> Array:
+    """Torque of every bump of every drive in the equations, shape (m, k)."""
+    C = drive_rows(target.robot)
+    fastest = np.max([np.abs(part.samples.dq @ C.T).max(axis=0) for part in parts], axis=0)
+    return np.concatenate([_of_log(target, part, recipe, fastest) for part in parts])
+
+
+def _of_log(target: IdentificationTarget, part: PreparedLog, recipe: Recipe, fastest: Array) -> Array:
+    samples = part.samples
+    friction, speed = friction_drives(target, samples), samples.dq @ drive_rows(target.robot).T
+    direction = drive_directions(target.robot, samples, recipe.sign_width, recipe.breakaway)
+    s = np.sign(speed) if direction is None else direction
+    columns = []
+    for drive, row in dict(zip(friction.drives, friction.rows, strict=True)).items():
+        for share in BUMP_SPEEDS:
+            torque = s[:, drive] * np.exp(-((speed[:, drive] / (share * (fastest[drive] or 1.0))) ** 2))
+            columns.append(kept_rows(target, part, recipe, (torque[:, None] * row).reshape(-1, 1))[:, 0])
+    return np.column_stack(columns)
+
+
+def _unexplained(W: Array, G: Array, weight: Array) -> tuple[Array, Array]:
+    """Sums of bumps that neither the parameters nor each other explain, shape (m, k), and what each does to beta."""
+    Q, R = np.linalg.qr(W * weight[:, None])
+    size = np.linalg.norm(G * weight[:, None], axis=0)
+    G = G / np.where(size > 0, size, 1.0)
+    B = Q.T @ (G * weight[:, None])
+    _, s, V = np.linalg.svd(G * weight[:, None] - Q @ B, full_matrices=False)
+    sums = V[s > _SHOWN].T / s[s > _SHOWN]
+    return G @ sums, -np.asarray(scipy.linalg.solve_triangular(R, B @ sums))

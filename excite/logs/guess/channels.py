@@ -1,0 +1,344 @@
+"""Groups of columns of one quantity, one column for each joint, and which of them are the channels of a log."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.logs.guess.units import Clock
+from excite.logs.log import WRENCH
+from excite.logs.recordings.column_name import ColumnName, parsed_name
+from excite.logs.recordings.recording import Contents, Recording, StreamContents
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+_PREFERRED = frozenset({"actual", "measured", "meas", "state", "states", "joint", "feedback", "present"})
+_AXIS = re.compile(r"^(.*?)(force|torque|f|t|m)[^a-z0-9]?([xyz])$", re.IGNORECASE)
+_UNIT_BEHIND = re.compile(r"\s*[\[(][^\])]*[\])]\s*$")
+
+
+@dataclass(frozen=True)
+class ChannelGroup:
+    """Columns of one quantity."""
+
+    # ``position``, ``velocity``, ``effort``, ``current``, ``temperature``, ``wrench``; empty where nothing says it
+    quantity: str
+    stream: str
+    columns: Mapping[str, str]  # by joint, whose numbers or names are as the file has them
+    unit: str = ""  # empty where nothing states it
+    why: str = ""  # definition that says so; empty where it is by name
+    common: tuple[str, ...] = ()  # words that all names share beside quantity and joint
+    measured: bool = True
+    how: str = "by their names"  # it was found, the end of a sentence
+    guessed: bool = False  # whether the columns themselves are to be asked for
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints, in the order of their columns."""
+        return tuple(self.columns)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the columns."""
+        return list(self.columns.values())
+
+    @property
+    def span(self) -> str:
+        """First and last column, in words."""
+        first, last = self.names[0], self.names[-1]
+        number = first.isdigit()
+        if len(self.columns) == 1:
+            return f"{'column ' * number}{first}"
+        return (
+            f"{'columns ' * number}{first} ... {last}" if number else f"{first} ... {'column ' * last.isdigit()}{last}"
+        )
+
+    @property
+    def rank(self) -> tuple[bool, int, int]:
+        """By which the likeliest of several is chosen: defined, named as measured, with most joints."""
+        return bool(self.why), len(_PREFERRED.intersection(self.common)), len(self.columns)
+
+    def of(self, joints: Sequence[str]) -> ChannelGroup:
+        """The same, of some joints in an order."""
+        return replace(self, columns={joint: self.columns[joint] for joint in joints})
+
+
+def channel_groups(contents: Contents) -> list[ChannelGroup]:
+    """All groups of columns of a recording, by definitions and by names."""
+    return [group for stream in contents.streams for find in (_defined, _wrenches, _named) for group in find(stream)]
+
+
+def _defined(stream: StreamContents) -> Iterator[ChannelGroup]:
+    there: dict[tuple[str, str, str], dict[str, str]] = {}
+    for column in stream.columns:
+        if (meaning := stream.meanings.get(column)) is not None:
+            there.setdefault((meaning.quantity, meaning.unit, meaning.why), {})[meaning.of] = column
+    for (quantity, unit, why), columns in there.items():
+        group = ChannelGroup(quantity, stream.name, columns, unit, why)
+        if quantity != "wrench":
+            yield group
+        elif set(WRENCH) <= set(columns):
+            yield group.of(WRENCH)
+
+
+def _wrenches(stream: StreamContents) -> Iterator[ChannelGroup]:
+    """Six columns such as ``ft/force/x`` or ``fx``."""
+    there: dict[tuple[str, bool], dict[str, str]] = {}
+    for column in stream.columns:
+        title = re.sub(r"\s*[\[(].*$", "", stream.title(column))
+        if column not in stream.meanings and (match := _AXIS.match(title)):
+            side = "force" if match[2].lower() in ("force", "f") else "torque"
+            there.setdefault((match[1].lower(), len(match[2]) > 1), {})[f"{side}.{match[3].lower()}"] = column
+    for columns in there.values():
+        if set(WRENCH) <= set(columns):
+            yield ChannelGroup("wrench", stream.name, columns).of(WRENCH)
+
+
+def _named(stream: StreamContents) -> Iterator[ChannelGroup]:
+    parsed = {
+        column: parsed_name(stream.title(column), stream.units.get(column, ""))
+        for column in stream.columns
+        if column not in stream.meanings and column not in stream.clocks and stream.title(column)
+    }
+    for quantity in ("position", "velocity", "effort", "current", "temperature", ""):
+        for measured in (True, False):
+            some = {c: p for c, p in parsed.items() if p.quantity == quantity and p.measured == measured}
+            for common, unit, columns in _by_joint(stream, quantity, some):
+                yield ChannelGroup(quantity, stream.name, columns, unit, "", common, measured)
+
+
+def _by_joint(
+    stream: StreamContents, quantity: str, parsed: Mapping[str, ColumnName]
+) -> Iterator[tuple[tuple[str, ...], str, dict[str, str]]]:
+    """Columns whose names differ by a number, else by the name of a joint, with their common words and their unit."""
+    numbered: dict[tuple[tuple[str, ...], str], dict[str, str]] = {}
+    for column, name in parsed.items():
+        if digits := [k for k, word in enumerate(name.label) if word.isdigit()]:
+            k = digits[-1]
+            template = (*name.label[:k], "#", *name.label[k + 1 :])
+            numbered.setdefault((template, name.unit), {}).setdefault(name.label[k], column)
+    several = {key: columns for key, columns in numbered.items() if len(columns) > 1}
+    if sum(map(len, several.values())) == len(parsed) or not quantity:
+        for (template, unit), columns in several.items():
+            yield template, unit, {joint: columns[joint] for joint in sorted(columns, key=int)}
+        return
+    by_place: dict[tuple[str, str], dict[str, str]] = {}
+    for column, name in parsed.items():
+        place, joint = _joint_name(stream.title(column), name)
+        by_place.setdefault((place, name.unit), {}).setdefault(joint, column)
+    for (place, unit), columns in by_place.items():
+        yield tuple(part for part in re.split(r"[^a-z]+", place.lower()) if part), unit, columns
+
+
+def _joint_name(title: str, parsed: ColumnName) -> tuple[str, str]:
+    """Where a column is, and the name of its joint, of a name such as ``/topic/shoulder/position`` or ``elbow.pos``."""
+    parts = [part for part in re.split(r"[/.]", _UNIT_BEHIND.sub("", title)) if part]
+    of_quantity = [k for k, part in enumerate(parts) if parsed_name(part).quantity == parsed.quantity]
+    k = of_quantity[-1] if of_quantity else len(parts) - 1
+    if not parsed_name(parts[k]).label and len(parts) > 1:  # the quantity alone: the joint stands before or behind it
+        joint = k - 1 if k else 1
+        return "/".join(part for n, part in enumerate(parts) if n not in (k, joint)), parts[joint]
+    return "/".join(parts[:k]), "_".join(parsed_name(parts[k]).label) or "joint"
+
+
+def numbered_groups(
+    contents: Contents, recording: Recording, clocks: Mapping[str, Clock], joints: int | None
+) -> list[ChannelGroup]:
+    """Positions and velocities of each stream by their agreement, and blocks of as many columns beside them."""
+    groups: list[ChannelGroup] = []
+    for stream in contents.streams:
+        if (clock := clocks.get(stream.name)) is not None and stream.name in recording.streams:
+            columns = recording.streams[stream.name].columns
+            names = [name for name in stream.columns if name in columns]
+            values = np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
+            groups += _of_numbers(stream.name, names, values, names.index(clock.column), joints)
+    return groups
+
+
+def _of_numbers(stream: str, names: list[str], values: Array, clock: int, joints: int | None) -> Iterator[ChannelGroup]:
+    whole = values[np.isfinite(values).all(axis=1)]
+    found = motion_columns(whole[:, clock], whole, clock) if whole.shape[0] >= 100 else None
+    if found is None:
+        return
+    positions, offset, seen = found
+    n = min(joints or len(positions), len(positions))
+
+    def group(quantity: str, places: Iterable[int], how: str, guessed: bool = False) -> ChannelGroup:
+        columns = {f"{k}": names[place] for k, place in enumerate(places, 1)}
+        return ChannelGroup(quantity, stream, columns, common=("#",), how=how, guessed=guessed)
+
+    shown = "" if seen >= n else f", as {seen} of them show{'s' * (seen == 1)} that moved"
+    yield group("position", positions[:n], f"since other columns are their rate of change{shown}", seen < n)
+    yield group("velocity", [k + offset for k in positions[:n]], "since they are their rate of change")
+    free = [k for k in range(len(names)) if k > max(positions) + offset and k != clock]
+    for first in range(0, len(free) - n + 1, n):
+        yield group("", free[first : first + n], "by their place")
+
+
+_ALIKE = 0.95  # correlation
+_MOST_ROWS = 20_000
+_WIDTH = 10  # rows over which a rate of change is taken
+
+
+def motion_columns(time: Array, values: Array, clock: int) -> tuple[tuple[int, ...], int, int] | None:
+    """Columns of positions, how far behind them their velocities are, and how many of them the motion shows.
+
+    None if no column is the rate of change of another.
+    """
+    # time (N,); values (N, c)
+    some = slice(None, None, max(1, time.size // _MOST_ROWS))
+    pairs = _pairs(time[some], values[some], clock)
+    if not pairs:
+        return None
+    apart = [b - a for a, b in pairs]
+    offset = max(set(apart), key=apart.count)
+    rates = {b for a, b in pairs if b - a == offset}  # of change, whose own is an acceleration
+    starts = [a for a, b in pairs if b - a == offset and a not in rates]
+    if not starts:
+        return None
+    first = min(starts)
+    if offset == 1:  # q1, dq1, q2, dq2, ...: every second or third column
+        stride = min(np.diff(starts), default=2)
+        block = tuple(range(first, max(starts) + 1, int(stride)))
+    elif max(starts) - first < offset:
+        lowest = max(clock + 1 if clock < first else 0, max(starts) - offset + 1)
+        begin = lowest if lowest <= first else first
+        block = tuple(range(begin, min(begin + offset, values.shape[1] - offset)))
+    else:
+        block = tuple(sorted(set(starts)))
+    return block, offset, len(set(starts).intersection(block))
+
+
+def _pairs(time: Array, values: Array, clock: int) -> list[tuple[int, int]]:
+    """Columns of which the second is the rate of change of the first."""
+    area = np.zeros_like(values)
+    area[1:] = np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None], axis=0)
+    moved = _unit(values[_WIDTH:] - values[:-_WIDTH])
+    integral = _unit(area[_WIDTH:] - area[:-_WIDTH])
+    alike = np.abs(moved.T @ integral)  # (positions, velocities)
+    alike[clock] = alike[:, clock] = 0.0
+    np.fill_diagonal(alike, 0.0)
+    best = [(int(a), int(np.argmax(alike[a]))) for a in range(values.shape[1]) if alike[a].max() > _ALIKE]
+    return [(a, b) for a, b in best if int(np.argmax(alike[:, b])) == a]
+
+
+def _unit(values: Array) -> Array:
+    values = values - values.mean(axis=0)
+    size = np.linalg.norm(values, axis=0)
+    return np.asarray(np.divide(values, size, out=np.zeros_like(values), where=size > 1e-9 * max(1.0, size.max())))
+
+
+_SHOWN = 4
+Ask = Callable[[str, str], None]  # a quantity, empty for the whole, and a question about it
+
+
+def chosen_channels(
+    groups: Sequence[ChannelGroup], robot: Robot | None, ask: Ask
+) -> tuple[dict[str, ChannelGroup], tuple[str, ...] | None]:
+    """The likeliest channels by quantity, and the names of the joints; None for those of the robot, in order."""
+    candidates = [_of_robot(group, robot) for group in groups if group.quantity == "position" and group.measured]
+    if not candidates:
+        return {}, None
+    fitting = [group for group in candidates if robot is None or len(group.columns) == robot.n] or candidates
+    best = max(fitting, key=lambda group: group.rank)
+    if others := [group for group in fitting if group is not best and group.rank == best.rank]:
+        ask("position", f"Which are the measured positions of the joints: {_spans([best, *others], ' or ')}?")
+    names = _joint_names(best, robot, ask)
+    chosen = {"position": best}
+    for quantity in ("velocity", "effort", "current", "temperature"):
+        beside = _beside(groups, quantity, best)
+        if beside is not None and not (quantity == "current" and "effort" in chosen):
+            chosen[quantity] = beside
+    _ask_of_efforts(groups, chosen, ask)
+    if wrenches := [group for group in groups if group.quantity == "wrench"]:
+        chosen["wrench"] = wrench = max(wrenches, key=lambda group: group.rank)
+        if len(wrenches) > 1:
+            ask("wrench", f"Which is the wrench of the sensor: {_spans(wrenches, ' or ')}?")
+        if not wrench.why and not wrench.unit:
+            ask("wrench", f"Is the wrench {wrench.span} in N and Nm, in the frame of the sensor?")
+    return chosen, names
+
+
+def _spans(groups: Sequence[ChannelGroup], between: str) -> str:
+    return between.join(group.span for group in groups[:_SHOWN])
+
+
+def _plain(names: Iterable[str]) -> list[str]:
+    return ["".join(character for character in name.lower() if character.isalnum()) for name in names]
+
+
+def _of_robot(group: ChannelGroup, robot: Robot | None) -> ChannelGroup:
+    """The group limited to the joints of a robot, in their order, where it names all of them."""
+    known = dict(zip(_plain(group.joints), group.joints, strict=True))
+    if robot is None or len(known) < len(group.joints):
+        return group
+    wanted = _plain(robot.joint_names)
+    return group.of([known[name] for name in wanted]) if set(wanted) <= set(known) else group
+
+
+def _joint_names(group: ChannelGroup, robot: Robot | None, ask: Ask) -> tuple[str, ...] | None:
+    numbers = all(not joint or joint.isdigit() for joint in group.joints)
+    if robot is None:
+        return None if numbers else group.joints
+    if _plain(group.joints) == _plain(robot.joint_names):
+        return robot.joint_names
+    more = len(group.joints) - 12
+    listed = ", ".join(group.joints[:12]) + (f" and {more} more" if more > 0 else "")
+    names = ", ".join(robot.joint_names)
+    if len(group.joints) != robot.n:
+        ask(
+            "",
+            f"Which of the {len(group.joints)} joints of the recording ({listed}) are those of {robot.name} ({names})? "
+            "Give the columns of these only",
+        )
+    elif not numbers:
+        ask("", f"Are the joints {listed} of the recording, in this order, {names} of {robot.name}?")
+        return robot.joint_names
+    return None
+
+
+def _beside(groups: Sequence[ChannelGroup], quantity: str, position: ChannelGroup) -> ChannelGroup | None:
+    """Group of a quantity of the same joints."""
+    joints, words = set(position.joints), set(position.common)
+    fitting = [g for g in groups if g.quantity == quantity and g.measured and joints <= set(g.joints)]
+    if not fitting:
+        return None
+    nearest = max(fitting, key=lambda g: (g.stream == position.stream, len(words.intersection(g.common)), g.rank))
+    return nearest.of(position.joints)
+
+
+def _ask_of_efforts(groups: Sequence[ChannelGroup], chosen: dict[str, ChannelGroup], ask: Ask) -> None:
+    """Ask about efforts and currents; choose the likeliest columns where no name says so."""
+    edit = "edit effort, or make it current with a gain [Nm/A]"
+    if (effort := chosen.get("effort")) is not None:
+        if not effort.why and not effort.unit:
+            kinds = "may be joint torques [Nm], motor torques [Nm] or motor currents [A]"
+            ask("effort", f"The efforts ({effort.span}) {kinds}: the file does not say; {edit}")
+        return
+    if (current := chosen.get("current")) is not None:
+        ask(
+            "current",
+            f"What is the gain of each motor current ({current.span}), joint torque per current [Nm/A]? The gain 1 "
+            "stands for it",
+        )
+        return
+    position = chosen["position"]
+    used = {column for group in chosen.values() for column in group.names}
+    others = [
+        group
+        for group in groups
+        if not group.quantity and len(group.columns) == len(position.columns) and not used.intersection(group.names)
+    ]
+    if not others:
+        ask("effort", "The recording holds no efforts that were recognised: add effort or current, if it has any")
+        return
+    columns = dict(zip(position.joints, others[0].names, strict=True))
+    chosen["effort"] = replace(others[0], quantity="effort", columns=columns, guessed=True)
+    ask(
+        "effort",
+        f"Which columns are the efforts of the joints ({_spans(others, ', or ')}), and are they joint torques [Nm], "
+        f"motor torques [Nm] or motor currents [A]? The file does not say; {edit}",
+    )

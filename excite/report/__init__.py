@@ -1,1 +1,0 @@
-"""Reports: one self-contained HTML page for designs, campaigns, identifications, verifications and comparisons."""

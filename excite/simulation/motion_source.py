@@ -1,0 +1,136 @@
+"""Reader of the motion that a simulated robot executes: that of a design, or a file of a friction plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from excite.design.design import Design
+from excite.design.design_folder import DESIGN, TRAJECTORY
+from excite.design.design_folder import KIND as OF_DESIGN
+from excite.design.design_json import load_design
+from excite.design.reference import GivenTorque, MotionSource, SampledMotion
+from excite.design.sampled_motion import SEGMENT, read_table
+from excite.friction.plan.friction_plan import KIND as OF_PLAN
+from excite.friction.plan.friction_plan import PLAN, load_friction_plan
+from excite.storage.commit import read_settled
+from excite.storage.destination import Destination
+from excite.storage.manifest import check_files, sha256_of
+from excite.tasks.task import Task
+from regressors.errors import InputError, UnknownName
+from regressors.robot.friction.curves import drives_with_friction
+from regressors.robot.robot import Robot
+from regressors.samples import Samples
+
+
+def read_source(
+    source: Design | str | Path, file: Path | None = None, *, approach_and_return: bool = True
+) -> MotionSource:
+    """Read the motion of a design or its folder, of a replacement file, or of a file of a friction plan."""
+    if isinstance(source, Design):
+        return _of_design(source, file, approach_and_return=approach_and_return)
+    source = Path(source)
+    if source.suffix == ".csv":
+        if file is not None:
+            raise InputError(f"two files to play are given: {source} and {file}")
+        return read_settled(Destination(source.parent), lambda: _of_plan(source))
+    if (source / PLAN).exists() and not (source / DESIGN).exists():
+        raise InputError(f"{source} holds a friction plan: name the file to play, such as {_some_file(source)}")
+    return read_settled(
+        Destination(source), lambda: _of_design(load_design(source), file, approach_and_return=approach_and_return)
+    )
+
+
+def _of_design(design: Design, file: Path | None, *, approach_and_return: bool) -> MotionSource:
+    folder = design.folder
+    if file is None and approach_and_return and folder is not None and design.task.output.home is not None:
+        file = folder / TRAJECTORY
+    if file is not None and file.parent == folder:
+        check_files(folder, OF_DESIGN, (DESIGN, file.name))  # the approach and return, or a rehearsal
+    origin = {
+        "folder": None if folder is None else folder.name,
+        "sha256": None if folder is None else sha256_of(folder / DESIGN),
+        "condition_number": design.condition_number if isfinite(design.condition_number) else None,
+    }
+    motion = design.trajectory if file is None else read_motion(file, design.moving.joint_names)
+    ramps = None if file is None else read_torque(file, design.moving)
+    return MotionSource(design.robot, design.task, motion, ramps, file, {"design": origin, "friction_plan": None})
+
+
+def _of_plan(file: Path) -> MotionSource:
+    """Read a file of a friction plan, which may move any joint of its robot."""
+    if not (file.parent / PLAN).exists():
+        raise InputError(
+            f"{file}: there is no {PLAN} of a friction plan in its folder; to play a file with a design, give the "
+            f"folder of the design and `trajectory={str(file)!r}`"
+        )
+    robot = load_friction_plan(file.parent).robot
+    check_files(file.parent, OF_PLAN, (PLAN, file.name))
+    plan = {"folder": file.parent.resolve().name, "sha256": sha256_of(file.parent / PLAN)}
+    return MotionSource(
+        robot,
+        Task(robot.name, joints=robot.joint_names),
+        read_motion(file, robot.joint_names),
+        read_torque(file, robot),
+        file,
+        {"design": None, "friction_plan": plan},
+    )
+
+
+def _some_file(folder: Path) -> str:
+    return str(folder / load_friction_plan(folder).coordinates[0].file)
+
+
+RATES = ("position", "velocity", "acceleration")
+_STILL = 1e-9  # rad or m
+
+
+def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
+    """Read a motion from a file, with quintics between its samples."""
+    header, table, _ = read_table(path, RATES)
+    column = {name: table[:, k] for k, name in enumerate(header)}
+    for name in ("time", *(f"{joint}.{rate}" for joint in joints for rate in RATES)):
+        if name not in column:
+            raise UnknownName(f"column in {path}", name, header)
+    for name, values in column.items():
+        joint, _, what = name.rpartition(".")
+        if what == "position" and joint not in joints and values.size and np.ptp(values) > _STILL:
+            raise InputError(
+                f"{path}: {joint} moves, but the design holds it still and moves {', '.join(joints)}; "
+                "`approach_and_return=False` leaves out the approach from home and the return"
+            )
+    q, dq, ddq = (np.column_stack([column[f"{joint}.{rate}"] for joint in joints]) for rate in RATES)
+    try:
+        return SampledMotion(Samples(column["time"], q, dq, ddq, np.full_like(q, np.nan)))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+STICTION = "stiction"
+_EFFORT = ".effort"
+
+
+def read_torque(path: Path, robot: Robot) -> GivenTorque | None:
+    """Read the torque ramps of a file; None where it has none.
+
+    A ramp is a stretch of rows of one segment whose name contains ``stiction``; torques elsewhere are ignored.
+    """
+    header, table, text = read_table(path, ("effort",), SEGMENT)
+    efforts = [name for name in header if name.endswith(_EFFORT)]
+    ramping = np.array([STICTION in name for name in text], dtype=bool)
+    if not efforts or not ramping.any():
+        return None
+    if len(efforts) > 1:
+        raise InputError(f"{path}: one drive at a time can be given torques, there are columns {', '.join(efforts)}")
+    drive, known = efforts[0].removesuffix(_EFFORT), [name for name, _ in drives_with_friction(robot)]
+    if drive not in known:
+        raise UnknownName(
+            f"{'drive' if robot.transmission else 'joint'} for column {efforts[0]} of {path}", drive, known
+        )
+    before = ["", *text[:-1]]
+    begins = ramping & np.array([a != b for a, b in zip(before, text, strict=True)])
+    number = np.where(ramping, np.cumsum(begins), 0)
+    return GivenTorque(drive, table[:, header.index("time")], table[:, header.index(efforts[0])], number)

@@ -1,0 +1,315 @@
+"""Friction curves as YAML, and the schema of the file."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from excite.storage.atomic import replacing
+from excite.storage.commit import settle
+from excite.storage.destination import Destination
+from regressors.arguments import checked
+from regressors.errors import InputError, NumericalError
+from regressors.quantities import shown
+from regressors.readers.documents import Document, FieldPath, parse_document, read_document, validate, yaml_float
+from regressors.readers.sized_numbers import Celsius, Exponent, Friction
+from regressors.robot.friction.curves import (
+    CoulombViscous,
+    CurveUncertainty,
+    FrictionCurve,
+    FrictionCurves,
+    FunctionFriction,
+    Loaded,
+    Side,
+    Slope,
+    Stribeck,
+    TableFriction,
+    Warm,
+    curve_parameters,
+)
+
+SCHEMA = "excite.friction/1"
+_SIDES = ("forward", "backward")
+_UNITS = (
+    "# Torque [Nm or N] in the direction of a speed v [rad/s or m/s]: coulomb + viscous v, in a stribeck model also",
+    "# + (stiction - coulomb) exp(-(v / stribeck)^exponent). Each K above temperature.reference [deg C] adds",
+    "# temperature.coulomb + temperature.viscous v; range: lowest and highest temperature that was measured.",
+    "# load: share of the torque that the drive carries, which friction takes on top.",
+    "# uncertainty: covariance of parameters [products of their units], each named by its place here, such as",
+    "# forward.coulomb; a name without a side, such as coulomb or temperature.viscous, is that of both sides alike.",
+)
+# fields of each model: required ones, optional ones
+_FIELDS = {
+    "coulomb-viscous": (("coulomb", "viscous"), ("offset",)),
+    "stribeck": (("forward",), ("backward", "offset")),
+    "table": (("speed", "torque"), ()),
+}
+
+
+@checked
+def read_friction(path: str | Path) -> FrictionCurves:
+    """Curves of a friction file.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        Cannot be read, is malformed (with the line), or has numbers that no friction can have.
+    """
+    path = Path(path)
+    settle(Destination(path.parent))
+    return _curves(read_document(path, "friction file"))
+
+
+def friction_of(text: str, source: str) -> FrictionCurves:
+    """Curves of a friction file's text."""
+    return _curves(parse_document(text, source))
+
+
+def friction_of_content(content: Mapping[str, Any], source: str = "friction_curves") -> FrictionCurves:
+    """Curves that `friction_content` describes."""
+    return _curves(Document(source, dict(content), {}))
+
+
+def kept_curves(curves: FrictionCurves | Mapping[str, Any]) -> FrictionCurves:
+    """Curves in the form that a file can hold: functions of the velocity become tables."""
+    if isinstance(curves, FrictionCurves):
+        return friction_of_content(friction_content(curves))
+    if not isinstance(curves, Mapping):
+        raise InputError(f"friction_curves: expected curves, as of `read_friction`, given {shown(curves)}")
+    return friction_of_content(curves)
+
+
+def _curves(document: Document) -> FrictionCurves:
+    content = validate(document, FrictionFile)
+    curves = {name: _curve(document, name, entry) for name, entry in content.drives.items()}
+    uncertain = {name: entry.uncertainty for name, entry in content.drives.items() if entry.uncertainty is not None}
+    return FrictionCurves(
+        curves, {name: _uncertainty(document, name, curves[name], entry) for name, entry in uncertain.items()}
+    )
+
+
+def _uncertainty(document: Document, name: str, curve: FrictionCurve, entry: UncertaintyEntry) -> CurveUncertainty:
+    place = ("drives", name, "uncertainty")
+    known, count, rows = curve_parameters(curve), len(entry.parameters), entry.covariance
+    available = ", ".join(known) or "none, a table has no parameters"
+    wrong: list[tuple[FieldPath, str]] = [
+        ((*place, "parameters", k), f"no parameter {x!r}; available: {available}")
+        for k, x in enumerate(entry.parameters)
+        if x not in known
+    ]
+    wrong += [
+        ((*place, "covariance", k), f"needs {count} numbers, one per parameter, given {len(row)}")
+        for k, row in enumerate(rows)
+        if len(row) != count
+    ]
+    if len(rows) != count:
+        wrong.append(((*place, "covariance"), f"needs {count} rows, one per parameter, given {len(rows)}"))
+    if wrong:
+        raise document.error(wrong)
+    try:
+        return CurveUncertainty(tuple(entry.parameters), np.array(rows))
+    except InputError as error:
+        raise document.error([(place, str(error).removeprefix("uncertainty: "))]) from error
+
+
+def _curve(document: Document, name: str, entry: CurveEntry) -> FrictionCurve:
+    place = ("drives", name)
+    given = entry.model_dump(exclude_none=True, exclude={"model", "temperature", "load", "uncertainty"})
+    needed, optional = _FIELDS[entry.model]
+    fields = (*needed, *optional)
+    wrong = [(field, f"is missing; model {entry.model} needs it") for field in needed if field not in given]
+    beyond = f"does not belong to model {entry.model}; it has {', '.join(fields)}"
+    wrong += [(field, beyond) for field in given if field not in fields]
+    if wrong:
+        raise document.error(((*place, field), what) for field, what in wrong)
+    with document.at(*place):
+        curve = _made(entry.model, given)
+    if entry.temperature is not None:
+        curve = _warm(document, (*place, "temperature"), curve, entry.temperature)
+    if entry.load is None:
+        return curve
+    shares = (entry.load.forward, entry.load.backward) if isinstance(entry.load, LoadEntry) else (entry.load,)
+    with document.at(*place, "load"):
+        return Loaded(curve, *shares)
+
+
+def _warm(document: Document, place: FieldPath, curve: FrictionCurve, entry: TemperatureEntry) -> Warm:
+    both = {name: value for name in ("coulomb", "viscous") if (value := getattr(entry, name)) is not None}
+    sides = {name: Slope(**side.model_dump()) for name in _SIDES if (side := getattr(entry, name))}
+    if both and sides:
+        raise document.error([((*place, next(iter(both))), "give it here, or in forward and backward, not in both")])
+    if not both and "forward" not in sides:
+        raise document.error([(place, "give coulomb or viscous here, or in forward (and backward)")])
+    with document.at(*place):
+        measured = None if entry.range is None else (entry.range[0], entry.range[1])
+        return Warm(curve, entry.reference, **(sides or {"forward": Slope(**both)}), range=measured)
+
+
+def _made(model: str, given: Mapping[str, Any]) -> FrictionCurve:
+    if model == "coulomb-viscous":
+        return CoulombViscous(**given)
+    if model == "table":
+        return TableFriction(given["speed"], given["torque"])
+    sides = {name: Side(**given[name]) for name in _SIDES if name in given}
+    return Stribeck(**sides, offset=given.get("offset", 0.0))
+
+
+def write_friction(curves: FrictionCurves, path: Path) -> None:
+    """Write curves to a file that reads back to the same numbers."""
+    text = friction_text(curves)  # which may refuse them
+    with replacing(path) as stream:
+        stream.write(text)
+
+
+def friction_content(curves: FrictionCurves) -> dict[str, Any]:
+    """Curves as plain values, the keys of a friction file; functions become tables."""
+    content = parse_document(friction_text(curves), "friction curves").content
+    assert isinstance(content, dict)
+    return content
+
+
+def friction_text(curves: FrictionCurves) -> str:
+    """Text of a friction file that reads back to the same numbers."""
+    lines = [f"schema: {SCHEMA}", *_UNITS, "drives:"]
+    for name, curve in curves.curves.items():
+        assert isinstance(curve, FrictionCurve)
+        uncertain = [] if name not in curves.uncertainty else _uncertain(curves.uncertainty[name])
+        lines += [f"  {_quoted(name)}:", *(f"    {line}" for line in (*_lines(curve), *uncertain))]
+    if not curves.curves:
+        lines[-1] = "drives: {}"
+    return "\n".join(lines) + "\n"
+
+
+def _lines(curve: FrictionCurve) -> list[str]:
+    if isinstance(curve, Loaded):
+        forward, backward = map(_number, curve.shares)
+        share = forward if forward == backward else f"{{forward: {forward}, backward: {backward}}}"
+        return [*_lines(curve.curve), f"load: {share}"]
+    if isinstance(curve, Warm):
+        return [*_lines(curve.curve), f"temperature: {{{', '.join(_temperature(curve))}}}"]
+    if isinstance(curve, FunctionFriction):
+        curve = curve.table()
+    if isinstance(curve, TableFriction):
+        numbers = (("speed", curve.speed), ("torque", curve.friction))
+        return ["model: table", *(f"{name}: [{', '.join(map(_number, x.tolist()))}]" for name, x in numbers)]
+    if isinstance(curve, CoulombViscous):
+        return ["model: coulomb-viscous", *_entries(curve)]
+    if isinstance(curve, Stribeck):
+        rows = (f"{side}: {{{', '.join(_entries(getattr(curve, side)))}}}" for side in _SIDES)
+        return ["model: stribeck", *rows, f"offset: {_number(curve.offset)}"]
+    raise InputError(f"a friction file holds no curve of type {type(curve).__name__}; available: {', '.join(_FIELDS)}")
+
+
+def _entries(part: CoulombViscous | Side | Slope) -> list[str]:
+    return [f"{name}: {_number(value)}" for name, value in asdict(part).items()]
+
+
+def _uncertain(uncertainty: CurveUncertainty) -> list[str]:
+    rows = (f"    - [{', '.join(map(_number, row))}]" for row in uncertainty.covariance.tolist())
+    return ["uncertainty:", f"  parameters: [{', '.join(uncertainty.parameters)}]", "  covariance:", *rows]
+
+
+def _temperature(curve: Warm) -> list[str]:
+    alike = curve.forward == curve.backward
+    sides = [f"{side}: {{{', '.join(_entries(getattr(curve, side)))}}}" for side in _SIDES]
+    return [
+        f"reference: {_number(curve.reference)}",
+        *(_entries(curve.forward) if alike else sides),
+        *([] if curve.range is None else [f"range: [{', '.join(map(_number, curve.range))}]"]),
+    ]
+
+
+def _number(value: float) -> str:
+    if not np.isfinite(value):
+        raise NumericalError("a friction curve has a parameter that is not finite, so that no file can hold it")
+    return yaml_float(value)
+
+
+def _quoted(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z_][\w-]*", name) else json.dumps(name, ensure_ascii=False)
+
+
+_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class SideEntry(BaseModel):
+    """Friction in one direction."""
+
+    model_config = _CONFIG
+    coulomb: Friction
+    viscous: Friction = 0.0
+    stiction: Friction | None = None
+    stribeck: Friction = 0.05
+    exponent: Exponent = 2.0
+
+
+class SlopeEntry(BaseModel):
+    """Temperature dependence of friction in one direction."""
+
+    model_config = _CONFIG
+    coulomb: Friction = 0.0
+    viscous: Friction = 0.0
+
+
+class TemperatureEntry(BaseModel):
+    """Temperature dependence of friction."""
+
+    model_config = _CONFIG
+    reference: Celsius
+    coulomb: Friction | None = None
+    viscous: Friction | None = None
+    forward: SlopeEntry | None = None
+    backward: SlopeEntry | None = None
+    range: Annotated[list[Celsius], Field(min_length=2, max_length=2)] | None = None
+
+
+class LoadEntry(BaseModel):
+    """Share of the carried torque in each direction."""
+
+    model_config = _CONFIG
+    forward: Friction
+    backward: Friction
+
+
+class UncertaintyEntry(BaseModel):
+    """Covariance of a curve's parameters."""
+
+    model_config = _CONFIG
+    parameters: Annotated[list[str], Field(min_length=1)]
+    covariance: list[list[Friction]]
+
+
+class CurveEntry(BaseModel):
+    """Curve of one drive."""
+
+    model_config = _CONFIG
+    model: Literal["coulomb-viscous", "stribeck", "table"]
+    coulomb: Friction | None = None
+    viscous: Friction | None = None
+    offset: Friction | None = None
+    forward: SideEntry | None = None
+    backward: SideEntry | None = None
+    speed: list[Friction] | None = None
+    torque: list[Friction] | None = None
+    temperature: TemperatureEntry | None = None
+    load: Friction | LoadEntry | None = None
+    uncertainty: UncertaintyEntry | None = None
+
+
+class FrictionFile(BaseModel):
+    """Complete friction file."""
+
+    model_config = _CONFIG
+    schema_: Literal["excite.friction/1"] = Field(alias="schema")
+    drives: dict[str, CurveEntry]

@@ -1,0 +1,172 @@
+"""Settings that functions take as arguments: each is stated here once, for the command line, defaults and reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from excite.registry import MODELS
+from excite.tasks.option import essential, option
+
+CONTROLLERS = ("ur", "franka", "kuka", "abb", "urdf")
+Side = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True)
+class FrictionPoses:
+    """Where the runs of `excite.plan_friction` are, and the ramps of torque."""
+
+    pose: tuple[float, ...] | None = essential(
+        None, "numbers", "Middle of every run.", metavar="Q,...", word="found", unset="found"
+    )
+    balanced: bool = option(
+        False, "flag", "State that gravity cancels about the pose, for robots without known inertias."
+    )
+    torque_ramp: tuple[float, ...] | None = option(
+        None,
+        "numbers",
+        "Largest torque of the ramps in NAME.stiction.csv; one for all, or one each, 0 for none.",
+        metavar="T,...",
+        unset="1.5 times the friction in the robot's file, at most half of the torque limit",
+    )
+    seed: int = option(0, "integer", "Seed of the random poses that are tried.", metavar="N")
+
+
+@dataclass(frozen=True)
+class PayloadMotionSettings:
+    """Settings of `excite.design_payload_motion`."""
+
+    box: float | tuple[float, ...] | tuple[Side, ...] = essential(
+        0.2,
+        "sides",
+        "Box of the tool point: its sides about the centre, or its bounds in the base frame.",
+        metavar="S|SX,SY,SZ|L:U,L:U,L:U",
+    )
+    centre: tuple[float, ...] | None = essential(
+        None,
+        "numbers",
+        "Centre of the box in the base frame.",
+        metavar="X,Y,Z",
+        quantity="tool_point",
+        unset="the tool point in the pose",
+    )
+    pose: tuple[float, ...] | None = essential(
+        None,
+        "numbers",
+        "Present pose, which the motion is about.",
+        metavar="Q,...",
+        unset="the robot's home, or mid-range",
+    )
+    swing: tuple[float, ...] | None = essential(
+        None,
+        "numbers",
+        "Largest deviation from the pose; one for all, or one each.",
+        metavar="R,...",
+        quantity="pose",
+        unset="wrist 1.5, others 0.35",
+    )
+    sensor: str = essential(
+        "torque",
+        "name",
+        "What measures: the joints' torques, or a force/torque sensor that carries the load.",
+        choices=("torque", "wrench"),
+    )
+    period: float = essential(5.0, "number", "Duration of the motion.", metavar="S")
+    harmonics: int = essential(3, "integer", "Harmonics of its Fourier series.", metavar="N")
+    starts: int = essential(1, "integer", "Random starts; the best one is taken.", metavar="N")
+
+
+@dataclass(frozen=True)
+class LoadFrame:
+    """The frame in which a load is stated."""
+
+    frame: tuple[float, ...] | None = essential(
+        None,
+        "frame",
+        "Flange or sensor in the frame of the last link [m, rad]; panda: 0,0,0.107.",
+        metavar="X,Y,Z[,R,P,Y]",
+        unset="that frame itself",
+    )
+
+
+@dataclass(frozen=True)
+class PayloadSettings:
+    """Settings of `excite.identify_payload`."""
+
+    gain_deviation: float | None = essential(
+        None,
+        "number",
+        "Relative standard deviation of the stated gains, the same in all drives.",
+        metavar="X",
+        unset="0.1, and 0.05 of each",
+    )
+    frame_name: str | None = essential(
+        None, "text", "What the frame is, for the files, such as flange.", metavar="NAME"
+    )
+    controller: str = essential(
+        "all", "name", "Whose form of the payload is printed.", choices=("all", "none", *CONTROLLERS)
+    )
+    rated: float | None = essential(None, "number", "Largest load of the robot.", metavar="KG", quantity="known_mass")
+
+
+@dataclass(frozen=True)
+class EnsembleSettings:
+    """Settings of `excite.export_ensemble`."""
+
+    samples: int | None = essential(
+        None, "integer", "Write an ensemble: N possible robots that the data of a result allow.", metavar="N"
+    )
+    seed: int = essential(0, "integer", "Seed of the ensemble.", metavar="N", unset="0")
+    level: float = essential(0.99, "number", "Share of the posterior within the ranges.", metavar="SHARE", unset="0.99")
+    prior: float = essential(
+        0.3,
+        "number",
+        "Relative deviation of the description, for what the data do not determine.",
+        metavar="R",
+        unset="0.3",
+    )
+
+
+@dataclass(frozen=True)
+class GainSettings:
+    """Settings of `excite.identify` for gains of drives, from logs with a known load."""
+
+    known_mass: float | None = option(None, "number", "Mass of that load.", metavar="M")
+    gains: str = option("each", "name", "One gain for each drive, or one for all.", choices=("each", "common"))
+
+
+@dataclass(frozen=True)
+class RepeatSettings:
+    """Settings of the repetitions of an identification."""
+
+    each: bool = option(False, "flag", "Of several logs: the estimate of each alone too, beside their scatter.")
+    repeat: int = essential(0, "integer", "Repeat the experiment N times in simulation.", metavar="N")
+    seed: int = option(0, "integer", "Seed of the repetitions.", metavar="N")
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """Settings of `excite.study_over_time`."""
+
+    repeats: int = essential(0, "integer", "Measure each run N times, such as 30.", metavar="N")
+    below: float = essential(0.05, "percent", "Deviation that parameters are to fall below.", metavar="%")
+    points: int = essential(100, "integer", "Number of instants.", metavar="K")
+    estimator: str = essential("weighted", "name", "How to estimate.", choices=("weighted", "least-squares"))
+
+
+@dataclass(frozen=True)
+class Extents:
+    """How much of an experiment `excite.predict_accuracy` and `excite.verify` look at."""
+
+    count: int = essential(400, "integer", "Samples of the noise.", metavar="K")
+    horizon: float = essential(0.5, "number", "Time after which the simulated motion restarts.", metavar="S")
+
+
+@dataclass(frozen=True)
+class CampaignSettings:
+    """Settings of `excite.plan_campaign`, and of `excite.next_motion`."""
+
+    model: str = essential("energy", "name", "Model whose equations identify the parameters.", choices=MODELS)
+    at_once: int | None = essential(
+        None, "integer", "Largest number of drives that move at the same time.", metavar="N", unset="2"
+    )
+    of: str = essential("measured", "name", "Values that a precision is a share of.", choices=("measured", "described"))

@@ -1,0 +1,174 @@
+"""What is shown of several results together: designs under the same metrics, parameters side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from excite.design.comparison import Judgement
+from excite.design.stated_limits import kept_headline
+from excite.identification.identification import Identification
+from excite.information.metrics import CONVENTIONS
+from excite.optimality.design_bound import DesignBound
+from excite.views.view import UNIT, Column, Format, View, ViewTable, numbers, percents, texts
+
+_UNLIKE = "the designs are for different robots, models or moving joints; their numbers are not comparable"
+_LARGER_IS_BETTER = ("smallest_singular_value", "log_det")
+_NOTE = "Marked: the best of each row."
+
+
+def comparison_view(judgements: Sequence[Judgement], bounds: Sequence[DesignBound] = ()) -> View:
+    """View of several designs; ``bound.json`` of some says how near they come to the best possible."""
+    alike, first = is_alike(judgements), judgements[0]
+    goals = _goals(judgements)
+    ranked = sorted(range(len(judgements)), key=lambda k: goals[k] if alike else k)
+    reached = (f"{b.name}, by its bound.json: {each.sentence}" for b in bounds for each in b.criteria)
+    return View(
+        kind="comparison",
+        title=f"{len(judgements)} designs",
+        verdict=verdicts(judgements)[ranked[0]] if alike else _UNLIKE,
+        summary=(
+            f"{first.robot}, {first.model} model, {first.parameters} base parameters; criterion of the first design: "
+            f"{first.minimised}",
+            *reached,
+        ),
+        remarks=(
+            "every design is judged under the parameters (friction, rotors) and the noise of the first one, at 100 Hz",
+            *_friction(judgements),
+            *(f"{j.name}: not checked when designed: {', '.join(j.unchecked)}" for j in judgements if j.unchecked),
+            *dict.fromkeys(f"{j.name}: {said}" for j in judgements for said in j.believed),
+        ),
+        tables=(
+            _ranking([(judgements[k], goals[k]) for k in ranked]),
+            _facts(judgements),
+            _measures(judgements, marked=alike and len(judgements) > 1),
+        ),
+    )
+
+
+def is_alike(judgements: Sequence[Judgement]) -> bool:
+    """Whether the numbers of some designs can be compared."""
+    return len({(j.robot, j.model, j.moving, j.parameters) for j in judgements}) == 1
+
+
+def verdicts(judgements: Sequence[Judgement]) -> list[str]:
+    """One sentence on each design."""
+    goals = _goals(judgements)
+    sentences = []
+    for judgement, goal in zip(judgements, goals, strict=True):
+        held = _held(judgement, "keeps every checked limit", "exceeds a limit")
+        best = "; the best of these" if is_alike(judgements) and len(goals) > 1 and goal == min(goals) else ""
+        condition = judgement.criteria["condition_number"]
+        sentences.append(f"{judgement.name}: {held}, condition number {condition:.4g}{best}")
+    return sentences
+
+
+def _goals(judgements: Sequence[Judgement]) -> list[float]:
+    """The criterion of the first design, or its condition number where that does not apply to all."""
+    if any(j.goal is None for j in judgements):
+        return [j.criteria["condition_number"] for j in judgements]
+    return [math.inf if j.goal is None else j.goal for j in judgements]
+
+
+def _held(judgement: Judgement, kept: str, broken: str) -> str:
+    return kept_headline(judgement.unchecked, kept) if judgement.feasible else broken
+
+
+def _friction(judgements: Sequence[Judgement]) -> list[str]:
+    identified = [j.friction == "identified" for j in judgements]
+    if len(set(identified)) == 1 or judgements[0].channel != "effort":
+        return []
+    how = "with" if identified[0] else "without"
+    return [
+        f"only some of the designs identify friction; all are compared like the first one, {how} friction parameters"
+    ]
+
+
+def _ranking(judged: Sequence[tuple[Judgement, float]]) -> ViewTable:
+    columns = (
+        *texts("design", brief=True),
+        *numbers("cond(W)", "criterion", brief=True, digits=4),
+        *numbers("lasts [s]", brief=True),
+        *percents("tightest limit used", brief=True),
+        *texts("limits", brief=True),
+    )
+    rows = tuple(
+        (
+            j.name, j.criteria["condition_number"], goal, j.duration, None if j.tightest is None else j.tightest.use,
+            _held(j, "hold", "BROKEN"),
+        )
+        for j, goal in judged
+    )  # fmt: skip
+    broken = {(k, 5): "bad" for k, (j, _) in enumerate(judged) if not j.feasible}
+    return ViewTable(
+        "ranking", "Designs by the criterion of the first one", columns, rows, marked=broken, most=len(rows)
+    )
+
+
+def _facts(judgements: Sequence[Judgement]) -> ViewTable:
+    """What each design is for, a column each."""
+    columns = tuple(Column(text, Format.TEXT) for text in ("", *(j.name for j in judgements)))
+    of: dict[str, Any] = {
+        "robot": lambda j: j.robot,
+        "model": lambda j: j.model,
+        "moving": lambda j: f"{len(j.moving)}: {', '.join(j.moving)}",
+        "base parameters": lambda j: str(j.parameters),
+        "friction, when designed": lambda j: j.friction,
+        "designed for": lambda j: j.minimised,
+        "tightest limit": lambda j: "-" if j.tightest is None else j.tightest.label,
+        "limits that were checked": lambda j: "hold" if j.feasible else "BROKEN",
+        "not checked when designed": lambda j: ", ".join(j.unchecked) or "-",
+        "CPU of the design [s]": lambda j: f"{j.cpu_seconds:.1f}",
+    }
+    rows = tuple((name, *map(value, judgements)) for name, value in of.items())
+    return ViewTable("designs", "What each design is for", columns, rows)
+
+
+def _measures(judgements: Sequence[Judgement], *, marked: bool) -> ViewTable:
+    columns = (*texts("measure"), *(Column(j.name) for j in judgements), Column("convention", Format.TEXT, wide=True))
+    rows, best = [], dict[tuple[int, int], str]()
+    for k, (name, meaning) in enumerate(CONVENTIONS.items()):
+        values = [float(j.criteria[name]) for j in judgements]
+        most = max(values) if name.startswith(_LARGER_IS_BETTER) else min(values)
+        best |= {(k, 1 + i): "best" for i, value in enumerate(values) if marked and value == most}
+        rows.append((name.replace("_", " "), *values, meaning))
+    note = _NOTE if marked else ""
+    return ViewTable("comparison", "Measures of each design", columns, tuple(rows), note=note, marked=best)
+
+
+def side_by_side_view(results: Sequence[Identification]) -> View:
+    """View of the parameters of several identifications."""
+    names = list(dict.fromkeys(name for result in results for name in result.names))
+    known = [_intervals(result) for result in results]
+    units = {name: unit for result in results for name, unit in zip(result.names, result.units, strict=True)}
+    overlap = [name for name in names if _agree([each[name] for each in known if name in each])]
+    columns = (
+        *texts("parameter"),
+        UNIT,
+        *(Column(text) for r in results for text in (r.name, f"{r.name}, half-width")),
+        Column("agree", Format.KEPT),
+    )
+    rows = tuple(
+        (name, units[name], *(x for each in known for x in each.get(name, (None, None))), name in overlap)
+        for name in names
+    )
+    return View(
+        kind="comparison",
+        title=f"{len(results)} identifications",
+        verdict=f"The 99 % intervals of {len(overlap)} of {len(names)} parameters overlap.",
+        tables=(ViewTable("side-by-side", "Parameters side by side", columns, rows),),
+    )
+
+
+def _intervals(result: Identification) -> dict[str, tuple[float, float]]:
+    """Value and half of the interval of each parameter."""
+    values, halves = result.estimate.values, result.estimate.half_width
+    return dict(zip(result.names, zip(values.tolist(), halves.tolist(), strict=True), strict=True))
+
+
+def _agree(known: Sequence[tuple[float, float]]) -> bool:
+    finite = [(value - half, value + half) for value, half in known if np.isfinite(value) and np.isfinite(half)]
+    return max((low for low, _ in finite), default=0.0) <= min((high for _, high in finite), default=0.0)

@@ -1,0 +1,317 @@
+"""What is shown of a design: limits, criteria, predicted accuracy, starts, and the precision that was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from excite.design.design import Design, between_samples_text
+from excite.design.design_folder import design_content
+from excite.design.stated_limits import collisions_unchecked, kept_headline, kept_text
+from excite.information.metrics import CONVENTIONS
+from excite.information.precision_forecast import ParameterPrecision
+from excite.information.weighting import minimised_text
+from excite.registry import name_of
+from excite.views.view import (
+    BRIEF_UNIT,
+    UNIT,
+    Column,
+    Drawing,
+    Format,
+    View,
+    ViewTable,
+    asked,
+    number,
+    numbers,
+    percents,
+    some_of,
+    texts,
+)
+
+_ASKED = ("robot", "model", "trajectory", "period", "criterion", "starts", "seed")
+_CONDITION = "condition, base gautier"
+_MOST_STARTS = 30
+_NAMED = 3  # parameters with what they move with
+_NEAR = 4  # limits of a short summary
+_DRAWN = (
+    Drawing("Motion and its limits over time", "motion", "motion_plot.motion_figure"),
+    Drawing("Velocity over position", "phase", "phase_plot.phase_figure"),
+    Drawing("What the motion identifies", "spectrum", "spectrum_plot.spectrum_figure"),
+    Drawing("The search", "convergence", "search_plot.convergence_figure"),
+    Drawing("Distances over time", "clearance", "world_plot.clearance_figure"),
+    Drawing("Tool and obstacles", "workspace", "world_plot.workspace_figure"),
+    Drawing("Robot time against precision", "precision", "search_plot.precision_figure"),
+)
+
+
+def design_view(design: Design, *, whole: bool = True) -> View:
+    """View of a design; unless it is whole, without figures and sentences that need parts of the user's own."""
+    content, bound = design_content(design), _bound(design)
+    new = design if whole else None
+    return View(
+        kind="design",
+        title=design.name,
+        verdict=f"{_held(design)}; condition number {design.condition_number:.4g}{_guesses(new)}",
+        holds=design.feasible and (new is None or new.precision is None or new.precision.met),
+        caution=bool(collisions_unchecked(each.limit for each in design.unchecked)),
+        summary=(*_precision(new), *_asked(new), _kept(design, content), *_transfers(new)),
+        remarks=(*content["notes"], *(() if bound is None else bound.remarks)),
+        tables=(
+            _limits("limits", "Margins of the limits over continuous time", content["limits"]),
+            *_tried(new),
+            _conditions(content),
+            *(() if bound is None else bound.tables),
+            *(
+                _limits(f"limits-{name}", f"Margins of the limits on the {name}", content["played"][name]["limits"])
+                for name in ("approach", "return")
+                if name in content["played"]
+            ),
+            _predictions(design, content),
+            *_half_widths(new),
+            _starts(content["solver"], {} if new is None else {s.index: s.history[0] for s in new.starts if s.history}),
+            *_harmonics(content["solver"]),
+        ),
+        asked=asked(content["task"], _ASKED),
+        figures=() if new is None else design_figures(new),
+        filed="design",
+        facts={"robot": content["robot"]["name"], "robot_sha256": content["robot"]["sha256"], **content["provenance"]},
+    )
+
+
+def _bound(design: Design) -> View | None:
+    """View of the bound in the design's folder, which few have: what it needs is imported where there is one."""
+    if design.folder is None or not (design.folder / "bound.json").exists():
+        return None
+    from excite.optimality.design_bound import stored_bound
+    from excite.views.bound_view import bound_view
+
+    bound = stored_bound(design)
+    return None if bound is None else bound_view(bound)
+
+
+def design_figures(design: Design) -> tuple[Drawing, ...]:
+    """Figures of a design: of distances where there is a world, of the search where its starts are known."""
+    world = design.task.limits.world is not None
+    shown = {
+        "convergence": bool(design.starts),
+        "clearance": world,
+        "workspace": world or bool(design.shape is not None and design.shape.obstacles),
+        "precision": design.precision_search is not None,
+    }
+    return tuple(each.of(design) for each in _DRAWN if shown.get(each.ending, True))
+
+
+def _held(design: Design) -> str:
+    """Whether the limits hold."""
+    uses = [use for some in (design.limits, *design.transfer_limits.values()) for use in some]
+    if design.broken:
+        return f"Design exceeds {len(design.broken)} of {len(uses)} checked limits: {some_of(design.broken)}"
+    plain = f"Design within all {len(uses)} checked limits" if uses else "Design for which no limit was checked"
+    held = kept_headline((each.limit for each in design.unchecked), plain)
+    return held[:1].upper() + held[1:]
+
+
+def _guesses(design: Design | None) -> str:
+    """Condition numbers of the initial guesses, where it is the condition number that was minimised."""
+    values = [] if design is None else [each.history[0] for each in design.starts if each.history]
+    if design is None or not values or minimised_text(design.task) != _CONDITION:
+        return ""
+    return f" (initial guesses: {min(values):.4g}" + (f" to {max(values):.4g})" if len(values) > 1 else ")")
+
+
+def _asked(design: Design | None) -> Iterator[str]:
+    if design is None:
+        return
+    task, minimised = design.task, minimised_text(design.task)
+    value = "" if minimised == _CONDITION else f" ({design.minimised_value:.4g})"
+    worth = ""  # of more rounds of the search
+    if design.search is not None and design.search.left is not None:
+        more = design.number_of_starts // design.search.populations
+        worth = f"; another {more} would bring about {100 * design.search.left:.1f} %"
+    yield (
+        f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(design.target.motion.labels)} move, "
+        f"{design.base.rank} base parameters; {task.trajectory.period:g} s, {design.trajectory.family.described}; "
+        f"minimised: {minimised}{value}; {number(design.number_of_starts, 'start')}, "
+        f"{design.provenance['cpu_seconds']:.1f} s CPU{worth}"
+    )
+
+
+def _kept(design: Design, content: Mapping[str, Any]) -> str:
+    """Which limits are exceeded, or what was checked and what was not; whether the search was stopped."""
+    kept = kept_text(design.unchecked, (use.quantity for use in design.limits))
+    if design.broken:
+        kept = f"the motion exceeds {number(len(design.broken), 'limit')}: {', '.join(design.broken)}"
+    return f"{kept}; the search was interrupted" if content["interrupted"] else kept
+
+
+def _transfers(design: Design | None) -> Iterator[str]:
+    """Sentences on approach and return, and on the limits between the samples of the file."""
+    if design is None:
+        return
+    if (both := design.approach_and_return) is not None:
+        names = {"approach": "approach from home", "return": "return to home"}
+        for segment, transfer in both.transfers.items():
+            uses = both.limits[segment]
+            broken = [use.label for use in uses if not use.holds]
+            most = max(uses, key=lambda use: use.use)
+            kept = f"no limit is exceeded, {most.label} used to {100 * most.use:.1f} %"
+            yield (
+                f"{names[segment]}: {transfer.duration:g} s ({transfer.shortest:.4g} s at the quickest), "
+                f"{'BREAKS ' + ', '.join(broken) if broken else kept}"
+            )
+        yield f"trajectory.csv lasts {design.sequence.duration:g} s"
+    if any(each.uses for each in design.between_samples):
+        yield between_samples_text(design, design.between_samples)
+
+
+def _precision(design: Design | None) -> Iterator[str]:
+    """Runs, robot time and the worst parameter, where a precision is asked for; what is too wide, and why."""
+    if design is None or design.precision is None:
+        return
+    forecast, search = design.precision, design.precision_search
+    from excite.study.period_search import runs_text
+
+    text = runs_text(forecast.runs, forecast.seconds)
+    if forecast.met:
+        yield f"{text}; worst parameter {_width(forecast.worst)}"
+        return
+    wide, asked = forecast.too_wide, sum(p.allowed is not None for p in forecast.parameters)
+    most = design.task.objective.max_time
+    yield f"out of reach within {most:g} s: after {text}, {len(wide)} of {asked} parameters are too wide"
+    if search is None or search.out_of_reach is None:
+        yield f"worst parameter {_width(wide[0])}"
+    else:
+        yield from _obstacles(search.out_of_reach)
+
+
+def _obstacles(found: Any) -> Iterator[str]:
+    """The widest parameters, and what would separate them."""
+    yield from (parameter.text for parameter in found.parameters[:_NAMED])
+    if len(found.parameters) > _NAMED:
+        yield f"too wide also: {', '.join(p.name for p in found.parameters[_NAMED:])}"
+    best = "nothing that was tried separates them" if found.best is None else f"what helps most is {found.best.change}"
+    yield f"the same motion would take {found.robot_seconds:.4g} s of robot time; {best}"
+
+
+def _width(parameter: ParameterPrecision) -> str:
+    return (
+        f"{parameter.name}: half-width {parameter.half_width:.3g} of {parameter.allowed:.3g} {parameter.unit} allowed"
+    )
+
+
+def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTable:
+    """Limits of the motion or of a transfer: those that do not hold first, then those that are used most."""
+    columns = (
+        *texts("limit" if name != "limits" else "limits used most", brief=True),
+        *numbers("extreme", "bound", brief=True, digits=4),
+        BRIEF_UNIT,
+        Column("used", Format.PERCENT, brief=True, missing="far from it"),
+        *numbers("margin", "at [s]"),
+        Column("holds", Format.KEPT),
+    )
+    ranked = sorted(uses, key=lambda use: (use["holds"], -_used(use)))
+    # far inside a limit on one side, as of a distance, the part that is used says nothing
+    rows = tuple(
+        (
+            u["label"], u["extreme"], u["bound"], u["unit"], _used(u) if _used(u) >= 0 or not u["holds"] else None,
+            u["margin"], u["time"], u["holds"],
+        )
+        for u in ranked
+    )  # fmt: skip
+    note = "An exact extreme is that of the motion at every instant; an enclosed one is a proven bound."
+    broken = {(k, 4): "bad" for k, use in enumerate(ranked) if not use["holds"]}
+    return ViewTable(
+        name, title, columns, rows, folded=name != "limits", note=note if name == "limits" else "", marked=broken,
+        most=_NEAR,
+    )  # fmt: skip
+
+
+def _used(use: Mapping[str, Any]) -> float:
+    return float("inf") if use["use"] is None else float(use["use"])
+
+
+def _tried(design: Design | None) -> tuple[ViewTable, ...]:
+    """Changes of the problem, where the precision that was asked for is out of reach."""
+    search = None if design is None or design.precision is None or design.precision.met else design.precision_search
+    if search is None or search.out_of_reach is None or not search.out_of_reach.trials:
+        return ()
+    columns = (
+        *texts("tried, one at a time", brief=True),
+        *numbers("narrower [times]", brief=True),
+        *numbers("robot time [s]", brief=True, digits=4),
+    )
+    rows = tuple((trial.change, trial.narrower, trial.robot_seconds) for trial in search.out_of_reach.trials)
+    return (ViewTable("tried", "What would make the intervals narrower", columns, rows),)
+
+
+def _conditions(content: Mapping[str, Any]) -> ViewTable:
+    meanings = {**CONVENTIONS, **content.get("conventions", {})}
+    columns = (*texts("measure"), *numbers("value"), *texts("convention"))
+    rows = tuple((name.replace("_", " "), value, meanings.get(name, "")) for name, value in content["criteria"].items())
+    note = f"Minimised: {content['minimised']}."
+    return ViewTable("criteria", "Condition under each convention", columns, rows, note=note)
+
+
+def _predictions(design: Design, content: Mapping[str, Any]) -> ViewTable:
+    predicted = content["predicted"]
+    known = {each["name"]: (each["deviation"], each["after"]) for each in predicted.get("prior", ())}
+    behind = any("motor_side" in each for each in predicted["parameters"])
+    columns = (
+        *texts("parameter"),
+        *numbers("standard deviation"),
+        *((Column("known beforehand"), Column("both")) if known else ()),
+        UNIT,
+        *((Column("at the motor", Format.TEXT),) if behind else ()),
+        Column("combination", Format.UNIT),
+    )
+    rows = tuple(
+        (
+            p["name"], p["standard_deviation"], *(known.get(p["name"], (None, None)) if known else ()), p["unit"],
+            *((_at_the_motor(p.get("motor_side")),) if behind else ()), p["expression"],
+        )
+        for p in predicted["parameters"]
+    )  # fmt: skip
+    noise = sorted(set(predicted["noise"]))
+    sizes = f"{noise[0]:g}" + (f" to {noise[-1]:g}" if len(noise) > 1 else "")
+    sizes += f" {' or '.join(dict.fromkeys(unit for _, unit in predicted['equations']))}"
+    assumed = " (assumed)" if design.task.objective.noise is None else ""
+    note = f"Of one run, for noise of {sizes}{assumed} in each row, independent from instant to instant."
+    return ViewTable("predicted", "Parameters and their predicted accuracy", columns, rows, note=note)
+
+
+def _at_the_motor(side: Mapping[str, Any] | None) -> str:
+    """Deviation of the rotor inertia itself, where the parameter is one at the drive coordinate."""
+    return "" if side is None else f"{side['name']}: {side['standard_deviation']:.3g} {side['unit']}"
+
+
+def _half_widths(design: Design | None) -> tuple[ViewTable, ...]:
+    """Predicted and allowed half-width of every parameter, where a precision is asked for."""
+    if design is None or (forecast := design.precision) is None:
+        return ()
+    title = (
+        f"Half-widths of {100 * forecast.level:g} % intervals after {number(forecast.runs, 'run')}, "
+        f"with probability {100 * forecast.probability:g} %"
+    )
+    columns = (*texts("parameter"), *numbers("half-width", "allowed"), UNIT, *percents("used"))
+    rows = tuple(
+        (p.name, p.half_width, p.allowed, p.unit, None if p.allowed is None else p.use) for p in forecast.parameters
+    )
+    return (ViewTable("half-widths", title, columns, rows),)
+
+
+def _starts(solver: Mapping[str, Any], began: Mapping[int, float]) -> ViewTable:
+    """How each start ended, the best first."""
+    columns = (*numbers("start", "began at", "ended at", "iterates", "CPU [s]"), *texts("how it ended"))
+    starts = sorted(solver["starts"], key=lambda s: float("inf") if s["value"] is None else s["value"])
+    rows = tuple(
+        (s["index"], began.get(s["index"]), s["value"], s["iterations"], s["cpu_seconds"], s["status"])
+        for s in starts[:_MOST_STARTS]
+    )
+    return ViewTable("starts", "Starts of the search", columns, rows)
+
+
+def _harmonics(solver: Mapping[str, Any]) -> tuple[ViewTable, ...]:
+    """What each number of harmonics brought, where the search chose it."""
+    rows = tuple((each["harmonics"], each["value"], each["cpu_seconds"]) for each in solver.get("harmonics", ()))
+    columns = tuple(map(Column, ("harmonics", "criterion", "CPU [s]")))
+    return (ViewTable("harmonics", "Numbers of harmonics that were tried", columns, rows),) if rows else ()

@@ -1,0 +1,211 @@
+"""Fit of an estimate to its logs: measured and predicted equations, and residuals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.fft
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from excite.identification.identification import Identification
+from excite.views.panels import Panel, Timeline, head, legend_below, pairs, panels, value_axis
+from excite.views.style import BAND, BLUE, DARK, GREY, LABEL, SKY, VERMILLION, significant
+from regressors.samples import Array, Index
+
+MEASURED: dict[str, Any] = {
+    "color": "#BBBBBB",
+    "linewidth": 3.2,
+    "solid_joinstyle": "round",
+}  # light and thick: seen beside the other
+PREDICTED: dict[str, Any] = {"color": BLUE, "linewidth": 1.0}
+_WIDTH, _LOWER = 10.5, 0.6  # [in]
+BINS = 400  # at most, over all logs
+DENSE = 1600  # values of all logs from which on they are drawn as bands
+_FULL = 25  # values in a bin
+PERCENTILES = (0.0, 5.0, 50.0, 95.0, 100.0)
+_CURVE = 0.8  # width of a curve [pt]
+_ALL = "#D9D9D9"
+_QUANTITIES = {"Nm": "torque", "N": "force", "J": "work", "N s": "impulse", "Nm s": "angular impulse"}
+_LARGE = 0.5  # relative error above which the note is highlighted
+
+
+def fit_panels(count: int, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
+    """Create two panels for each of so many equations, to be drawn in by `draw_fit`."""
+    return pairs(count, Panel((_WIDTH,), 1.3 if count > 1 else 3.0), _LOWER, title)
+
+
+def draw_fit(
+    panels: tuple[Axes, Axes],
+    timeline: Timeline,
+    time: Array,
+    log: Index,
+    fit: tuple[Array, Array],
+    equation: tuple[str, str],
+    *,
+    bottom: bool,
+) -> None:
+    """Draw measured values, predicted ones on top of them, and their difference in a panel below, on its own scale."""
+    # time (m,); log (m,); fit (m,)
+    (measured, predicted), (name, unit) = fit, equation
+    upper, lower = panels
+    upper.plot(*timeline.curve(time, log, measured), **MEASURED)
+    upper.plot(*timeline.curve(time, log, predicted), **PREDICTED)
+    lower.axhline(0.0, color=GREY, linewidth=0.6)
+    draw_values(lower, timeline, time, log, measured - predicted)
+    timeline.dress(upper, bottom=False)
+    timeline.dress(lower, bottom=bottom)
+    label_equation(upper, unit)
+    value_axis(lower, f"residual\n[{unit}]", 3)
+    head(upper, name, *error_note(measured, predicted, unit))
+
+
+def fit_legend(count: int, predicted: str) -> list[Artist]:
+    """Entries of a legend for `draw_fit`."""
+    return [
+        Line2D([], [], **MEASURED, label="measured"),
+        Line2D([], [], **PREDICTED, label=predicted),
+        *values_legend(count, "residual"),
+    ]
+
+
+def envelope(values: Array, bins: int) -> tuple[Index, Array]:
+    """Least value, 5th, 50th and 95th percentile and largest value of each of ``bins`` stretches."""
+    edges = np.linspace(0, values.size, bins + 1).astype(np.intp)
+    parts = [part[np.isfinite(part)] for part in np.split(values, edges[1:-1])]
+    unknown = np.full(len(PERCENTILES), np.nan)
+    return edges, np.array([np.percentile(part, PERCENTILES) if part.size else unknown for part in parts]).T
+
+
+def draw_values(ax: Axes, timeline: Timeline, time: Array, log: Index, values: Array) -> None:
+    """Draw values of several logs: curves, or bands where a log has many."""
+    if values.size < DENSE:
+        ax.plot(*timeline.curve(time, log, values), color=DARK, linewidth=_CURVE)
+        return
+    for k in range(len(timeline.names)):
+        t, v = time[log == k] + timeline.offsets[k], values[log == k]
+        if not v.size:
+            continue
+        edges, bands = envelope(v, max(1, min(round(BINS * v.size / values.size), v.size // _FULL)))
+        places = np.repeat(np.append(t[edges[:-1]], t[-1]), 2)[1:-1]
+        low, lower, middle, upper, high = np.repeat(bands, 2, axis=1)
+        ax.fill_between(places, low, high, color=_ALL, linewidth=0.0)
+        ax.fill_between(places, lower, upper, color=SKY, linewidth=0.0)
+        ax.plot(places, middle, color=DARK, linewidth=_CURVE)
+
+
+def values_legend(count: int, name: str) -> list[Artist]:
+    """Entries of a legend for what `draw_values` draws."""
+    if count < DENSE:
+        return [Line2D([], [], color=DARK, linewidth=_CURVE, label=name)]
+    return [
+        Line2D([], [], color=DARK, linewidth=_CURVE, label=f"median of the {name}s"),
+        Patch(color=SKY, label=f"90 % of the {name}s"),
+        Patch(color=_ALL, label="all of them"),
+    ]
+
+
+def label_equation(ax: Axes, unit: str) -> None:
+    """Write quantity and unit of an equation beside its panel."""
+    value_axis(ax, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
+
+
+def relative_error(measured: Array, predicted: Array) -> str:
+    """``||y - y_predicted|| / ||y||`` in percent; a text where all measured values are zero."""
+    size = float(np.linalg.norm(measured))
+    return f"{significant(100 * float(np.linalg.norm(measured - predicted)) / size, 3)} %" if size > 0 else "undefined"
+
+
+def error_note(measured: Array, predicted: Array, unit: str) -> tuple[str, str]:
+    """Error of one equation as text, and the text's colour."""
+    rms, size = (float(np.sqrt(np.mean(x**2))) for x in (measured - predicted, measured))
+    return error_text(rms, size, unit, relative_error(measured, predicted)), VERMILLION if rms > _LARGE * size else DARK
+
+
+def error_text(rms: float, size: float, unit: str, relative: str) -> str:
+    """Root mean square of the differences and of the measured values [unit], and their ratio."""
+    return f"rms error {significant(rms, 3)} {unit} of {significant(size, 3)} {unit}: {relative}"
+
+
+_WHITE = 2.5758  # standard deviations that 99 % of white noise's autocorrelations stay within
+_LAGS = 0.1  # of the longest log
+_ALIKE = 0.01  # relative; logs whose sample times differ by less share an axis of lags in seconds
+
+
+def torques_figure(result: Identification) -> Figure:
+    """Draw measured and predicted values of the equations over time."""
+    curves, equations = result.curves, result.equations
+    timeline = Timeline.of(result.log_names, curves.time, curves.log)
+    error = relative_error(curves.measured, curves.predicted)
+    title = f"{result.robot.name}: measured and predicted, relative error {error} over all equations"
+    count = len(equations)
+    figure, rows = fit_panels(count, title)
+    for j, (equation, both) in enumerate(zip(equations, rows, strict=True)):
+        own = curves.equation == j
+        time, log, fit = curves.time[own], curves.log[own], (curves.measured[own], curves.predicted[own])
+        draw_fit(both, timeline, time, log, fit, equation, bottom=j == count - 1)
+    legend_below(figure, fit_legend(int(np.bincount(curves.equation).max()), "predicted by the estimate"))
+    return figure
+
+
+def residuals_figure(result: Identification) -> Figure:
+    """Draw the residuals of the equations over time, and their autocorrelation.
+
+    ``r_k = mean(e_t e_{t+k}) / mean(e_t^2)``, with the residual e of each log divided by its root mean square.
+    """
+    curves, equations = result.curves, result.equations
+    residual = curves.measured - curves.predicted
+    timeline = Timeline.of(result.log_names, curves.time, curves.log)
+    count = len(equations)
+    title = f"{result.robot.name}: residuals, measured less predicted by the estimate"
+    figure, rows = panels(count, Panel((7.6, 3.4), 1.3 if count > 1 else 3.0, left=0.85), title)
+    for j, ((name, unit), (over_time, over_lag)) in enumerate(zip(equations, rows, strict=True)):
+        own = curves.equation == j
+        time, log, e = curves.time[own], curves.log[own], residual[own]
+        over_time.axhline(0.0, color=GREY, linewidth=0.6)
+        draw_values(over_time, timeline, time, log, e)
+        timeline.dress(over_time, bottom=j == count - 1)
+        label_equation(over_time, unit)
+        rms, worst = (significant(float(x), 3) for x in (np.sqrt(np.mean(e**2)), np.abs(e).max()))
+        head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
+        _draw_autocorrelation(over_lag, time, log, e, bottom=j == count - 1)
+    band = Patch(color=BAND, label="99 % of the autocorrelation of white noise")
+    legend_below(figure, [*values_legend(int(np.bincount(curves.equation).max()), "residual"), band])
+    return figure
+
+
+def autocorrelation(residual: Array, log: Index, lags: int) -> Array:
+    """Autocorrelation of residuals of one equation within its logs, shape (lags + 1,)."""  # residual (m,); log (m,)
+    total = np.zeros(lags + 1)
+    for k in np.unique(log):
+        e = residual[log == k]
+        size = scipy.fft.next_fast_len(e.size + lags)
+        products = scipy.fft.irfft(np.abs(scipy.fft.rfft(e, size)) ** 2, size)[: lags + 1]
+        if products[0] > 0:
+            total += products / products[0] * e.size
+    return np.asarray(total / total[0]) if total[0] > 0 else np.zeros(lags + 1)
+
+
+def _draw_autocorrelation(ax: Axes, time: Array, log: Index, residual: Array, *, bottom: bool) -> None:
+    counts = np.bincount(log)
+    lags = max(1, int(_LAGS * counts.max()))
+    values = autocorrelation(residual, log, lags)
+    steps = np.array([np.median(np.diff(time[log == k])) for k in np.flatnonzero(counts > 1)])
+    alike = steps.size > 0 and float(np.ptp(steps)) <= _ALIKE * float(steps.min())
+    lag = np.arange(lags + 1) * (steps[0] if alike else 1.0)
+    white = _WHITE / np.sqrt(residual.size)
+    ax.axhspan(-white, white, color=BAND, linewidth=0)
+    ax.axhline(0.0, color=DARK, linewidth=0.6)
+    ax.plot(lag, values, color=BLUE, linewidth=1.2)
+    ax.set_xlim(0.0, float(lag[-1]))
+    ax.set_ylim(min(-0.25, 1.1 * float(values.min())), 1.05)
+    value_axis(ax, "autocorrelation", 4)
+    outside = float(np.mean(np.abs(values[1:]) > white))
+    head(ax, "", f"{100 * outside:.0f} % of it outside the band")
+    ax.tick_params(labelbottom=bottom)
+    if bottom:
+        ax.set_xlabel("lag [s]" if alike else "lag [rows]", fontsize=LABEL, color=DARK)

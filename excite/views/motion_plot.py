@@ -1,0 +1,362 @@
+"""The motion over time: every joint, every other limited function and torque, with its limits and their use."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from constraints.bounds.certificate import LimitUse
+from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
+from excite.design.design import Design
+from excite.design.stated_limits import checked_text, kept_headline
+from excite.trajectories.sequence import EXCITE
+from excite.views.panels import Panel, ends, legend_below, panels
+from excite.views.style import (
+    BAND,
+    BLUE,
+    DARK,
+    FORBIDDEN,
+    GREY,
+    LABEL,
+    NOTE,
+    ROUND,
+    VERMILLION,
+    broken,
+    column_width,
+    panel_width,
+    plain,
+    size_of,
+    tidy,
+    typeset,
+)
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+DOT = 4.5  # [pt]
+CURVE = 1.4  # [pt]
+_FAR = 6.0
+_FLAT = 1e-9  # a curve of less height [SI] counts as flat
+_LETTERS = 52  # above a panel
+_LEAST_FOR_LIMITS = 5.0  # width of a figure that has room for the limits' values [in]
+_TORQUE = " torque"
+
+
+def draw_limited(
+    ax: Axes,
+    time: Array,
+    values: Array,
+    allowed: tuple[float, float],
+    closest: tuple[float, float, bool] | None,
+    far: float = _FAR,
+) -> None:
+    """Draw a curve, shade what its limits forbid, and mark the value that comes closest to one."""  # time, values (N,)
+    view = view_range(values if closest is None else np.append(values, closest[1]), allowed, far)
+    tidy(ax)
+    _shade(ax, allowed, view)
+    ax.plot(time, values, color=BLUE, linewidth=CURVE)
+    if closest is not None:
+        colour = DARK if closest[2] else VERMILLION
+        ax.plot(closest[:1], closest[1:2], "o", color=colour, markersize=DOT, clip_on=False, zorder=3)
+    ax.set_xlim(time[0], time[-1])
+    ax.set_ylim(*view)
+    ax.yaxis.set_major_locator(MaxNLocator(5, steps=ROUND))
+
+
+def view_range(values: Array, allowed: tuple[float, float], far: float = _FAR) -> tuple[float, float]:
+    """Vertical range of a panel: the curve, and each bound that is not so far off as to flatten the curve."""
+    low, high = float(values.min()), float(values.max())
+    reach = far * (high - low) if high - low > _FLAT else np.inf
+    near = [bound for bound in allowed if np.isfinite(bound) and max(low - bound, bound - high) <= reach]
+    bottom, top = min(low, *near, high), max(low, *near, high)
+    pad = 0.1 * (top - bottom) if top - bottom > _FLAT else 1.0
+    return bottom - pad, top + pad
+
+
+def _shade(ax: Axes, allowed: tuple[float, float], view: tuple[float, float]) -> None:
+    """Shade the forbidden range, from each bound in view to the panel's edge."""
+    for bound, edge in zip(allowed, view, strict=True):
+        if view[0] < bound < view[1]:
+            ax.axhspan(min(bound, edge), max(bound, edge), color=FORBIDDEN, linewidth=0, zorder=0.5)
+            ax.axhline(bound, color=VERMILLION, linewidth=1.0, zorder=1.5)
+
+
+def write_use(ax: Axes, use: LimitUse | None, bound: float, owner: str = "") -> int:
+    """Write above a panel how much of its limit is used; number of lines."""
+    text, colour = _used(use, bound, owner, ax.get_ylim())
+    lines = broken(textwrap.fill(text, _LETTERS, break_on_hyphens=False), panel_width(ax)).split("\n")
+    ax.set_title(typeset("\n".join(lines)), loc="right", y=1.0, fontsize=NOTE, color=colour)
+    return len(lines)
+
+
+def _used(use: LimitUse | None, bound: float, owner: str, view: tuple[float, float]) -> tuple[str, str]:
+    """Use of a limit as text, and the text's colour."""
+    if use is None:
+        return "no limit", GREY
+    whose = f"{owner}, " if owner else ""
+    where = "" if view[0] < bound < view[1] else " (out of view)"
+    used = f"{100 * use.use:.1f} % used"
+    text = f"{whose}limit {float(f'{bound:.4g}'):g}{where}: {used}" if column_width() > _LEAST_FOR_LIMITS else used
+    return (text, DARK) if use.holds else (f"{text}, BROKEN", VERMILLION)
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedTorque:
+    """Torque of a joint or a drive over the whole motion."""
+
+    name: str  # of the joint, or ``drive NAME``
+    unit: str
+    values: Array  # (N,) without Coulomb friction [Nm or N]
+    allowed: tuple[float, float]  # limits, less the reserve and Coulomb friction [Nm or N]
+    use: LimitUse  # use of the limit by the exciting motion
+
+
+def limited_torques(design: Design, motion: Samples) -> list[LimitedTorque]:
+    """Every limited torque of a design; none where its torques are not checked."""
+    uses = {use.label: use for use in design.limits if use.label.endswith(_TORQUE)}
+    joints = design.robot.joint_names if design.approach_and_return is not None else design.moving.joint_names
+    index = [design.robot.joint_names.index(name) for name in joints]
+    samples = Samples(motion.time, *(x[:, index] for x in (motion.q, motion.dq, motion.ddq, motion.dddq)))
+    torques = []
+    known = design.nonlinear if design.approach_and_return is None else design.imposed_on(joints)
+    for limit in known if uses else ():
+        if not any(label in uses for label in limit.labels):
+            continue
+        values = limit.shown(limit.values(samples))
+        for k, label in enumerate(limit.labels):
+            if label in uses:
+                allowed = float(limit.lower[k]), float(limit.upper[k])
+                name = label.removesuffix(_TORQUE).removeprefix("joint ")
+                torques.append(LimitedTorque(name, limit.units[k], values[:, k], allowed, uses[label]))
+    return torques
+
+
+_PANEL_WIDTH = 2.65  # [in]
+_PANEL = Panel((_PANEL_WIDTH,), 1.2, left=0.8, between=0.68, below=0.9)
+_RIGHT, _TITLE_BELOW_TOP = 0.2, 0.12  # [in]
+_LINE = 1.33  # height of a line over the size of its font
+_TITLE_LETTER, _NOTE_LETTER, _NAME_LETTER = 0.675, 0.66, 0.74  # mean width over the size of the font
+_NAME_LINES = 5
+_DOT_MEANING = "closest to a limit (100 % used: at the limit, 0 %: in mid-range)"
+_NAME_STYLE: dict[str, Any] = {"loc": "left", "y": 1.0, "fontsize": LABEL, "fontweight": "bold", "color": DARK}
+_PER_TIME = ("", "/s", "/s^2", "/s^3")
+
+
+@dataclass(frozen=True)
+class Bound:
+    """One limit of a function or of one of its derivatives."""
+
+    owner: str  # ``joint NAME`` or ``drive NAME``
+    lower: float  # bounds on the limited value
+    upper: float
+    shift: float  # limited value minus the function as drawn
+    use: LimitUse  # use of the limit by the motion
+
+    @property
+    def extreme(self) -> float:
+        """The extreme value of the function as drawn."""
+        return self.use.extreme - self.shift
+
+
+@dataclass
+class MotionFunction:
+    """A function ``row q + offset`` of the joint positions, drawn in one row of panels."""
+
+    name: str
+    row: Array  # (n,)
+    unit: str  # ``rad`` or ``m``
+    offset: float = 0.0
+    bounds: list[list[Bound]] = field(default_factory=lambda: [[] for _ in QUANTITIES])  # per order of derivative
+
+    def values(self, samples: Samples, derivative: int) -> Array:
+        """The function or one of its derivatives at every instant, shape (N,)."""
+        motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[derivative]
+        return np.asarray(motion @ self.row + (self.offset if derivative == 0 else 0.0))
+
+    def allowed(self, derivative: int) -> tuple[float, float]:
+        """Range that all bounds together allow, infinite where there is none."""
+        bounds = self.bounds[derivative]
+        lower = max((bound.lower - bound.shift for bound in bounds), default=-np.inf)
+        return lower, min((bound.upper - bound.shift for bound in bounds), default=np.inf)
+
+    def tightest(self, derivative: int) -> Bound | None:
+        """The bound that the motion uses most."""
+        return max(self.bounds[derivative], key=lambda bound: bound.use.use, default=None)
+
+
+def motion_functions(
+    robot: Robot, limits: Sequence[LinearConstraint], uses: Sequence[LimitUse]
+) -> list[MotionFunction]:
+    """Joints, then the other limited functions; limits on the same function of the joints are grouped."""
+    use_of = {use.label: use for use in uses}
+    functions = {
+        tuple(row): MotionFunction(joint.name, row, joint.unit)
+        for joint, row in zip(robot.joints, np.eye(robot.n), strict=True)
+    }
+    joints = set(functions)
+    for limit in limits:
+        for k, label in enumerate(limit.labels):
+            key = tuple(limit.matrix[k] + 0.0)
+            if key not in functions:
+                functions[key] = MotionFunction(
+                    "", limit.matrix[k], limit.units[k].split("/")[0], float(limit.offset[k])
+                )
+            function, owner = functions[key], label.removesuffix(f" {limit.quantity}")
+            shift = float(limit.offset[k]) - function.offset if limit.derivative == 0 else 0.0
+            bound = Bound(owner, float(limit.lower[k]), float(limit.upper[k]), shift, use_of[label])
+            function.bounds[limit.derivative].append(bound)
+    for key, function in functions.items():
+        if key not in joints:
+            function.name = _name(function, robot)
+    return list(functions.values())
+
+
+def _name(function: MotionFunction, robot: Robot) -> str:
+    """Owners of the limits and the limited function, such as ``drives z3, z4: q2 + q3``."""
+    owners = list(dict.fromkeys(bound.owner for bounds in function.bounds for bound in bounds))
+    names = [owner.removeprefix("drive ") for owner in owners]
+    text = ""
+    for name, factor in zip(robot.joint_names, function.row, strict=True):
+        if factor != 0.0:
+            sign = " - " if factor < 0 else " + "
+            text += (sign if text or factor < 0 else "") + (f"{abs(factor):g} " if abs(factor) != 1.0 else "") + name
+    if function.offset != 0.0:
+        text += f" {'-' if function.offset < 0 else '+'} {abs(function.offset):.3g}"
+    return f"{'drives' if len(names) > 1 else 'drive'} {', '.join(names)}: {text.strip()}"
+
+
+def motion_figure(design: Design) -> Figure:
+    """Draw position, velocity, acceleration, limited jerk and functions of every joint, and torques."""
+    functions = motion_functions(design.moving, linear_limits(design.moving), design.limits)
+    columns = 4 if any(function.bounds[3] for function in functions) else 3
+    whole, _ = design.sequence.sampled()
+    spans = design.sequence.spans()
+    torques = limited_torques(design, whole)
+    figure, rows = _panels(design, len(functions), columns, len(torques))
+    samples, begin = _of_moving_joints(design, whole), spans[EXCITE][0]
+    for row, function in zip(rows, functions, strict=False):
+        _draw_row(row, function, samples, begin)
+    for ax, torque in zip(rows[-1], torques, strict=False):
+        _draw_torque(ax, torque, whole.time, begin)
+    for ax in figure.axes:
+        _shade_transfers(ax, spans)
+    _label_times(figure)
+    legend_below(figure, _legend(transfers=len(spans) > 1))
+    return figure
+
+
+def _of_moving_joints(design: Design, whole: Samples) -> Samples:
+    index = [design.robot.joint_names.index(name) for name in design.moving.joint_names]
+    return Samples(whole.time, *(x[:, index] for x in (whole.q, whole.dq, whole.ddq, whole.dddq)))
+
+
+def _shade_transfers(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
+    for segment, (start, end) in spans.items():
+        if segment != EXCITE:
+            ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
+
+
+def _panels(design: Design, rows: int, columns: int, torques: int) -> tuple[Figure, list[list[Axes]]]:
+    """Create the panels, with the title and notes above them."""
+    width = min(columns * (_PANEL.left + _PANEL_WIDTH) + _RIGHT, column_width())
+    letters = int(72.0 * width / (_NOTE_LETTER * size_of("xtick.labelsize")))
+    notes = [line for text in _notes(design, torques=torques > 0) for line in textwrap.wrap(text, letters)]
+    letters = int(72.0 * width / (_TITLE_LETTER * size_of("figure.titlesize")))
+    title = textwrap.wrap(_title(design), letters)
+    title_line, note_line = (_LINE * size_of(f"{what}size") / 72.0 for what in ("figure.title", "xtick.label"))
+    above = title_line * (len(title) - 1) + note_line * len(notes)
+    panel = replace(_PANEL, widths=(_PANEL_WIDTH,) * columns)
+    figure, axes = panels(rows, panel, "\n".join(title), above, torques)
+    for ax in figure.axes:
+        ax.tick_params(labelbottom=False)
+    top = 1.0 - (_TITLE_BELOW_TOP + title_line * len(title)) / figure.get_figheight()
+    style: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": NOTE, "color": DARK}
+    figure.text(0.5, top, plain("\n".join(notes)), **style)
+    return figure, axes
+
+
+def _title(design: Design) -> str:
+    uses = [use for part in (design.limits, *design.transfer_limits.values()) for use in part]
+    broken = sum(not use.holds for use in uses)
+    plain = "every limit that was checked is kept" if design.unchecked else "every limit is kept"
+    kept = kept_headline((each.limit for each in design.unchecked), plain)
+    verdict = kept if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
+    whole = "" if design.approach_and_return is None else f", {design.sequence.duration:g} s with approach and return"
+    return f"{design.robot.name}: motion of {design.trajectory.duration:g} s{whole}, {verdict}"
+
+
+def _notes(design: Design, *, torques: bool) -> list[str]:
+    """What was checked, what was not and why, which joints rest, and what the torques are."""
+    notes = [f"checked, with the number of limits: {checked_text(use.quantity for use in design.limits) or 'nothing'}"]
+    if design.unchecked:
+        notes.append(f"not checked: {', '.join(map(str, design.unchecked))}")
+    resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]
+    if resting:
+        notes.append(f"at rest: {', '.join(resting)}")
+    if torques:
+        notes.append("torques are those of the description without Coulomb friction; limits less this and the reserve")
+    return notes
+
+
+def _draw_row(row: Sequence[Axes], function: MotionFunction, samples: Samples, begin: float) -> None:
+    """Draw a function and its derivatives; the exciting motion, whose extremes are marked, starts at ``begin``."""
+    lines = 1
+    for derivative, ax in enumerate(row):
+        bound = function.tightest(derivative)
+        closest = None if bound is None else (begin + bound.use.time, bound.extreme, bound.use.holds)
+        values = function.values(samples, derivative)
+        draw_limited(ax, samples.time, values, function.allowed(derivative), closest)
+        unit = typeset(function.unit + _PER_TIME[derivative])
+        ax.set_ylabel(f"{QUANTITIES[derivative]} [{unit}]", fontsize=NOTE, color=DARK)
+        if bound is None:
+            write_use(ax, None, 0.0)
+            continue
+        owner = "" if bound.owner == f"joint {function.name}" else bound.owner
+        lines = max(lines, write_use(ax, bound.use, bound.use.bound - bound.shift, owner))
+    _write_name(row[0], function.name, lines)
+
+
+def _write_name(ax: Axes, name: str, lines: int) -> None:
+    """Write a name above the lines on the right of a panel."""
+    letters = int(72.0 * min(_PANEL_WIDTH, panel_width(ax)) / (_NAME_LETTER * size_of("axes.labelsize")))
+    text = "\n".join(textwrap.wrap(ends(name, _NAME_LINES * letters), letters, break_on_hyphens=False))
+    ax.set_title(typeset(text) + lines * "\n", **_NAME_STYLE)
+
+
+def _draw_torque(ax: Axes, torque: LimitedTorque, time: Array, begin: float) -> None:
+    use = torque.use
+    closest = begin + use.time, use.extreme, use.holds
+    draw_limited(ax, time, torque.values, torque.allowed, closest, far=np.inf)
+    ax.set_ylabel(f"{'force' if torque.unit == 'N' else 'torque'} [{torque.unit}]", fontsize=NOTE, color=DARK)
+    lines = write_use(ax, use, use.bound)
+    _write_name(ax, torque.name, lines)
+
+
+def _label_times(figure: Figure) -> None:
+    """Label the lowest panel of each column, whose last row may have some missing."""
+    lowest: dict[int, Axes] = {}
+    for ax in figure.axes:  # from the top
+        place = ax.get_subplotspec()
+        assert place is not None
+        lowest[place.colspan.start] = ax
+    for ax in lowest.values():
+        ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
+        ax.tick_params(labelbottom=True)
+
+
+def _legend(*, transfers: bool) -> list[Line2D | Patch]:
+    return [
+        *([Patch(color=BAND, label="approach, return")] if transfers else []),
+        Line2D([], [], color=BLUE, linewidth=CURVE, label="planned motion"),
+        Line2D([], [], color=VERMILLION, linewidth=1.0, label="limit"),
+        Patch(color=FORBIDDEN, label="forbidden"),
+        Line2D([], [], color=DARK, marker="o", markersize=DOT, linestyle="", label=_DOT_MEANING),
+    ]

@@ -1,0 +1,246 @@
+"""Panels of a figure, which matplotlib's constrained layout places, and the time that they share."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter, FixedLocator, FuncFormatter, MaxNLocator
+
+from excite.views.style import (
+    BOLD,
+    DARK,
+    LABEL,
+    LETTER,
+    NOTE,
+    ROUND,
+    broken,
+    column_width,
+    columns_that_fit,
+    figure_of,
+    panel_width,
+    plain,
+    size_of,
+    tidy,
+    typeset,
+)
+from regressors.samples import Array, Index
+
+NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
+_NUMBER = 3.0  # height that a number takes on a vertical axis in a column, over the size of its font
+_HANDLE = 9  # letters that the line of a legend's entry takes, with the space around it
+_ABOVE, _RIGHT = 0.8, 0.25  # [in]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Size of a panel, and of its margins."""
+
+    widths: tuple[float, ...]  # width of the panels of each column [in]
+    height: float  # [in]
+    left: float = 0.8  # room on the left of each panel [in]
+    between: float = 0.5  # room between two rows [in]
+    below: float = 0.95  # room below the last row [in]
+    least: float = 1.6  # least width of a panel of a column with its numbers [in]
+
+
+def panels(
+    rows: int, panel: Panel, title: str, notes: float = 0.0, further: int = 0
+) -> tuple[Figure, list[list[Axes]]]:
+    """Create a figure with a title and tidy panels, row by row; a row that has no room is broken into several."""
+    count = len(panel.widths)
+    columns = columns_that_fit(count, panel.least)
+    parts = -(-count // columns)
+    first = rows * parts  # row of the further panels
+    whole = first - (-further // columns)
+    tall, text = whole * panel.height, _ABOVE + (whole - 1) * panel.between + panel.below
+    figure = figure_of(sum(panel.widths) + count * panel.left + _RIGHT, tall + text, title, text, notes)
+    grid = figure.add_gridspec(whole, columns, width_ratios=panel.widths if parts == 1 else None)
+    axes = [
+        [figure.add_subplot(grid[parts * row + k // columns, k % columns]) for k in range(count)] for row in range(rows)
+    ]
+    if further:
+        axes.append([figure.add_subplot(grid[first + k // columns, k % columns]) for k in range(further)])
+    for ax in figure.axes:
+        tidy(ax)
+    return figure, axes
+
+
+def alike(
+    count: int, most: int, panel: Panel, title: str, xlabel: str = "", whole: int = 0
+) -> tuple[Figure, list[Axes], list[Axes]]:
+    """Create so many panels of one width in as many columns as fit, below panels over the whole width."""
+    columns = max(1, min(columns_that_fit(most, panel.least), count))
+    rows = -(-count // columns)
+    figure, axes = panels(whole + max(rows, whole), replace(panel, widths=panel.widths[:1] * columns), title)
+    above = []
+    for row in axes[:whole]:
+        place = row[0].get_subplotspec()
+        assert place is not None
+        above.append(figure.add_subplot(place.get_gridspec()[place.rowspan.start, :]))
+        tidy(above[-1])
+        for ax in row:
+            ax.remove()
+    flat = [ax for row in axes[whole:] for ax in row]
+    for ax in flat[count:]:
+        ax.remove()
+    for ax in flat[max(0, count - columns) : count] if xlabel else ():
+        ax.set_xlabel(xlabel, fontsize=LABEL, color=DARK)
+    return figure, flat[:count], above
+
+
+def pairs(rows: int, panel: Panel, lower: float, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
+    """Create a panel per row over the whole width, and a lower one of its own height below each."""
+    tall, text = rows * (panel.height + lower), _ABOVE + (rows - 1) * panel.between + panel.below
+    figure = figure_of(panel.widths[0] + panel.left + _RIGHT, tall + text, title, text)
+    axes = figure.subplots(2 * rows, 1, height_ratios=(panel.height, lower) * rows)
+    for ax in axes:
+        tidy(ax)
+    return figure, list(zip(axes[::2], axes[1::2], strict=True))
+
+
+def head(ax: Axes, name: str, note: str = "", colour: str = DARK) -> None:
+    """Write the name of a panel above it on the left, and a note on the right; below a name that leaves no room."""
+    label, small, points = size_of("axes.labelsize"), size_of("xtick.labelsize"), 72.0 * panel_width(ax)
+    letters = int(points / (BOLD * label))
+    beside = BOLD * label * len(name) + LETTER * small * len(note) < points
+    note = broken(note, points / 72.0)
+    below = "" if beside or not note else "\n" * (1 + note.count("\n"))
+    if column_width() < float("inf"):
+        name = broken(name, points / 72.0, "axes.labelsize", BOLD)
+    else:
+        name = ends(name, max(3, letters))
+    ax.set_title(typeset(name) + below, **NAME_STYLE)
+    ax.set_title(typeset(note), loc="right", fontsize=NOTE, color=colour)
+
+
+def value_axis(ax: Axes, label: str, numbers: int = 5) -> None:
+    """Label a vertical axis with full numbers, without an offset or a factor above it."""
+    points = 72.0 * float(ax.bbox.height) / ax.figure.dpi
+    if column_width() < float("inf"):
+        size = size_of("xtick.labelsize")
+        numbers = min(numbers, max(2, int(points / (_NUMBER * size))))
+        label = label.replace(" [", "\n[") if LETTER * size * len(label) > points else label
+    ax.set_ylabel(typeset(label), fontsize=NOTE, color=DARK)
+    ax.yaxis.set_major_locator(MaxNLocator(numbers, steps=ROUND))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: typeset(f"{value:.8g}")))
+
+
+def legend_below(figure: Figure, handles: Sequence[Artist], **style: Any) -> None:
+    """Draw one legend for all panels at the lower edge, in a column in as many columns as have room."""
+    columns = len(handles)
+    if column_width() < float("inf"):
+        letters = int(72.0 * column_width() / (LETTER * size_of("axes.labelsize")))
+        for handle in handles:
+            handle.set_label(textwrap.fill(str(handle.get_label()), letters - _HANDLE))
+        lengths = [_HANDLE + max(map(len, str(handle.get_label()).split("\n"))) for handle in handles]
+        while columns > 1 and sum(int(part.max()) for part in np.array_split(lengths, columns)) > letters:
+            columns -= 1
+    style = {"fontsize": LABEL, "frameon": False, "loc": "outside lower center", **style}
+    figure.legend(handles=list(handles), ncols=columns, **style)
+
+
+BINS = 1500  # minima and maxima per curve: about one per pixel
+_GAP = 0.02  # between two logs, of the time of all
+_BETWEEN_LOGS = "#EDEDED"
+_TICKS, _NUMBERS = 12, 2.7  # numbers on the whole axis, and at most per inch
+_LETTERS = 10.5  # per inch, of the logs' names side by side
+_NAMES_BELOW, _LABEL_BELOW = -18, -32  # [pt]
+
+
+def extremes(values: Array, bins: int = BINS) -> Index:
+    """Indices of the lowest and the highest value in each of ``bins`` stretches, and of both ends, in order."""
+    # values (N,)
+    if values.size <= 2 * bins:
+        return np.arange(values.size)
+    edges = np.linspace(0, values.size, bins + 1).astype(int)
+    kept = [0, values.size - 1]
+    for first, part in zip(edges, np.split(values, edges[1:-1]), strict=False):
+        kept += [first + int(np.argmin(part)), first + int(np.argmax(part))]
+    return np.unique(kept)
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """Place of every log on the axis."""
+
+    names: tuple[str, ...]  # empty ones are not written
+    first: Array  # (logs,) first and last instant of each log's own time [s]
+    last: Array  # (logs,)
+    offsets: Array  # (logs,) place on the axis minus the log's own time [s]
+
+    @classmethod
+    def of(cls, names: Sequence[str], time: Array, log: Index) -> Timeline:
+        """Build the timeline of rows."""  # time (m,); log (m,)
+        own = [time[log == k] for k in range(len(names))]
+        first, last = (np.array([pick(t) for t in own]) for pick in (np.min, np.max))
+        last = np.where(last > first, last, first + 1.0)  # a log of one instant needs some room too
+        gap = _GAP * float(np.sum(last - first))
+        begins = np.concatenate([[0.0], np.cumsum(last - first + gap)[:-1]])
+        shown = tuple(PurePath(name).stem for name in names)
+        return cls(shown, first, last, begins + first[0] - first)
+
+    def curve(self, time: Array, log: Index, values: Array) -> tuple[Array, Array]:
+        """Places and values to draw, a gap after each log."""  # time, values (m,); log (m,)
+        places, drawn = [], []
+        for k in range(len(self.names)):
+            t, v = time[log == k], values[log == k]
+            kept = extremes(v)
+            places += [t[kept] + self.offsets[k], [self.last[k] + self.offsets[k]]]
+            drawn += [v[kept], [np.nan]]
+        return np.concatenate(places[:-1]), np.concatenate(drawn[:-1])
+
+    def dress(self, ax: Axes, *, bottom: bool, numbers: int = _TICKS) -> None:
+        """Label an axis with the logs' own times and bands between them; at the bottom, with their names too."""
+        begin, end = self.first + self.offsets, self.last + self.offsets
+        ax.set_xlim(begin[0], end[-1])
+        for a, b in zip(end[:-1], begin[1:], strict=True):
+            ax.axvspan(a, b, color=_BETWEEN_LOGS, linewidth=0, zorder=2.5)
+        ticks, labels = self._ticks(min(numbers, int(_NUMBERS * panel_width(ax))))
+        ax.xaxis.set_major_locator(FixedLocator(ticks))
+        ax.xaxis.set_major_formatter(FixedFormatter(labels if bottom else [""] * len(labels)))
+        if bottom:
+            self._name(ax, 0.5 * (begin + end))
+
+    def _ticks(self, numbers: int) -> tuple[list[float], list[str]]:
+        """Places of round times, and the times."""
+        share = (self.last - self.first) / np.sum(self.last - self.first)
+        places, labels = [], []
+        for k, part in enumerate(share):
+            locator = MaxNLocator(max(1, round(numbers * float(part))), steps=ROUND)
+            own = np.array(locator.tick_values(self.first[k], self.last[k]))
+            room = 0.02 * (self.last[k] - self.first[k]) if k else 0.0  # the number before it is close
+            own = own[(own >= self.first[k] + room) & (own <= self.last[k])]
+            places += [float(t) for t in own + self.offsets[k]]
+            labels += [f"{t:g}" for t in own]
+        return places, labels
+
+    def _name(self, ax: Axes, middles: Array) -> None:
+        letters = _LETTERS * panel_width(ax)
+        if len(self.names) == 1 or not any(self.names):
+            where = "in each log " if len(self.names) > 1 else ""
+            where = f"in {plain(ends(self.names[0], int(letters)))} " if self.names[0] else where
+            ax.set_xlabel(f"time {where}[s]", fontsize=LABEL, color=DARK)
+            return
+        style: dict[str, Any] = {"ha": "center", "va": "top", "textcoords": "offset points", "color": DARK}
+        share = (self.last - self.first) / np.sum(self.last - self.first)
+        for name, middle, part in zip(self.names, middles, share, strict=True):
+            text, where_to = plain(ends(name, max(3, int(letters * part)))), ("data", "axes fraction")
+            ax.annotate(text, (middle, 0.0), (0, _NAMES_BELOW), xycoords=where_to, fontsize=NOTE, **style)
+        text = "time in each log [s]"
+        ax.annotate(text, (0.5, 0.0), (0, _LABEL_BELOW), xycoords="axes fraction", fontsize=LABEL, **style)
+
+
+def ends(name: str, length: int) -> str:
+    """Beginning and end of a name that exceeds a length; names of logs often differ at their ends."""
+    if len(name) <= length:
+        return name
+    begin = (length - 1) // 2
+    return f"{name[:begin]}\N{HORIZONTAL ELLIPSIS}{name[begin + 1 - length :]}"

@@ -1,0 +1,353 @@
+"""What the 3D player of a page needs of a design: shapes, motion, limits."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from constraints.collision.collision_limits import Clearance
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
+from constraints.collision.urdf_shapes import urdf_meshes
+from constraints.linear import LinearConstraint, linear_limits
+from constraints.nonlinear import NonlinearConstraint
+from excite.design.design import Design
+from excite.tasks.task import Task
+from excite.views.page_text import raised
+from regressors.errors import InputError
+from regressors.readers.urdf import read_urdf
+from regressors.robot.robot import BASE, Robot
+from regressors.samples import Array, Samples
+
+_JOINT_SIZE = 0.035  # of the robot's reach
+
+
+@dataclass(frozen=True, eq=False)
+class LimitCourse:
+    """One limited function along a motion."""
+
+    owner: str  # such as ``joint q1``, or a pair of bodies
+    quantity: str
+    unit: str
+    lower: float  # infinite where there is no bound
+    upper: float
+    values: Array  # (N,)
+    bodies: tuple[str, ...] = ()  # links that the function belongs to
+
+    @property
+    def nearest(self) -> float:
+        """Least distance from a bound."""
+        return float(np.minimum(self.values - self.lower, self.upper - self.values).min())
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedMotion:
+    """A motion of every joint, and functions along it."""
+
+    time: Array  # (N,) [s]
+    q: Array  # (N, n) [rad, rad/s, or with m]
+    dq: Array  # (N, n)
+    segments: tuple[tuple[str, float], ...]  # names and ends [s]
+    courses: Sequence[LimitCourse]
+    about: str  # what the reader must know of the functions
+
+
+def player_data(
+    motion: PlayedMotion, robot: Robot, task: Task, shape: World | None, robot_file: str | None = None
+) -> dict[str, Any]:
+    """Everything that the player of a page needs, as plain values."""
+    number = {BASE: 0, **{body.name: k for k, body in enumerate(robot.bodies, 1)}}
+    courses = motion.courses
+    return {
+        "bodies": body_data(robot, number),
+        "time": _short(motion.time, 9),
+        "q": _short(motion.q, 9),
+        "dq": _short(motion.dq, 7),
+        "segments": [{"name": name, "end": end} for name, end in motion.segments],
+        "limits": [_limit(course, number) for course in courses],
+        "values": _short(np.column_stack([course.values for course in courses]), 5)
+        if courses
+        else [[]] * len(motion.q),
+        "tip": robot.n - 1,
+        "tool": list(task.limits.tool_point),
+        "joint_size": _JOINT_SIZE * max(0.1, sum(float(np.linalg.norm(j.translation)) for j in robot.joints)),
+        "about": motion.about,
+        **player_shapes(robot, task, shape, number, robot_file),
+    }
+
+
+def _short(values: Array, digits: int) -> Any:
+    """Nested lists of numbers with so many significant digits, None where a number is not known."""
+    if values.ndim > 1:
+        return [_short(row, digits) for row in values]
+    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values.tolist()]
+
+
+def body_data(robot: Robot, number: Mapping[str, int]) -> list[dict[str, Any]]:
+    """Links, then branches, each with the joint that carries it."""
+    bodies, before = [], 0
+    for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
+        bodies.append({"name": link.name, "parent": before, "row": np.eye(robot.n)[k].tolist(), "offset": 0.0})
+        before = number[link.name]
+        bodies[-1] |= _joint(joint)
+    for branch in robot.branches:
+        row, parent = branch.coupling.tolist(), number[branch.parent]
+        bodies.append({"name": branch.name, "parent": parent, "row": row, "offset": branch.offset})
+        bodies[-1] |= _joint(branch.joint)
+    return bodies
+
+
+def _joint(joint: Any) -> dict[str, Any]:
+    placed = {name: getattr(joint, name).tolist() for name in ("rotation", "translation", "axis")}
+    return {"kind": joint.kind, **placed}
+
+
+def _limit(course: LimitCourse, number: Mapping[str, int]) -> dict[str, Any]:
+    return {
+        "owner": course.owner,
+        "quantity": course.quantity,
+        "unit": raised(course.unit),
+        "lower": course.lower if np.isfinite(course.lower) else None,
+        "upper": course.upper if np.isfinite(course.upper) else None,
+        "most": max(float(np.nanmax(np.abs(course.values))), 1e-12),
+        "bodies": [number[name] for name in course.bodies if name in number],
+    }
+
+
+def tightest(courses: Sequence[LimitCourse]) -> list[LimitCourse]:
+    """One course per function: of several with the same name, as of many pieces of two bodies, the nearest ones."""
+    same: dict[tuple[str, str], list[LimitCourse]] = {}
+    for course in courses:
+        same.setdefault((course.owner, course.quantity), []).append(course)
+    return [_nearest(group) for group in same.values()]
+
+
+def _nearest(group: Sequence[LimitCourse]) -> LimitCourse:
+    """Several functions with the same bounds as one, at every instant the one nearest to a bound."""
+    if len(group) == 1:
+        return group[0]
+    alike = [course for course in group if (course.lower, course.upper) == (group[0].lower, group[0].upper)]
+    values = np.array([course.values for course in alike])
+    room = np.minimum(values - group[0].lower, group[0].upper - values)
+    return replace(group[0], values=values[room.argmin(axis=0), np.arange(values.shape[1])])
+
+
+FRAMES = 600  # of the motion in a page; between them it is interpolated
+_PAIRS = 12  # nearest pairs of bodies whose distance is shown
+_TORQUE = " torque"
+_ABOUT = (
+    "Torques are computed from the description's parameters; their limits are less the reserve and friction. Values "
+    "between samples are interpolated; the certified extremes are in the table of margins."
+)
+
+
+def player_motion(design: Design, robot_file: str | None = None) -> dict[str, Any]:
+    """Everything that the player of a page needs of a design, as plain values."""
+    robot = design.task.limits.applied(design.robot)
+    samples, _ = design.sequence.sampled()
+    shown = _some(samples)
+    ends = tuple((name, end) for name, (_, end) in design.sequence.spans().items())
+    courses = limit_courses(design, robot, shown)
+    motion = PlayedMotion(shown.time, shown.q, shown.dq, ends, courses, _ABOUT)
+    return player_data(motion, robot, design.task, design.shape, robot_file)
+
+
+def _some(samples: Samples) -> Samples:
+    """At most `FRAMES` of the samples, both ends among them."""
+    count = samples.time.size
+    index = np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(int))
+    motion = (samples.q, samples.dq, samples.ddq, samples.dddq)
+    return Samples(samples.time[index], *(each[index] for each in motion))
+
+
+def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitCourse]:
+    """Every limit of joints, drives, torques, the tool and distances along a motion.
+
+    Where the motion begins and ends at home, limits of every joint, since all of them move on the way; else those of
+    the joints that the design moves.
+    """
+    whole = design.approach_and_return is not None
+    joints = robot.joint_names if whole else design.moving.joint_names
+    index = [robot.joint_names.index(name) for name in joints]
+    motion = Samples(samples.time, *(x[:, index] for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))
+    linear = linear_limits(robot if whole else design.moving)
+    bodies = bodies_of(robot, joints, linear)
+    courses = [course for limit in linear for course in linear_courses(limit, motion, bodies)]
+    distances: list[LimitCourse] = []
+    for constraint in design.imposed_on(joints) if whole else design.nonlinear:
+        near = isinstance(constraint, Clearance)
+        (distances if near else courses).extend(nonlinear_courses(constraint, motion, bodies))
+    return [*tightest(courses), *nearest_pairs(distances)]
+
+
+def nearest_pairs(distances: Sequence[LimitCourse]) -> list[LimitCourse]:
+    """The nearest pairs of bodies, those that come nearest first."""
+    return sorted(tightest(distances), key=lambda course: course.nearest)[:_PAIRS]
+
+
+def bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstraint]) -> dict[str, tuple[str, ...]]:
+    """Links whose joints a joint or a drive moves, by its name in labels."""
+    link = {joint.name: body.name for joint, body in zip(robot.joints, robot.links, strict=True)}
+    owners: dict[str, tuple[str, ...]] = {f"joint {name}": (link[name],) for name in joints}
+    for limit in linear:
+        for label, row in zip(limit.labels, limit.matrix, strict=True):
+            moved = tuple(link[name] for name, factor in zip(joints, row, strict=True) if factor != 0.0)
+            owners.setdefault(label.removesuffix(f" {limit.quantity}"), moved)
+    return owners
+
+
+def linear_courses(
+    limit: LinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
+) -> Iterator[LimitCourse]:
+    """Functions that are limited linearly, along a motion."""
+    motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[limit.derivative]
+    values = motion @ limit.matrix.T + limit.offset
+    for k, label in enumerate(limit.labels):
+        owner = label.removesuffix(f" {limit.quantity}")
+        bounds = float(limit.lower[k]), float(limit.upper[k])
+        yield LimitCourse(owner, limit.quantity, limit.units[k], *bounds, values[:, k], bodies.get(owner, ()))
+
+
+def nonlinear_courses(
+    limit: NonlinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
+) -> Iterator[LimitCourse]:
+    """Functions that are limited otherwise, along a motion."""
+    values = limit.shown(limit.values(samples))
+    pairs = {pair.label: pair for pair in limit.pairs} if isinstance(limit, Clearance) else {}
+    for k, label in enumerate(limit.labels):
+        bounds = float(limit.lower[k]), float(limit.upper[k])
+        names: tuple[str, ...] = ()
+        owner, quantity = label, "tool"
+        if label in pairs:
+            names, quantity = (pairs[label].link, pairs[label].other), "distance"
+        elif label.endswith(_TORQUE):
+            owner, quantity = label.removesuffix(_TORQUE), "torque"
+            names = bodies.get(owner, ())
+        yield LimitCourse(owner, quantity, limit.units[k], *bounds, values[:, k], names)
+
+
+def player_shapes(
+    robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None = None
+) -> dict[str, Any]:
+    """Entries ``meshes``, ``capsules``, ``objects``, ``drawn_as`` and ``left_out`` of the player's data."""
+    world = task.limits.known_world
+    known = world if world is not None else shape
+    meshes, reasons = ([], ()) if robot_file is None else _meshes(robot, task, robot_file, number)
+    parts = () if known is None or meshes else known.parts
+    drawn = "meshes of its URDF" if meshes else "capsules" if parts else "lines through the frames of its joints"
+    return {
+        "meshes": meshes,
+        "capsules": [_part(part, number) for part in parts if part.link in number],
+        "objects": [_object(each) for own in (world, shape) if own is not None for each in own.obstacles],
+        "drawn_as": drawn,
+        "left_out": _left_out(reasons),
+    }
+
+
+def matches(robot: Robot, task: Task, robot_file: str) -> bool:
+    """True if a URDF describes the robot of a task."""
+    try:
+        read = read_urdf(robot_file, base=task.base_link, tip=task.tip, snap_angles=task.snap_angles)
+    except InputError:
+        if Path(robot_file).is_file():
+            return False  # a URDF without this chain
+        raise
+    places = [[(joint.name, joint.kind) for joint in each.joints] for each in (read, robot)]
+    return places[0] == places[1] and all(
+        np.allclose(a.rotation, b.rotation) and np.allclose(a.translation, b.translation)
+        for a, b in zip(read.joints, robot.joints, strict=True)
+    )
+
+
+def _meshes(
+    robot: Robot, task: Task, robot_file: str, number: Mapping[str, int]
+) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
+    """Meshes of few triangles, and what is said of files that are left out."""
+    read = urdf_meshes(Path(robot_file), robot, task.base_link, snap_angles=task.snap_angles)
+    together = {name: [each.triangles for each in read.meshes if each.link == name] for name in number}
+    meshes = [
+        {"body": number[name], **decimated(np.concatenate(triangles)).to_dict()}
+        for name, triangles in together.items()
+        if triangles
+    ]
+    return meshes, read.left_out
+
+
+def _left_out(reasons: Sequence[str]) -> str:
+    """A sentence on files that are not shown."""
+    if not reasons:
+        return ""
+    more = f"; and {len(reasons) - 1} more" if len(reasons) > 1 else ""
+    return f"Some meshes of its URDF are not shown: {reasons[0]}{more}."
+
+
+def _part(part: Part, number: Mapping[str, int]) -> dict[str, Any]:
+    return {"body": number[part.link], **_capsule(part.capsule)}
+
+
+def _capsule(capsule: Capsule) -> dict[str, Any]:
+    return {"from": list(capsule.start), "to": list(capsule.end), "radius": capsule.radius}
+
+
+def _object(each: Obstacle) -> dict[str, Any]:
+    shape = each.shape
+    place: dict[str, Any]
+    if isinstance(shape, Box):
+        place = {"kind": "box", "centre": list(shape.centre), "size": list(shape.size), "rpy": list(shape.rpy)}
+    elif isinstance(shape, HalfSpace):
+        place = {"kind": "plane", "normal": list(shape.normal), "offset": shape.offset}
+    else:
+        place = {"kind": "capsule", **_capsule(shape)}
+    return {"name": each.name, **place}
+
+
+_CELLS = (192, 128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # along the longest side
+_STEPS = 65535  # of a stored coordinate, over the longest side
+MOST = 2500  # triangles
+
+
+@dataclass(frozen=True, eq=False)
+class CoarseMesh:
+    """A mesh of few triangles."""
+
+    corners: Array  # (N, 3)
+    faces: Array  # (M, 3)
+
+    def to_dict(self) -> dict[str, object]:
+        """Corners as 16-bit steps from a point and faces as 16-bit indices, both in base64."""
+        origin = self.corners.min(axis=0)
+        scale = max(float(np.ptp(self.corners, axis=0).max()), 1e-9) / _STEPS
+        steps = np.rint((self.corners - origin) / scale).astype("<u2")
+        return {
+            "origin": [float(f"{x:.7g}") for x in origin],
+            "scale": float(f"{scale:.7g}"),
+            "corners": base64.b64encode(steps.tobytes()).decode("ascii"),
+            "faces": base64.b64encode(self.faces.astype("<u2").tobytes()).decode("ascii"),
+        }
+
+
+def decimated(triangles: Array, most: int = MOST) -> CoarseMesh:
+    """A mesh of at most so many triangles, on the finest of several grids that leaves no more."""
+    # triangles (N, 3, 3)
+    points = triangles.reshape(-1, 3)
+    low, side = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-9)
+    for cells in _CELLS:
+        mesh = _clustered(points, np.floor((points - low) * (cells / side)).astype(np.int64))
+        if len(mesh.faces) <= most:
+            return mesh
+    return mesh
+
+
+def _clustered(points: Array, cells: Array) -> CoarseMesh:
+    """The mesh whose corners are the means of those in each cell, without triangles that became lines."""
+    _, place, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    place = place.reshape(-1)
+    means = np.column_stack([np.bincount(place, points[:, k]) for k in range(3)]) / count[:, None]
+    faces = place.reshape(-1, 3)
+    real = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    _, first = np.unique(np.sort(faces[real], axis=1), axis=0, return_index=True)
+    return CoarseMesh(means, faces[real][np.sort(first)])

@@ -1,0 +1,180 @@
+"""Information of the motion: singular values of W, and predicted accuracy of each base parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from excite.design.design import Design
+from excite.information.metrics import CONVENTIONS, PredictedAccuracy, noise_text
+from excite.information.prior import base_sizes
+from excite.views.bars import bar_panel, beside_names, parameter_label, row_places, unit_patches, unit_style
+from excite.views.panels import legend_below
+from excite.views.style import (
+    BLUE,
+    DARK,
+    FORBIDDEN,
+    GREY,
+    LABEL,
+    NOTE,
+    ROUND,
+    column_width,
+    figure_of,
+    log_scale,
+    plain,
+    significant,
+    tidy,
+    typeset,
+)
+from regressors.samples import Array
+
+_FEW = 20  # up to this many parameters are in one column beside the spectrum; more are in two columns below it
+_WIDE = 30.0  # a ratio of largest to smallest above which bars need a logarithmic scale
+_EXPRESSION_LENGTH = 42
+_FEWEST_ROWS = 8  # keep bars slim
+_BAR_HEIGHT = 0.2  # [in]
+_ROOM, _LOG_ROOM = 1.6, 0.5  # for the numbers at its end: times the longest bar, and share of its length
+_LEAST = 5.0  # width of a figure with room for whole sentences and numbers [in]
+_UNCLEAR = 100.0  # [%]: from here on the deviation is larger than the parameter
+
+
+@dataclass(frozen=True)
+class RelativeAccuracy:
+    """Predicted accuracy of a base parameter, relative to its size."""
+
+    predicted: PredictedAccuracy
+    percent: float  # standard deviation over size [%]; infinite where no size is known
+    label: str  # name and expression, over one or more lines
+
+    @property
+    def text(self) -> str:
+        """Both deviations, with the parameter's unit; the relative one alone where a column has no room for both."""
+        deviation = f"{significant(self.predicted.standard_deviation, 2)} {self.predicted.unit}"
+        relative = f"{significant(self.percent, 2)} %"
+        known = f"{relative} ({deviation})" if column_width() == float("inf") else relative
+        return typeset(known if np.isfinite(self.percent) else f"{deviation}, size not known")
+
+
+def relative_accuracy(design: Design) -> list[RelativeAccuracy]:
+    """Predicted standard deviation of each base parameter over its size, see `base_sizes`."""
+    base = design.target.base
+    size = dict(zip(base.names, base_sizes(design.target.model, base), strict=True))
+    accuracy = []
+    for p in design.predicted:
+        known = size.get(p.name, np.inf)
+        percent = 100.0 * p.standard_deviation / known if np.isfinite(known) and known > 0.0 else np.inf
+        label = parameter_label(p.name, p.expression, _EXPRESSION_LENGTH, "design.json")
+        accuracy.append(RelativeAccuracy(p, float(percent), label))
+    return accuracy
+
+
+def spectrum_figure(design: Design) -> Figure:
+    """Draw the singular values of W, and the predicted standard deviation of each base parameter over its size."""
+    accuracy = relative_accuracy(design)
+    count = len(accuracy)
+    rows = count if count <= _FEW or column_width() <= _LEAST else -(-count // 2)
+    columns = [accuracy[k : k + rows] for k in range(0, count, rows)]
+    tall = max(row_places([each.label for each in column])[1] for column in columns)
+    title = f"{design.robot.name}: predicted accuracy of {count} base parameter{'s' if count != 1 else ''}"
+    if column_width() <= _LEAST:
+        height = 0.9 + _BAR_HEIGHT * max(tall, _FEWEST_ROWS)
+        figure = figure_of(6.0, 4.2 + height, title, text=4.2 + height)
+        spectrum, *bars = figure.subplots(2, 1, height_ratios=(2.8, height))
+    elif len(columns) == 1:
+        height = max(4.8, 2.0 + 1.25 * _BAR_HEIGHT * tall)
+        figure = figure_of(12.5, height, title, text=height)
+        spectrum, *bars = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
+    else:
+        height = 0.9 + _BAR_HEIGHT * tall
+        figure = figure_of(13.0, 4.2 + height, title, text=4.2 + height)
+        (upper,), (lower,) = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.8, height))
+        spectrum, bars = upper.subplots(), list(lower.subplots(1, 2))
+    _draw_spectrum(spectrum, design.spectrum, design.condition_number)
+    _draw_predictions(bars, columns, max(tall, _FEWEST_ROWS))
+    bars[0].set_title(plain(beside_names(_explanation(design), bars[0])), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+    _unit_legend(figure, accuracy)
+    return figure
+
+
+def _draw_spectrum(ax: Axes, sigma: Array, condition_number: float) -> None:
+    number = np.arange(1, sigma.size + 1)
+    room = max(2.0, float(sigma[0] / sigma[-1]) ** 0.12)
+    floor = float(sigma[-1]) / room
+    tidy(ax)
+    stems = ax.stem(number, sigma, bottom=floor, linefmt=BLUE, markerfmt="o", basefmt=" ")
+    stems.stemlines.set_linewidth(1.2)
+    stems.markerline.set(color=BLUE, markersize=4)
+    log_scale(ax.yaxis, floor, room * float(sigma[0]))
+    ax.set_xlim(0.0, 1.08 * sigma.size + 0.8)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=ROUND))
+    first, last = significant(sigma[0], 4), significant(sigma[-1], 4)
+    text: dict[str, Any] = {"textcoords": "offset points", "fontsize": NOTE, "color": DARK}
+    if sigma.size > 1:
+        ax.annotate(first, (1, sigma[0]), (-3, 6), **text)  # nothing is above the first or right of the last
+    ax.annotate(last, (sigma.size, sigma[-1]), (6, 0), va="center", **text)
+    ax.set_xlabel("singular values, largest first", fontsize=LABEL, color=DARK)
+    ax.set_ylabel("singular value of W (SI)", fontsize=LABEL, color=DARK)
+    convention = CONVENTIONS["condition_number"].removeprefix("cond(W), ")
+    ratio = f"cond(W) = {first} / {last} = {significant(condition_number, 4)}"
+    ax.set_title(beside_names(f"{ratio}\n{convention}", ax), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+
+
+def _draw_predictions(panels: Sequence[Axes], columns: Sequence[Sequence[RelativeAccuracy]], tall: float) -> None:
+    """Bars in the order of the base, one column after the other, on one scale."""
+    percent = np.array([each.percent for column in columns for each in column])
+    shown = percent[np.isfinite(percent) & (percent > 0.0)]
+    low, high = (float(shown.min()), float(shown.max())) if shown.size else (1.0, _UNCLEAR)
+    for ax, column in zip(panels, columns, strict=True):
+        places, _ = row_places([each.label for each in column])
+        bar_panel(ax, 0.0, tall, places.tolist(), [each.label for each in column])
+        _draw_bars(ax, column, places)
+        if high > _WIDE * low:
+            log_scale(ax.xaxis, low / 2.0, high * (2.0 * high / low) ** _LOG_ROOM)
+        else:
+            ax.set_xlim(0.0, _ROOM * high)
+        left, right = ax.get_xlim()
+        if high > _UNCLEAR:
+            ax.axvspan(max(left, _UNCLEAR), right, color=FORBIDDEN, linewidth=0, zorder=0.5)
+        text = beside_names("standard deviation / size of the parameter [%]", ax)
+        ax.set_xlabel(text, fontsize=LABEL, color=DARK)
+
+
+def _draw_bars(ax: Axes, column: Sequence[RelativeAccuracy], places: Array) -> None:
+    for place, each in zip(places, column, strict=True):
+        known = np.isfinite(each.percent)
+        if known:
+            ax.barh([place], [each.percent], height=0.62, **unit_style(each.predicted.unit))
+        where: dict[str, Any] = {"xycoords": "data" if known else ("axes fraction", "data"), "va": "center"}
+        style: dict[str, Any] = {
+            "textcoords": "offset points",
+            "fontsize": NOTE - 0.5,
+            "color": DARK if known else GREY,
+        }
+        number = ax.annotate(each.text, (each.percent if known else 0.0, place), (3, 0), **where, **style)
+        number.set_in_layout(False)  # it has room in the panel
+
+
+def _unit_legend(figure: Figure, accuracy: Sequence[RelativeAccuracy]) -> None:
+    handles = unit_patches(each.predicted.unit for each in accuracy)
+    if any(np.isfinite(each.percent) and each.percent > _UNCLEAR for each in accuracy):
+        handles.append(Patch(color=FORBIDDEN, label="deviation larger than the size"))
+    legend_below(figure, handles, title="unit of the parameter", title_fontsize=NOTE, fontsize=NOTE)
+
+
+def _explanation(design: Design) -> str:
+    """What is drawn, for which noise, and where the sizes come from."""
+    noise = noise_text(design.task.objective.noise, design.target.model)
+    if column_width() <= _LEAST:
+        return f"deviation / size for {noise}"
+    return (
+        "Predicted standard deviation of each base parameter, over its size\n"
+        f"for {noise}, independent in {design.rows} rows\n"
+        "size: as described, plausible for the robot where it is not"
+    )

@@ -1,0 +1,191 @@
+"""What folders and files hold, as records; and what a page is about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+from excite.design import design_folder
+from excite.design.campaign import Campaign
+from excite.design.design import Design
+from excite.design.design_json import load_design
+from excite.design.sweeps.sweep_table import JSON as CAMPAIGN_TABLE
+from excite.design.sweeps.sweep_table import KIND as CAMPAIGN
+from excite.design.sweeps.sweep_table import SweepTable, load_sweep
+from excite.friction.fit.friction_fit import FIT, FrictionFit, load_friction_fit
+from excite.friction.fit.friction_fit import KIND as FRICTION_FIT
+from excite.friction.plan.friction_plan import KIND as FRICTION_PLAN
+from excite.friction.plan.friction_plan import PLAN, FrictionPlan, load_friction_plan
+from excite.identification import result_json
+from excite.identification.identification import Identification
+from excite.identification.result_json import load_result
+from excite.optimality.design_bound import KIND as BOUND
+from excite.optimality.design_bound import DesignBound
+from excite.payload.payload_result import KIND as PAYLOAD_KIND
+from excite.payload.payload_result import PAYLOAD, load_payload
+from excite.storage.atomic import read_json
+from excite.storage.codec import record_of
+from excite.storage.commit import settle
+from excite.storage.destination import Destination
+from excite.storage.migrations import is_of_kind
+from excite.storage.records import read_record
+from excite.study.posterior_samples import load_posterior
+from excite.study.predict_accuracy import KIND as ACCURACY
+from excite.study.predict_accuracy import load_accuracy
+from excite.study.time_study import KIND as STUDY
+from excite.study.time_study import TimeStudy, load_time_study
+from excite.verification.verification import KIND as VERIFICATION
+from excite.verification.verification import Verification, load_verification
+from regressors.arguments import checked, fit, rule_of
+from regressors.errors import InputError
+
+Record = Verification | TimeStudy | FrictionPlan | FrictionFit | SweepTable
+
+
+@dataclass(frozen=True)
+class Filed:
+    """A record, and the file that it was read from."""
+
+    record: Record
+    path: Path
+
+
+Subject = (
+    Design | Identification | Filed | Verification | Campaign | SweepTable | FrictionPlan | FrictionFit | TimeStudy
+)
+_KINDS = get_args(Subject)
+_RECORDS = (PLAN, CAMPAIGN_TABLE, FIT, "study.json", "verification*.json")
+
+
+@checked
+def load(path: str | Path, part: str | Collection[str] = ()) -> Any:
+    """Load what was saved: a design, an identification, or any other record.
+
+    Parameters
+    ----------
+    path : path
+        Folder of a design, an identification, a friction plan or fit, a study, a sweep or a payload; or a file of one,
+        such as ``verification-LOG.json``, ``accuracy.json``, ``bound.json`` or ``samples.npz``.
+    part : str or collection of str
+        Parts of the user's own, ``module:Name``, that the file names; see `load_design`.
+
+    Returns
+    -------
+    Design, Identification, Verification, FrictionPlan, FrictionFit, TimeStudy, SweepTable, PayloadResult, \
+AccuracyPrediction, DesignBound or PosteriorSamples
+        Equal to the one that was saved; what needs more than the file has is derived when it is asked for.
+
+    Raises
+    ------
+    InputError
+        There is nothing of these kinds, or it is damaged.
+    """
+    path, parts = Path(path), (part,) if isinstance(part, str) and part else part
+    if path.suffix in (".npz", ".csv"):
+        return load_posterior(path)
+    file = path
+    if path.suffix != ".json":
+        settle(Destination(path))
+        file = next((path / name for name in _WHOLE if (path / name).exists()), path)
+        if file == path:
+            raise InputError(f"{path} holds none of {', '.join(_WHOLE)}; name one of its files")
+        if file.name in (design_folder.DESIGN, result_json.RESULT):
+            return load_design(path, parts) if file.name == design_folder.DESIGN else load_result(path, parts)
+    schema = read_json(file).get("schema")
+    for kind, read in _ALONE.items():
+        if is_of_kind(kind, schema):
+            return read(file)
+    subject = _of_file(file, parts)
+    return subject.record if isinstance(subject, Filed) else subject
+
+
+_ALONE: dict[str, Callable[[Path], Any]] = {
+    PAYLOAD_KIND: load_payload,
+    ACCURACY: load_accuracy,
+    BOUND: lambda file: read_record(file, DesignBound, BOUND),
+}
+_WHOLE = (design_folder.DESIGN, result_json.RESULT, PLAN, FIT, "study.json", CAMPAIGN_TABLE, PAYLOAD)
+
+
+def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Subject]:
+    """Objects as they are; of each folder its design, identification and verifications, of each file its own."""
+    subjects: list[Subject] = []
+    for each in given:
+        if isinstance(each, _KINDS):
+            subjects.append(each)
+        elif isinstance(each, str | Path):
+            path = Path(fit("paths_or_objects", each, (rule_of(Path)[0], "the name of a folder or a file")))
+            subjects += [_of_file(path, part)] if path.suffix == ".json" else _of_folder(path, part)
+        else:
+            raise InputError(
+                "a report is of designs, identifications, verifications, campaigns, fits of friction curves, studies, "
+                f"or their folders; given an object of type {type(each).__name__}"
+            )
+    if not subjects:
+        raise InputError("a report needs the folder of a design, an identification or a verification; none is given")
+    return subjects
+
+
+def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
+    if not folder.is_dir():
+        raise InputError(f"there is no folder {folder}")
+    settle(Destination(folder))
+    readers: dict[str, Callable[[Path], Subject]] = {
+        design_folder.DESIGN: partial(load_design, part=part),
+        result_json.RESULT: partial(load_result, part=part),
+    }
+    found = [read(folder) for name, read in readers.items() if (folder / name).exists()]
+    found += [read for path in _files(folder) if (read := _record(path, read_json(path).get("schema"))) is not None]
+    if not found:
+        raise InputError(
+            f"{folder} holds neither a design ({design_folder.DESIGN}), nor an identification ({result_json.RESULT}), "
+            "nor a verification (verification-LOG.json), nor a friction plan (plan.json), a fit of friction curves "
+            "(fit.json), a study (study.json) or a campaign (campaign.json)"
+        )
+    return found
+
+
+def _files(folder: Path) -> list[Path]:
+    """Files of a folder that may hold a record."""
+    return [path for pattern in _RECORDS for path in sorted(folder.glob(pattern))]
+
+
+def _record(path: Path, schema: object) -> Filed | None:
+    """The record that a file holds; None where it is of another kind."""
+    readers: dict[str, Callable[[Path], Record]] = {
+        VERIFICATION: load_verification,
+        STUDY: load_time_study,
+        FRICTION_PLAN: load_friction_plan,
+        CAMPAIGN: load_sweep,
+        FRICTION_FIT: load_friction_fit,
+    }
+    return next((Filed(read(path), path) for kind, read in readers.items() if is_of_kind(kind, schema)), None)
+
+
+def _of_file(path: Path, part: Collection[str]) -> Subject:
+    """What a file holds, by its schema."""
+    content: Mapping[str, Any] = read_json(path)
+    schema = content.get("schema")
+    if schema == design_folder.SCHEMA:
+        return load_design(path, part)
+    if is_of_kind(result_json.KIND, schema):
+        return load_result(path, part)
+    if (record := _record(path, schema)) is not None:
+        return record
+    if schema is None and {"steps", "subsets"} <= set(content):
+        return _campaign_of(content, path)
+    raise InputError(
+        f"{path}: expected a design, an identification, a verification, a friction plan, a fit of friction curves, a "
+        f"study, the table of a campaign, or a campaign of `plan_campaign`, given schema {schema!r}"
+    )
+
+
+def _campaign_of(content: Mapping[str, Any], path: Path) -> Campaign:
+    """The campaign that the JSON of ``excite plan`` describes."""
+    try:
+        return record_of(Campaign, content, {})
+    except InputError as error:
+        raise InputError(f"{path}: not a complete campaign: {error}") from error

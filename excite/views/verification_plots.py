@@ -1,0 +1,151 @@
+"""Verification of a result on another log: torques, motion, and sources of the errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from excite.views.bars import NumberColumn, bar_panel, write_columns
+from excite.views.identification_plots import (
+    MEASURED,
+    PREDICTED,
+    draw_fit,
+    error_text,
+    fit_legend,
+    fit_panels,
+    relative_error,
+)
+from excite.views.panels import BINS, Panel, Timeline, ends, extremes, head, legend_below, panels, value_axis
+from excite.views.style import DARK, LABEL, NOTE, ORANGE, PURPLE, SKY, VERMILLION, figure_of, significant, typeset
+from regressors.errors import InputError
+from regressors.samples import Array
+
+if TYPE_CHECKING:
+    from excite.simulation.replay import Replay
+    from excite.verification.verification import Verification
+
+_PARTS: tuple[tuple[str, dict[str, Any], str], ...] = (
+    ("noise", {"facecolor": SKY}, "noise of the measurement"),
+    ("standstill", {"facecolor": ORANGE, "hatch": "////"}, "static friction at standstill"),
+    ("systematic", {"facecolor": VERMILLION}, "the model (friction, gains, flexibility)"),
+)
+_EDGE: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.6}
+_DOT = 2.2  # [pt]
+_NUMBERS = 8  # on an axis of time
+_NAME_LENGTH = 50
+_READABLE = 0.06  # of the whole: larger parts have their percentage written into them
+
+
+def predicted_torques_figure(verification: Verification) -> Figure:
+    """Draw measured and predicted torques over time with their difference [KD96] Fig. 16."""
+    v = verification
+    count = len(v.equations)
+    title = f"{_name(v)}: predicted within {relative_error(v.measured, v.predicted)} over all equations"
+    if v.training_error is not None:
+        title += f" (training logs: {significant(100 * v.training_error, 3)} %)"
+    figure, rows = fit_panels(count, title)
+    log = np.zeros(v.time.size, dtype=np.intp)
+    timeline = Timeline.of([""], v.time, log)
+    for j, (equation, both) in enumerate(zip(v.equations, rows, strict=True)):
+        fit = v.measured[:, j], v.predicted[:, j]
+        draw_fit(both, timeline, v.time, log, fit, equation, bottom=j == count - 1)
+    legend_below(figure, fit_legend(v.time.size, "predicted"))
+    return figure
+
+
+def simulated_motion_figure(verification: Verification) -> Figure:
+    """Draw positions simulated from the measured torques, and measured ones [KD96] Fig. 17."""
+    replay, samples = verification.replay, verification.motion
+    if replay is None:
+        raise InputError("no motion was simulated: the model has no torque equation for every moving joint")
+    joints, errors = samples.joints, verification.motions
+    title = f"{_name(verification)}: motion simulated from the measured torques"
+    figure, rows = panels(len(joints), Panel((6.8, 3.8), 1.4 if len(joints) > 1 else 3.0, left=0.95), title)
+    difference, whole = replay.q - samples.q, ((0, samples.time.size),)
+    failed = "" if replay.failed_at is None else f"failed at {replay.failed_at:.3f} s: {replay.outcome.value}"
+    for j, (name, (over, beside)) in enumerate(zip(joints, rows, strict=True)):
+        bottom, unit = j == len(joints) - 1, "rad or m" if errors is None else errors[j].unit
+        _draw(over, samples.time, samples.q[:, j], whole, bottom, **MEASURED)
+        _draw(over, replay.time, replay.q[:, j], replay.bounds, bottom, **PREDICTED)
+        beside.axhline(0.0, color=DARK, linewidth=0.6)
+        _draw(beside, replay.time, difference[:, j], replay.bounds, bottom, color=VERMILLION, linewidth=0.9)
+        for ax, values in ((over, replay.q[:, j]), (beside, difference[:, j])):
+            ax.plot(replay.time[[*replay.starts]], values[[*replay.starts]], "o", color=DARK, markersize=_DOT, zorder=3)
+            if replay.failed_at is not None:
+                ax.axvline(replay.failed_at, color=PURPLE, linewidth=1.2)
+        value_axis(over, f"position [{unit}]")
+        value_axis(beside, f"difference [{unit}]")
+        head(over, name, failed if j == 0 else "", VERMILLION)
+        if errors is not None:
+            e = errors[j]
+            rms, travel, relative = (significant(x, 3) for x in (e.error, e.travel, 100 * e.relative))
+            head(beside, "", f"rms {rms} {unit} of {travel} {unit} travelled: {relative} %")
+    legend_below(figure, _motion_legend(replay))
+    return figure
+
+
+def _draw(ax: Axes, time: Array, values: Array, windows: Sequence[tuple[int, int]], bottom: bool, **style: Any) -> None:
+    """Draw a curve with a gap before every restart; long ones by their extremes."""
+    timeline = Timeline.of([""], time, np.zeros(time.size, dtype=np.intp))
+    drawn = [first + extremes(values[first:stop], max(1, BINS // len(windows))) for first, stop in windows]
+    again = np.cumsum([part.size for part in drawn[:-1]], dtype=np.intp)
+    kept = np.concatenate(drawn)
+    after = time[[first for first, _ in windows[1:]]]
+    ax.plot(np.insert(time[kept], again, after), np.insert(values[kept], again, np.nan), **style)
+    timeline.dress(ax, bottom=bottom, numbers=_NUMBERS)
+
+
+def _motion_legend(replay: Replay) -> list[Line2D]:
+    first, stop = replay.bounds[0]
+    window = replay.time[stop] - replay.time[first] if stop < replay.time.size else None
+    how = "every {} s where it is simulated" if replay.left_out else "anew every {} s"
+    anew = "starts at the measured state" + ("" if window is None else f", {how.format(significant(window, 2))}")
+    handles = [
+        Line2D([], [], **MEASURED, label="measured"),
+        Line2D([], [], **PREDICTED, label="simulated"),
+        Line2D([], [], color=VERMILLION, linewidth=0.9, label="simulated less measured"),
+        Line2D([], [], color=DARK, marker="o", markersize=_DOT, linestyle="", label=anew),
+    ]
+    if replay.failed_at is not None:
+        handles.append(Line2D([], [], color=PURPLE, linewidth=1.2, label="failed"))
+    return handles
+
+
+def _name(verification: Verification) -> str:
+    return ends(PurePath(verification.log.file).name, _NAME_LENGTH)
+
+
+def error_parts_figure(verification: Verification) -> Figure:
+    """Draw the parts of every equation's squared error: noise, standstill, and model error."""
+    torques = verification.torques
+    height, title = 1.9 + 0.42 * len(torques), f"{_name(verification)}: where the errors of the prediction come from"
+    figure = figure_of(9.5, height, title, text=height)
+    ax = figure.subplots()
+    places = np.arange(len(torques))
+    begin = np.zeros(len(torques))
+    for name, look, _ in _PARTS:
+        share = np.array([100.0 * float(getattr(torque, name)) for torque in torques])
+        ax.barh(places, share, left=begin, height=0.62, **look, **_EDGE)
+        for place, left, wide in zip(places, begin, share, strict=True):
+            if wide > 100.0 * _READABLE:
+                text = f"{wide:.0f} %"
+                ax.text(left + wide / 2, float(place), text, ha="center", va="center", fontsize=NOTE, color="black")
+        begin = begin + share
+    errors = (
+        error_text(t.error, t.measured, t.unit, f"{significant(100 * t.relative, 3)} %").removeprefix("rms error ")
+        for t in torques
+    )
+    write_columns(ax, places.tolist(), [NumberColumn("rms error", [typeset(text) for text in errors], side="left")])
+    bar_panel(ax, -0.5, len(torques) - 0.5, places.tolist(), [torque.name for torque in torques])
+    ax.set_xlim(0.0, 100.0)
+    ax.set_xlabel("part of the mean squared error [%]", fontsize=LABEL, color=DARK)
+    handles = [Patch(**look, **_EDGE, label=meaning) for _, look, meaning in _PARTS]
+    legend_below(figure, handles)
+    return figure

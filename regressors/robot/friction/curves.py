@@ -1,0 +1,371 @@
+"""Friction curves of a robot's drives, where two columns of a linear model do not suffice [KD96] section 5.2.
+
+Each drive's curve gives the friction torque at its coordinate, ``f(dz)``; at the joints this is ``C' f(C dq)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, is_dataclass
+from types import MappingProxyType
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from regressors.errors import InputError, UnknownName
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck
+from regressors.robot.friction.load_share import (
+    Loaded,
+    carried,
+    carried_along,
+    carried_expression,
+    drive_temperatures,
+    drives_with_friction,
+    loading,
+    scaled,
+    smooth_direction,
+    torques_at_drives,
+)
+from regressors.robot.friction.tables import FunctionFriction, TableFriction
+from regressors.robot.friction.temperature import Slope, Warm, table_part
+from regressors.robot.friction.uncertainty import CurveUncertainty, changed, curve_parameters, uncertainty_at
+from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import sparse
+from regressors.samples import Array
+
+__all__ = [
+    "CoulombViscous",
+    "CurveUncertainty",
+    "FrictionCurve",
+    "FrictionCurves",
+    "FunctionFriction",
+    "Loaded",
+    "Scaled",
+    "Side",
+    "Slope",
+    "Stribeck",
+    "TableFriction",
+    "Warm",
+    "carried_along",
+    "changed",
+    "curve_parameters",
+    "drive_temperatures",
+    "drives_with_friction",
+    "smooth_direction",
+    "torques_at_drives",
+]
+
+
+def _plain(value: object) -> object:
+    """Nested lists of plain values, which can be compared where dataclasses of arrays cannot."""
+    if isinstance(value, Mapping):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        return [type(value).__name__, *(_plain(getattr(value, field.name)) for field in fields(value))]
+    return value
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionCurves:
+    """Friction of a robot's drives, so that identification can subtract it from the torques [KD96] section 5.2.
+
+    Parameters
+    ----------
+    curves : mapping of str to FrictionCurve or callable
+        Curves by name of the drive, or of the joint where the robot has no transmission; a drive without an entry has
+        no friction. A function of velocities is accepted as a curve, see `FunctionFriction`.
+    uncertainty : mapping of str to CurveUncertainty
+        Uncertainty of curves by name; curves without one count as exact.
+
+    Raises
+    ------
+    UnknownName
+        An uncertainty without a curve, or of a parameter that its curve does not have.
+    """
+
+    curves: Mapping[str, FrictionCurve | Callable[[Array], Array]]
+    uncertainty: Mapping[str, CurveUncertainty] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        curves = {
+            name: curve if isinstance(curve, FrictionCurve) else FunctionFriction(curve)
+            for name, curve in self.curves.items()
+        }
+        object.__setattr__(self, "curves", MappingProxyType(curves))
+        object.__setattr__(self, "uncertainty", MappingProxyType(dict(self.uncertainty)))
+        for name, uncertainty in self.uncertainty.items():
+            if name not in curves:
+                raise UnknownName("friction curve", name, tuple(curves))
+            uncertainty.check(curves[name])
+
+    def __eq__(self, other: object) -> bool:
+        """True for the same curves with the same uncertainty."""
+        if not isinstance(other, FrictionCurves):
+            return NotImplemented
+        return _plain((self.curves, self.uncertainty)) == _plain((other.curves, other.uncertainty))
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[type[FrictionCurves], tuple[dict[str, Any], dict[str, CurveUncertainty]]]:
+        """Pickle plain dictionaries; the read-only mappings are rebuilt from them."""
+        return FrictionCurves, (dict(self.curves), dict(self.uncertainty))
+
+    @classmethod
+    def of_robot(cls, robot: Robot) -> FrictionCurves:
+        """Coulomb and viscous friction of the drives whose description states it."""
+        drives = () if robot.transmission is None else robot.transmission.drives
+        known = {d.name: [x for x in (d.coulomb, d.viscous) if x is not None and np.isfinite(x)] for d in drives}
+        stated = {d.name: CoulombViscous(_stated(d.coulomb), _stated(d.viscous)) for d in drives if not d.rests}
+        return cls({name: curve for name, curve in stated.items() if known[name]})
+
+    def scaled(self, factors: Mapping[str, float]) -> FrictionCurves:
+        """Return the curves multiplied by one factor each, taken as exact; the factor is 1 where none is given.
+
+        Load shares are limited to 0.99, see `regressors.robot.friction.load_share.scaled`.
+
+        Parameters
+        ----------
+        factors : mapping of str to float
+        """
+        curves = {name: self.curve(name) for name in self.curves}
+        return FrictionCurves(
+            {name: scaled(curve, factors.get(name, 1.0)) for name, curve in curves.items() if curve is not None}
+        )
+
+    def at(self, temperature: float | Mapping[str, float] | None) -> FrictionCurves:
+        """Curves at one temperature each.
+
+        Parameters
+        ----------
+        temperature : float, mapping of str to float, or None
+            One for all, or by name; the reference temperature of a curve if it is None or not named [deg C].
+
+        Raises
+        ------
+        UnknownName
+            A temperature of a drive that has no curve.
+        InputError
+            A temperature that is not finite, or at which friction would be negative, see
+            `regressors.robot.friction.temperature.Warm.at`.
+        """
+        each = temperature if isinstance(temperature, Mapping) else dict.fromkeys(self.curves, temperature)
+        for name in each:
+            if name not in self.curves:
+                raise UnknownName("friction curve", name, tuple(self.curves))
+        curves, uncertainty = {}, {}
+        for name in self.curves:
+            curve = self.curve(name)
+            assert curve is not None
+            with _errors_naming(name):
+                curves[name] = curve.at(each.get(name))
+            if name in self.uncertainty and (kept := uncertainty_at(self.uncertainty[name], curve, each.get(name))):
+                uncertainty[name] = kept
+        return FrictionCurves(curves, uncertainty)
+
+    def of(self, names: Container[str]) -> FrictionCurves:
+        """Curves of some drives."""
+        return FrictionCurves(
+            {name: curve for name, curve in self.curves.items() if name in names},
+            {name: uncertainty for name, uncertainty in self.uncertainty.items() if name in names},
+        )
+
+    @property
+    def loaded(self) -> bool:
+        """Whether any friction grows with the torque that its drive carries."""
+        return any(isinstance(curve, Loaded) for curve in self.curves.values())
+
+    def curve(self, name: str) -> FrictionCurve | None:
+        """Curve of one drive, None where it has none."""
+        curve = self.curves.get(name)
+        assert curve is None or isinstance(curve, FrictionCurve)
+        return curve
+
+    def speed_notes(self, robot: Robot, dq: Array) -> tuple[str, ...]:
+        """Notes on a motion that is faster than the friction tables reach.
+
+        Parameters
+        ----------
+        robot : Robot
+        dq : ndarray, shape (N, n)
+            [rad/s or m/s]
+        """
+        beyond = [
+            (name, table.extrapolated(dq @ row))
+            for name, row in drives_with_friction(robot)
+            if (table := table_part(self.curve(name))) is not None
+        ]
+        return tuple(
+            f"friction of {name}: {count} samples are faster than its table; its last value was used"
+            for name, count in beyond
+            if count
+        )
+
+    def check(self, robot: Robot) -> None:
+        """Raise `UnknownName` for a curve whose name no drive of the robot has."""
+        known = robot.joint_names if robot.transmission is None else [d.name for d in robot.transmission.drives]
+        for name in self.curves:
+            if name not in known:
+                raise UnknownName("drive" if robot.transmission else "joint", name, known)
+
+    def joint_torque(
+        self,
+        robot: Robot,
+        q: Array,
+        dq: Array,
+        direction: Array | None = None,
+        temperature: Array | None = None,
+        load: Array | None = None,
+    ) -> Array:
+        """Friction torques at the joints, ``C' f(C dq)``.
+
+        Parameters
+        ----------
+        robot : Robot
+            With the drives that the curves are named after; drives that do not move contribute nothing.
+        q, dq : ndarray, shape (N, n)
+            [rad, rad/s, or with m]; no kind of curve depends on q at present.
+        direction : ndarray, shape (N, k), optional
+            Direction of friction of each of `drives_with_friction`; the exact signs of their velocities if not given.
+        temperature : ndarray, shape (N, k), optional
+            Temperature of each of these drives, see `drive_temperatures`; the curves' reference temperatures if not
+            given [deg C].
+        load : ndarray, shape (N, n), optional
+            Joint torques of the motion without friction, for friction that grows with load; zero if not given [Nm or
+            N].
+
+        Returns
+        -------
+        ndarray, shape (N, n)
+            [Nm or N]
+
+        Raises
+        ------
+        UnknownName
+            A curve of a drive that the robot does not have.
+        InputError
+            A temperature as in `at`; friction that grows with load, of a robot that does not have one drive for each
+            joint.
+        """
+        self.check(robot)
+        total = np.zeros_like(dq)
+        z = None if load is None or not self.loaded else load @ torques_at_drives(robot).T
+        for k, (name, row) in enumerate(drives_with_friction(robot)):
+            curve = self.curve(name)
+            if curve is None:
+                continue
+            v, s = dq @ row, None if direction is None else direction[:, k]
+            with _errors_naming(name):
+                f = curve.torque(v, s) if temperature is None else curve.torque_at(v, temperature[:, k], s)
+            if z is not None:
+                f = f + loading(curve, np.sign(v) if s is None else s) * np.abs(z[:, k])
+            total += np.outer(f, row)
+        return total
+
+    def carried_torque(
+        self,
+        robot: Robot,
+        q: Array,
+        dq: Array,
+        tau: Array,
+        direction: Array | None = None,
+        temperature: Array | None = None,
+    ) -> Array:
+        """Joint torques without friction, from those with friction.
+
+        Parameters
+        ----------
+        robot, q, dq, direction, temperature
+            See `joint_torque`.
+        tau : ndarray, shape (N, n)
+            Joint torques with friction, as measured [Nm or N].
+
+        Returns
+        -------
+        ndarray, shape (N, n)
+            With these as the load, `joint_torque` is their difference from tau.
+
+        Raises
+        ------
+        UnknownName, InputError
+            See `joint_torque`.
+        """
+        rest = tau - self.joint_torque(robot, q, dq, direction, temperature)
+        if not self.loaded:
+            return np.asarray(rest)
+        z = rest @ torques_at_drives(robot).T
+        for k, (name, row) in enumerate(drives_with_friction(robot)):
+            if (curve := self.curve(name)) is not None:
+                z[:, k] = carried(z[:, k], loading(curve, np.sign(dq @ row) if direction is None else direction[:, k]))
+        return np.asarray(z @ np.array([row for _, row in drives_with_friction(robot)]))
+
+    def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX, load: ca.SX | None = None) -> ca.SX:
+        """``C' f(C dq)`` as an expression.
+
+        Parameters
+        ----------
+        robot : Robot
+        dq : SX, shape (n, 1)
+        direction : SX, shape (k, 1)
+            Direction of friction of each of `drives_with_friction`, such as `smooth_direction`.
+        load : SX, shape (n, 1), optional
+            See `joint_torque`.
+
+        Returns
+        -------
+        SX, shape (n, 1)
+        """
+        self.check(robot)
+        total = ca.SX.zeros(robot.n, 1)
+        z = None if load is None or not self.loaded else ca.mtimes(sparse(torques_at_drives(robot)), load)
+        for k, (name, row) in enumerate(drives_with_friction(robot)):
+            curve = self.curve(name)
+            if curve is None:
+                continue
+            f = curve.expression(ca.mtimes(sparse(row[None]), dq), direction[k])
+            if z is not None:
+                f += loading(curve, direction[k]) * ca.fabs(z[k])
+            total += sparse(row[:, None]) * f
+        return total
+
+    def carried_expression(self, robot: Robot, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
+        """Joint torques without friction as an expression, see `carried_torque`.
+
+        Parameters
+        ----------
+        robot : Robot
+        dq, tau : SX, shape (n, 1)
+        direction : SX, shape (k, 1)
+
+        Returns
+        -------
+        SX, shape (n, 1)
+        """
+        rest = tau - self.joint_expression(robot, dq, direction)
+        if not self.loaded:
+            return rest
+        drives = drives_with_friction(robot)
+        z = ca.mtimes(sparse(torques_at_drives(robot)), rest)
+        parts = [
+            z[k] if curve is None else carried_expression(z[k], loading(curve, direction[k]))
+            for k, curve in enumerate(self.curve(name) for name, _ in drives)
+        ]
+        return ca.mtimes(sparse(np.array([row for _, row in drives]).T), ca.vertcat(*parts))
+
+
+@contextmanager
+def _errors_naming(name: str) -> Iterator[None]:
+    """Prefix input errors of the block with the drive's name."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
+
+
+def _stated(value: float | None) -> float:
+    return value if value is not None and np.isfinite(value) else 0.0

@@ -1,0 +1,233 @@
+"""CasADi expressions evaluated for many instants at once.
+
+The instructions of a CasADi function run as machine code (`regressors.robot.symbolic.machine_code`). Where LLVM is
+missing, they run on NumPy arrays that hold one number per instant, which is as fast as CasADi's own machine or
+faster. Both round alike, bit for bit: a search is steered by its last digits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from importlib import import_module
+
+import casadi as ca
+import numpy as np
+
+from regressors.errors import NumericalError
+from regressors.robot.symbolic.machine_code import MachineCode, NotCompiledError
+from regressors.samples import Array, Index, Samples
+
+_CHUNK = 4096
+
+
+def _of_c(function: Callable[..., float], counterpart: np.ufunc) -> Callable[..., object]:
+    """A function of the C library for arrays, as machine code calls it: NumPy's own rounds in another manner.
+
+    What Python's `math` raises an error for, such as an overflow, is NumPy's.
+    """
+    each = np.frompyfunc(function, counterpart.nin, 1)
+
+    def values(*arguments: Array) -> Array:
+        *inputs, out = arguments
+        try:
+            out[...] = each(*inputs)
+        except (OverflowError, ValueError):
+            counterpart(*inputs, out)
+        return out
+
+    return values
+
+
+_BINARY = {
+    ca.OP_ADD: np.add,
+    ca.OP_SUB: np.subtract,
+    ca.OP_MUL: np.multiply,
+    ca.OP_DIV: np.divide,
+    ca.OP_POW: _of_c(math.pow, np.power),
+    ca.OP_FMIN: lambda a, b, out: np.minimum(a, b, out=out),  # by name: NumPy takes two positional ones only
+    ca.OP_FMAX: lambda a, b, out: np.maximum(a, b, out=out),
+}
+_UNARY = {
+    ca.OP_NEG: np.negative,
+    ca.OP_SQ: np.square,
+    ca.OP_SIN: _of_c(math.sin, np.sin),
+    ca.OP_COS: _of_c(math.cos, np.cos),
+    ca.OP_SQRT: np.sqrt,
+    ca.OP_TANH: _of_c(math.tanh, np.tanh),
+    ca.OP_EXP: _of_c(math.exp, np.exp),
+    ca.OP_SIGN: np.sign,
+    ca.OP_FABS: np.fabs,
+    ca.OP_INV: np.reciprocal,
+}
+_FUNCTIONS = {**_BINARY, **_UNARY}
+
+
+def _check(function: ca.Function) -> None:
+    """Refuse an instruction that has no NumPy counterpart (`ValueError`) and infinite constants (`NumericalError`)."""
+    known = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_TWICE, *_FUNCTIONS}
+    kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
+    for op in set(kinds) - known:
+        raise ValueError(f"CasADi instruction {op} has no NumPy counterpart here")
+    for k in (k for k, op in enumerate(kinds) if op == ca.OP_CONST):
+        _finite(function.instruction_constant(k))
+
+
+def _source(function: ca.Function) -> str:
+    """Python text of a function's instructions, one line each, every result written into its own buffer."""
+    lines = [f"def run(inputs, out, b, f):\n    ({','.join(f'x{i}' for i in range(function.n_in()))},) = inputs"]
+    lines += [f"    f{op} = f[{op}]" for op in _FUNCTIONS]
+    for k in range(function.n_instructions()):
+        op, o, i = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
+        if op == ca.OP_INPUT:
+            lines.append(f"    w{o[0]} = x{i[0]}[{i[1]}]")
+        elif op == ca.OP_OUTPUT:
+            lines.append(f"    out[{o[1]}] = w{i[0]}")
+        elif op == ca.OP_CONST:
+            lines.append(f"    w{o[0]} = {_finite(function.instruction_constant(k))!r}")
+        elif op == ca.OP_TWICE:
+            lines.append(f"    w{o[0]} = f{ca.OP_ADD}(w{i[0]}, w{i[0]}, b[{o[0]}])")
+        elif op in _BINARY:
+            lines.append(f"    w{o[0]} = f{op}(w{i[0]}, w{i[1]}, b[{o[0]}])")
+        else:
+            lines.append(f"    w{o[0]} = f{op}(w{i[0]}, b[{o[0]}])")
+    return "\n".join(lines)
+
+
+def _finite(constant: float) -> float:
+    if not np.isfinite(constant):
+        raise NumericalError("a constant of the model is not finite; check the lengths, masses and limits of the robot")
+    return constant
+
+
+def _compiled(function: ca.Function) -> Callable[..., None]:
+    scope: dict[str, Callable[..., None]] = {}
+    exec(compile(_source(function), f"<vectorised {function.name()}>", "exec"), scope)
+    return scope["run"]
+
+
+def _program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
+    """Values, shape (numbers of the result, instants), from the inputs at as many instants."""
+    _check(function)
+    try:
+        return MachineCode(function)
+    except NotCompiledError:
+        return _ArrayProgram(function)
+
+
+def evaluation() -> str:
+    """How this process evaluates expressions: compiled, by which version, or interpreted, and why."""
+    x = ca.SX.sym("x")
+    try:
+        MachineCode(ca.Function("probe", [x], [x * x]))
+    except NotCompiledError as error:
+        return f"expressions interpreted by NumPy {np.__version__}: llvmlite is missing or does not work ({error})"
+    return f"expressions compiled by llvmlite {import_module('llvmlite').__version__}"
+
+
+def interpreted_note() -> tuple[str, ...]:
+    """What the user should know where expressions are not compiled; empty where they are."""
+    said = evaluation()
+    return () if "compiled" in said else (f"{said}; the numbers are the same, but take longer",)
+
+
+class _ArrayProgram:
+    """Instructions on NumPy arrays, with the buffers for one number of instants."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self._run = _compiled(function)
+        self._registers = function.sz_w()
+        self._buffers: list[Array] = []
+        self._size = function.numel_out(0)
+
+    def __call__(self, inputs: Sequence[Array]) -> Array:
+        instants = inputs[0].shape[1]
+        if not self._buffers or self._buffers[0].size != instants:
+            self._buffers = list(np.empty((self._registers, instants)))
+        out = np.empty((self._size, instants))
+        with np.errstate(all="ignore"):
+            self._run(inputs, out, self._buffers, _FUNCTIONS)
+        return out
+
+
+class VectorisedFunction:
+    """The structural nonzeros of a matrix expression, and their reverse derivative, for many instants at once."""
+
+    def __init__(self, inputs: Sequence[ca.SX], expression: ca.SX) -> None:
+        expression = ca.sparsify(ca.cse(ca.sparsify(expression)))
+        row, column = expression.sparsity().get_triplet()
+        self.row: Index = np.asarray(row, dtype=np.intp)
+        self.column: Index = np.asarray(column, dtype=np.intp)
+        self.shape = expression.shape
+        self._inputs = list(inputs)
+        self._sizes = [x.numel() for x in inputs]
+        self._values = ca.vertcat(*expression.nonzeros())
+        self._function = ca.Function("forward", self._inputs, [self._values])
+        _check(self._function)
+        self._reverse: Callable[[Sequence[Array]], Array] | None = None
+
+    @cached_property
+    def _forward(self) -> Callable[[Sequence[Array]], Array]:
+        return _program(self._function)
+
+    def __call__(self, *inputs: Array) -> Array:
+        """Nonzeros of the matrix at every instant."""  # inputs (n_k, instants)
+        return self._forward(inputs)
+
+    def selection(self, nonzeros: Index) -> VectorisedFunction:
+        """Some of the nonzeros, in another order, as a column: what only the others need is not computed."""
+        # nonzeros (k,)
+        return VectorisedFunction(self._inputs, ca.vertcat(*(self._values[int(k)] for k in nonzeros)))
+
+    def interpreted(self, *inputs: Array) -> Array:
+        """The same nonzeros by CasADi's own machine, which is slower, but needs no translation."""
+        # inputs (n_k, instants)
+        return np.asarray(self._function(*map(ca.DM, inputs)), dtype=float).reshape(len(self.row), inputs[0].shape[1])
+
+    def pullback(self, inputs: Sequence[Array], seeds: Array) -> tuple[Array, ...]:
+        """Gradient of ``sum(seeds * values)`` with respect to the inputs, by one reverse sweep."""
+        # inputs (n_k, instants); seeds (nnz, instants)
+        if self._reverse is None:
+            seed = ca.SX.sym("seed", len(self.row))
+            gradient = ca.cse(ca.gradient(ca.dot(self._values, seed), ca.vertcat(*self._inputs)))
+            self._reverse = _program(ca.Function("reverse", [*self._inputs, seed], [ca.densify(gradient)]))
+        stacked = self._reverse((*inputs, seeds))
+        return tuple(np.split(stacked, np.cumsum(self._sizes)[:-1]))
+
+
+def evaluate_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
+    """Values of a matrix expression at every sample, shape (N, rows, columns); of some columns, or of all."""
+    width = function.shape[1] if columns is None else columns.size
+    values = np.empty((samples.time.size, function.shape[0], width))
+    for start in range(0, samples.time.size, _CHUNK):
+        part = slice(start, start + _CHUNK)
+        values[part] = entries_at_samples(function, samples.rows(part), columns).transpose(2, 0, 1)
+    return values
+
+
+def entries_at_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
+    """As `evaluate_samples`, shape (rows, columns, N): the entries of the matrix, each at every sample."""
+    rows, width = function.shape
+    place = np.arange(width)
+    if columns is not None:
+        place, width = np.full(width, -1), columns.size
+        place[columns] = np.arange(width)
+    column = place[function.column]
+    used = np.flatnonzero(column >= 0)
+    row, column = function.row[used], column[used]
+    values = np.zeros((rows, width, samples.time.size))
+    for start in range(0, samples.time.size, _CHUNK):
+        part = slice(start, start + _CHUNK)
+        motion = [np.ascontiguousarray(x[part].T) for x in (samples.q, samples.dq, samples.ddq)]
+        found = function(*motion)
+        values[row, column, part] = found if used.size == len(found) else found[used]
+    return values
+
+
+def interpret_samples(function: VectorisedFunction, samples: Samples) -> Array:
+    """As `evaluate_samples` of all columns, by CasADi's own machine."""
+    values = np.zeros((samples.time.size, *function.shape))
+    motion = [np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)]
+    values[:, function.row, function.column] = function.interpreted(*motion).T
+    return values

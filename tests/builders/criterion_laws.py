@@ -1,0 +1,52 @@
+"""Information matrices at random, and laws that every criterion keeps, for tests of design criteria."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import excite
+from excite.design.comparison import compare
+from excite.design.design import Design
+from excite.optimality.design_bound import bound
+from excite.tasks.criteria import Criterion
+from regressors.errors import InputError
+from regressors.samples import Array
+
+
+def regressor(seed: int, b: int = 5, rows: int = 30) -> Array:
+    """W with columns of very different lengths, shape (rows, b)."""
+    return np.asarray(np.random.default_rng(seed).normal(size=(rows, b)) * np.logspace(-1, 1, b))
+
+
+def information_matrix(seed: int, b: int = 5, rows: int = 30) -> Array:
+    """``M = W'W / N`` of such a regressor."""
+    W = regressor(seed, b, rows)
+    return np.asarray(W.T @ W / rows)
+
+
+def check_gradient(criterion: Criterion, M: Array, seed: int, p: float, step: float = 2e-3) -> None:
+    """The gradient against finite differences, along a direction that changes every eigenvalue by like parts."""
+    A = np.random.default_rng(seed + 1).normal(size=M.shape)
+    root = np.linalg.cholesky(M)
+    direction, h = root @ ((A + A.T) / np.linalg.norm(A + A.T, 2)) @ root.T, step / p
+    G = criterion.smooth(M, p)[1]
+    f = [criterion.smooth(M + t * h * direction, p)[0] for t in (-2, -1, 1, 2)]
+    np.testing.assert_allclose(G, G.T, atol=1e-10 * np.abs(G).max())
+    assert np.sum(G * direction) == pytest.approx((f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h), rel=1e-6, abs=1e-7)
+
+
+def check_design_pays(own: excite.Design, plain: excite.Design, folder: Path) -> Design:
+    """A design for a goal is better by it than another one, is read back with it, and has no bound; the stored one."""
+    of_own, of_plain = compare([own, plain])
+    assert of_own.goal == pytest.approx(own.minimised_value, rel=1e-9)
+    assert of_plain.goal is not None
+    assert of_own.goal < of_plain.goal
+    own.save(folder)
+    stored = excite.load_design(folder)
+    assert stored.task.objective == own.task.objective
+    with pytest.raises(InputError, match="no bound is known"):
+        bound(stored)
+    return stored

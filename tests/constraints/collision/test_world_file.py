@@ -1,0 +1,295 @@
+"""World files and shapes from URDF: what is read, what is refused and where, capsules around other shapes."""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from public_arms import ARMS, Arm
+
+from constraints.collision.geometry import (
+    Box,
+    Capsule,
+    HalfSpace,
+    Obstacle,
+    Part,
+    enclosing_capsule,
+    enclosing_cylinder,
+)
+from constraints.collision.mesh import mesh_corners
+from constraints.collision.urdf_shapes import urdf_shape
+from constraints.collision.world_file import read_world, world_of
+from excite.cli.main import cli
+from excite.design.task_file import read_task_file, task_from_options
+from regressors.errors import InputError
+from regressors.readers.urdf import read_urdf
+
+WORLD = """\
+schema: excite.world/1
+clearance: 0.02
+robot:
+  - {link: link_2, from: [0, 0, 0], to: [0, -0.14, 0], radius: 0.08}
+  - {link: link_6, from: [0, 0, 0], radius: 0.09}
+objects:
+  table: {plane: {normal: [0, 0, 2], offset: -0.1}}
+  post: {capsule: {from: [0.5, 0, 0], to: [0.5, 0, 1], radius: 0.05}}
+  ball: {sphere: {centre: [0, 0.7, 0.4], radius: 0.1}}
+  crate: {box: {centre: [0.4, 0.4, 0.1], size: [0.2, 0.3, 0.2], rpy: [0, 0, 0.5]}}
+ignore:
+  - [link_2, table]
+"""
+
+
+def written(folder: Path, text: str, name: str = "world.yaml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_world_file_says_what_stands_where(tmp_path: Path) -> None:
+    world = read_world(written(tmp_path, WORLD))
+    assert (world.clearance, world.tolerance, world.self_collision) == (0.02, 0.005, True)
+    assert world.parts[0] == Part("link_2", Capsule((0.0, 0.0, 0.0), (0.0, -0.14, 0.0), 0.08))
+    assert world.parts[1].capsule.length == 0
+    assert world.obstacles == (
+        Obstacle("table", HalfSpace((0.0, 0.0, 1.0), -0.1)),
+        Obstacle("post", Capsule((0.5, 0.0, 0.0), (0.5, 0.0, 1.0), 0.05)),
+        Obstacle("ball", Capsule((0.0, 0.7, 0.4), (0.0, 0.7, 0.4), 0.1)),
+        Obstacle("crate", Box((0.4, 0.4, 0.1), (0.2, 0.3, 0.2), (0.0, 0.0, 0.5))),
+    )
+    assert world.ignored == (("link_2", "table"),)
+    assert world_of(world.to_dict()) == world
+
+
+def test_a_task_file_names_a_world_or_holds_one(tmp_path: Path) -> None:
+    written(tmp_path, WORLD)
+    inside = "world:\n" + "".join(f"  {line}\n" for line in WORLD.splitlines())
+    tasks = [
+        task_from_options({**read_task_file(written(tmp_path, text, "task.yaml")), "robot": "iiwa7"})
+        for text in ("world: world.yaml\n", inside)
+    ]
+    assert tasks[0].limits.world == tasks[1].limits.world == read_world(tmp_path / "world.yaml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("radius: 0.08", "radius: 0", "robot[1] (line 4): radius must be greater than zero, given 0"),
+        ("radius: 0.09", "radius: -1", "robot[2] (line 5): radius must be greater than zero, given -1"),
+        ("radius: 0.1}", "radius: 0}", "objects.ball.sphere (line 9): radius must be greater than zero"),
+        ("size: [0.2, 0.3, 0.2]", "size: [0.2, 0, 0.2]", "objects.crate.box (line 10): size must be greater than zero"),
+        ("normal: [0, 0, 2]", "normal: [0, 0, 0]", "objects.table.plane (line 7): normal must not be zero"),
+        ("normal: [0, 0, 2]", "normal: [0, 0]", "objects.table.plane.normal (line 7): should have at least 3 items"),
+        ("{sphere:", "{cone:", "objects.ball.cone (line 9): no such field; available: capsule, sphere, plane, box"),
+        ("{sphere: {centre: [0, 0.7, 0.4], radius: 0.1}}", "{}", "objects.ball (line 9): expected one of capsule"),
+        ("clearance: 0.02", "clearance: 0", "clearance must be greater than zero, given 0"),
+        (
+            "clearance: 0.02",
+            "clearence: 0.02",
+            "clearence (line 2): no such field; did you mean clearance? available: schema",
+        ),
+        ("[link_2, table]", "[link_2, tabel]", "named 'tabel'; available: link_2, link_6, table, post, ball, crate"),
+        ("robot:", "robot: urdf\nrobots:", "robots (line 4): no such field"),
+        ("excite.world/1", "excite.world/9", "schema (line 1): should be 'excite.world/1', given 'excite.world/9'"),
+        ("  post:", "  link_2:", "objects: 'link_2' is the name of two bodies"),
+    ],
+)
+def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert old in WORLD
+    path = written(tmp_path, WORLD.replace(old, new, 1))
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        read_world(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot read world file .*none\.yaml: No such file"):
+        read_world(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("link: link_6", "link: link_9", "no link of robot 'iiwa7' named 'link_9'; available: base, link_1"),
+        ("[0.4, 0.4, 0.1]", "[0, 0, 0]", "object 'crate' contains the robot's base, whose origin is 0.1 m inside it"),
+    ],
+)
+def test_the_command_refuses_a_world_that_does_not_fit(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path, out = written(tmp_path, WORLD.replace(old, new, 1)), tmp_path / "design"
+    arguments = ["design", "iiwa7", "--acceleration-limit", "10", "--world", str(path), "--out", str(out)]
+    result = CliRunner().invoke(cli, arguments)
+    assert isinstance(result.exception, InputError)
+    assert message in str(result.exception)
+    assert not out.exists()
+
+
+def test_urdf_shapes_need_a_urdf(tmp_path: Path) -> None:
+    path = written(tmp_path, "robot: urdf\n")
+    with pytest.raises(InputError, match=r"robot \(line 1\): .*<collision> elements of a URDF, but 'iiwa7'"):
+        read_world(path, "iiwa7")
+
+
+# --- capsules around other shapes ------------------------------------------------------------------------------------
+
+
+def depth(capsule: Capsule, points: np.ndarray) -> float:
+    """How far the outermost point is outside; negative if none is."""
+    start, line = np.array(capsule.start), np.subtract(capsule.end, capsule.start)
+    length = max(float(np.linalg.norm(line)), 1e-300)
+    along = (points - start) @ line / length
+    beyond = np.maximum(np.maximum(-along, along - length), 0.0)
+    across = np.linalg.norm(points - start - along[:, None] * line / length, axis=1)
+    return float(np.hypot(beyond, across).max()) - capsule.radius
+
+
+@given(st.integers(1, 60), st.integers(0, 2**32 - 1))
+@settings(max_examples=8, deadline=None)
+def test_a_capsule_contains_its_points_and_is_small(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 3)) @ np.diag(rng.uniform(0.02, 0.5, 3)) + rng.normal(size=3)
+    capsule = enclosing_capsule(points)
+    assert depth(capsule, points) <= 1e-12
+    sphere = np.linalg.norm(points - points.mean(axis=0), axis=1).max()
+    volume = capsule.radius**2 * capsule.length + 4 / 3 * capsule.radius**3
+    assert volume <= 4 / 3 * sphere**3 * (1 + 1e-6) + 1e-9
+
+
+def test_the_capsule_around_points_of_a_capsule_is_that_one() -> None:
+    rng = np.random.default_rng(0)
+    direction = rng.normal(size=(3000, 3))
+    points = 0.1 * direction / np.linalg.norm(direction, axis=1)[:, None] + rng.uniform(0, 1, (3000, 1)) * [0.3, 0.4, 0]
+    found = enclosing_capsule(points)
+    assert found.radius == pytest.approx(0.1, rel=0.03)
+    assert found.length == pytest.approx(0.5, rel=0.03)
+
+
+@pytest.mark.parametrize(("radius", "length"), [(0.1, 0.5), (0.5, 0.1), (0.03, 0.03)])
+def test_a_capsule_contains_a_cylinder(radius: float, length: float) -> None:
+    capsule = enclosing_cylinder(radius, length)
+    angle = np.linspace(0, 2 * np.pi, 40)
+    rim = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(40, length / 2)])
+    assert -1e-6 < depth(capsule, np.vstack([rim, rim * [1, 1, -1]])) <= 1e-12
+
+
+TRIANGLES = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 0.5], [1, 2, 3], [-1.5, 0, 0]]])
+
+
+def test_meshes_are_read_in_every_form(tmp_path: Path) -> None:
+    body = b"".join(struct.pack("<12fH", 0, 0, 1, *triangle.ravel(), 0) for triangle in TRIANGLES)
+    (tmp_path / "a.stl").write_bytes(b"solid but binary".ljust(80) + struct.pack("<I", 2) + body)
+    loops = "".join(
+        "facet normal 0 0 1\n outer loop\n"
+        + "".join(f"  vertex {x} {y} {z}\n" for x, y, z in triangle)
+        + " endloop\nendfacet\n"
+        for triangle in TRIANGLES
+    )
+    (tmp_path / "b.STL").write_text(f"solid x\n{loops}endsolid x\n")
+    (tmp_path / "c.obj").write_text("".join(f"vn 0 0 1\nv {x} {y} {z}\n" for x, y, z in TRIANGLES.reshape(-1, 3)))
+    for name in ("a.stl", "b.STL", "c.obj"):
+        np.testing.assert_array_equal(mesh_corners(tmp_path / name), TRIANGLES.reshape(-1, 3))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.dae", b"", "no reader for .dae; available: .stl, .obj"),
+        ("a.stl", b"solid\nendsolid\n", "expected a mesh of finite corners, given 0 corners"),
+        ("a.stl", b"solid\nvertex 1 2\n", "not a mesh"),
+        ("a.obj", b"v 1 2 nan\n", "expected a mesh of finite corners"),
+        ("b.stl", None, "cannot read mesh"),
+    ],
+)
+def test_meshes_that_are_none_are_refused(tmp_path: Path, name: str, content: bytes | None, message: str) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=re.escape(message)):
+        mesh_corners(tmp_path / name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arm", [arm for arm in ARMS if arm.id in ("panda-hand", "z1-held-gripper")], ids=str)
+def test_shapes_of_a_urdf_are_inside_the_capsules(arm: Arm) -> None:
+    """Corners that Pinocchio and Coal find for every collision geometry, all joints at zero."""
+    robot = read_urdf(arm.path, base=arm.base, tip=arm.tip)
+    parts, left_out = urdf_shape(arm.path, robot, arm.base)
+    assert left_out == ()
+    model = pin.buildModelFromUrdf(str(arm.path))
+    shapes = pin.buildGeomFromUrdf(
+        model, str(arm.path), pin.GeometryType.COLLISION, package_dirs=[str(arm.path.parents[4])]
+    )
+    data, placed = model.createData(), shapes.createData()
+    pin.updateGeometryPlacements(model, data, shapes, placed, np.zeros(model.nq))
+    base = data.oMf[model.getFrameId(arm.base)] if arm.base else pin.SE3.Identity()
+    pin.framesForwardKinematics(model, data, np.zeros(model.nq))
+    poses = {"base": base, **{link.name: data.oMf[model.getFrameId(link.name)] for link in robot.links}}
+    assert len(parts) == len(shapes.geometryObjects)
+    for shape, T in zip(shapes.geometryObjects, placed.oMg, strict=True):
+        points = corners(shape) @ T.rotation.T + T.translation
+        inside = [
+            depth(part.capsule, (points - poses[part.link].translation) @ poses[part.link].rotation) <= 1e-6
+            for part in parts
+        ]
+        assert any(inside), shape.name
+
+
+def corners(shape: pin.GeometryObject) -> np.ndarray:
+    """Points of a collision geometry's surface in its own frame."""
+    geometry = shape.geometry
+    if isinstance(geometry, coal.BVHModelBase):
+        return np.array(geometry.vertices()) * shape.meshScale
+    if isinstance(geometry, coal.Cylinder):
+        angle = np.linspace(0, 2 * np.pi, 24)
+        rim = np.column_stack([geometry.radius * np.cos(angle), geometry.radius * np.sin(angle)])
+        return np.vstack([np.column_stack([rim, np.full(24, z)]) for z in (-geometry.halfLength, geometry.halfLength)])
+    box = geometry.halfSide
+    return np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * box
+
+
+def test_a_world_takes_the_shape_of_the_urdf(tmp_path: Path) -> None:
+    arm = next(arm for arm in ARMS if arm.id == "panda-elbow")
+    path = written(tmp_path, "robot: urdf\nobjects: {table: {plane: {normal: [0, 0, 1], offset: -0.05}}}\n")
+    world = read_world(path, str(arm.path), arm.base, arm.tip)
+    assert {part.link for part in world.parts} == {"base", "panda_link3", "panda_link4", "panda_link5"}
+
+
+def test_capsules_are_printed_as_the_beginning_of_a_world_file(tmp_path: Path) -> None:
+    arm = next(arm for arm in ARMS if arm.id == "z1-held-gripper")
+    assert arm.base is not None
+    arguments = ["robots", str(arm.path), "--base", arm.base, "--tip", arm.tip, "--capsules"]
+    printed = CliRunner().invoke(cli, arguments)
+    assert printed.exit_code == 0
+    parts = read_world(written(tmp_path, printed.output)).parts
+    exact, _ = urdf_shape(arm.path, read_urdf(arm.path, base=arm.base, tip=arm.tip), arm.base)
+    assert [part.link for part in parts] == [part.link for part in exact]
+    for ours, theirs in zip(parts, exact, strict=True):
+        ends = np.array([theirs.capsule.start, theirs.capsule.end])
+        assert all(ours.capsule.distance(end) <= -theirs.capsule.radius for end in ends)
+        assert ours.capsule.radius < theirs.capsule.radius + 3e-6
+
+
+@pytest.mark.parametrize(
+    ("collision", "message"),
+    [
+        ("", "no link has a <collision> element"),
+        ("<collision/>", "link 'b', <collision>: expected one shape in <geometry>"),
+        ("<collision><geometry><cone/></geometry></collision>", "no shape named 'cone'; available: sphere, cylinder"),
+        ("<collision><geometry><sphere/></geometry></collision>", "link 'b', <collision>: 'radius' is missing"),
+        ("<collision><geometry><sphere radius='0'/></geometry></collision>", "radius must be greater than zero"),
+        ("<collision><geometry><mesh filename='package://x/y.stl'/></geometry></collision>", "cannot read mesh"),
+        ("<x:y/>", "no link has a <collision> element"),
+    ],
+)
+def test_collision_elements_that_cannot_be_used_are_named(tmp_path: Path, collision: str, message: str) -> None:
+    text = f"""<robot name="r"><link name="a"/><link name="b">{collision}</link>
+    <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""
+    path = written(tmp_path, text, "r.urdf")
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_world(written(tmp_path, "robot: urdf\n"), str(path))

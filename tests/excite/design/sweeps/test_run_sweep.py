@@ -1,0 +1,229 @@
+"""Sweeps run to their end: alike on every executor, resumed after kills, nothing lost and nothing done twice."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import ENVIRONMENT, Here
+from processes import DaskProcesses, alive, kill, stderr_of, until, workers
+
+import excite
+from excite.design.sweeps.cell_folder import clear_cells, packed, place
+from excite.design.sweeps.run_sweep import CellProgress, run_sweep
+from excite.design.sweeps.sweep_table import load_sweep
+from regressors.errors import InputError
+
+CAMPAIGN = """
+common: {starts: 2, harmonics: 3}
+grid:
+  robot: [irp6]
+  trajectory: [fourier, cosine]
+  limits: {fast: {velocity: 1.0}, still: {velocity: 0.000001, acceleration: 0.0000001}}
+exclude: [{trajectory: fourier, limits: still}]
+"""
+SLOW = """
+common: {starts: 4, harmonics: 5}
+grid: {robot: [panda], trajectory: [fourier, cosine], seed: [0, 1, 2]}
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    (tmp_path / "sweep.yaml").write_text(CAMPAIGN)
+    (tmp_path / "slow.yaml").write_text(SLOW)
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+def motions(out: Path) -> dict[str, Any]:
+    """What the designs of all cells say, by cell, without times and places."""
+    told = {}
+    for folder in sorted((out / "cells").iterdir()):
+        if (folder / "design.json").exists():
+            content = json.loads((folder / "design.json").read_text())
+            told[folder.name] = [content[name] for name in ("trajectory", "criteria", "limits", "predicted", "notes")]
+    return told
+
+
+def files(out: Path, pattern: str) -> dict[str, bytes]:
+    return {str(path.relative_to(out)): path.read_bytes() for path in out.glob(pattern) if path.is_file()}
+
+
+@pytest.mark.slow
+def test_command_writes_table_figure_and_page_and_does_nothing_twice(here: Here) -> None:
+    command = ("sweep", "run", "sweep.yaml", "--out", "out", "--executor", "serial", "--report")
+    ended = here.run(*command)
+    out = here.cwd / "out"
+    assert ended.returncode == 1
+    assert ended.stdout.startswith("2 of 3 cells have a design within their limits; 1 infeasible.\n")
+    assert "robot=irp6,trajectory=cosine,limits=still: infeasible: no start found a motion" in ended.stdout
+    assert {path.name for path in out.glob("[!.]*")} == {
+        "campaign.csv", "campaign.json", "campaign.png", "campaign.html", "cells", "manifest.json",
+    }  # fmt: skip
+    before = files(out, "cells/**/*.*")
+    again = here.run(*command, "--json")
+    assert again.returncode == 1
+    assert "excite: 3 of 3 cells are already done in out\n" in again.stderr
+    assert json.loads(again.stdout)["counts"] == {"designed": 2, "infeasible": 1}
+    assert files(out, "cells/**/*.*") == before
+
+    cells = sorted(str(path) for path in out.glob("cells/*fast*"))
+    assert here.run("compare", *cells).returncode == 0
+    assert here.run("export", cells[0], "--format", "npz", "--out", "motion.npz").returncode == 0
+    assert here.run("report", "out", "--out", "page.html").returncode == 0
+
+    (here.cwd / "sweep.yaml").write_text(CAMPAIGN.replace("starts: 2", "starts: 1, noise: 2"))
+    refused = here.run(*command)
+    assert refused.returncode == 2
+    assert "3 cells of the same names have other options or versions" in refused.stderr
+    assert "--force runs them again" in refused.stderr
+    assert files(out, "cells/**/*.*") == before
+    replaced = here.run(*command, "--force", "--figures", "none")
+    assert replaced.returncode == 1
+    assert json.loads((out / cells[0] / "design.json").read_text())["task"]["noise"] == [2.0]
+
+
+@pytest.mark.slow
+def test_every_executor_gives_the_same(here: Here) -> None:
+    pytest.importorskip("distributed")
+    tables = {}
+    with DaskProcesses(here.cwd / "dask") as dask:
+        for name, executor in (("a", "serial"), ("b", "process"), ("c", dask.address), ("d", f"dask-file:{dask.file}")):
+            tables[name] = run_sweep(here.cwd / "sweep.yaml", here.cwd / name, executor=executor, workers=2)
+    expected = motions(here.cwd / "a")
+    assert len(expected) == 2
+    for name in "bcd":
+        assert motions(here.cwd / name) == expected
+        assert [(row.cell, row.status, row.criteria, row.reason) for row in tables[name].rows] == [
+            (row.cell, row.status, row.criteria, row.reason) for row in tables["a"].rows
+        ]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks at processes through /proc")
+def test_killed_at_once_and_a_worker_killed(here: Here) -> None:
+    out = here.cwd / "out"
+    command = [sys.executable, "-m", "excite", "sweep", "run", "slow.yaml", "--out", "out", "--workers", "2"]
+    command += ["--figures", "none"]
+
+    def start() -> subprocess.Popen[bytes]:
+        with (here.cwd / "stderr").open("wb") as stderr:
+            return subprocess.Popen(command, cwd=here.cwd, env=ENVIRONMENT, stderr=stderr, start_new_session=True)
+
+    process = start()
+    until(lambda: files(out, "cells/*/design.json"))
+    until(lambda: len(finished_starts(out)) > 5)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    until(lambda: not alive(process.pid))
+    designs, starts = files(out, "cells/*/[!.]*"), finished_starts(out)
+    assert 1 <= len(files(out, "cells/*/design.json")) < 6
+
+    process = start()
+    until(lambda: len(files(out, "cells/*/design.json")) > 2)
+    os.kill(workers(process.pid)[0], signal.SIGKILL)
+    assert process.wait(120) == 0
+    assert "a worker process ended (signal 9, which is often a lack of memory) and is replaced" in stderr_of(here.cwd)
+    assert "of 6 cells are already done in out" in stderr_of(here.cwd)
+    kept = [name for name in designs if f"{Path(name).parent}/design.json" in designs]
+    assert {name: designs[name] for name in kept} == {name: (out / name).read_bytes() for name in kept}
+    assert {name: (out / name).read_bytes() for name in starts} == starts
+
+    excite.run_sweep(here.cwd / "slow.yaml", here.cwd / "serial", executor="serial")
+    assert motions(out) == motions(here.cwd / "serial")
+
+
+def finished_starts(out: Path) -> dict[str, bytes]:
+    found = files(out, "cells/*/starts/start-*.json")
+    return {name: content for name, content in found.items() if b"best point so far" not in content}
+
+
+@pytest.mark.slow
+def test_dask_worker_killed_and_scheduler_gone(here: Here) -> None:
+    pytest.importorskip("distributed")
+    out = here.cwd / "out"
+    command = ("sweep", "run", "slow.yaml", "--out", "out", "--figures", "none", "--executor")
+    with DaskProcesses(here.cwd / "dask") as dask:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "excite", *command, dask.address],
+            cwd=here.cwd, env=ENVIRONMENT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        until(lambda: files(out, "cells/*/design.json"))
+        kill(dask.scheduler)
+        stdout, stderr = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert [line for line in stderr.splitlines() if line.startswith("excite: the Dask")] == [
+        f"excite: the Dask scheduler at {dask.address} went away; what is finished is kept, and the same command "
+        "continues with the rest"
+    ]
+    assert "Traceback" not in stderr + stdout
+    before = files(out, "cells/*/design.json")
+    assert 1 <= len(before) < 6
+
+    ended = []
+    with DaskProcesses(here.cwd / "other") as dask:
+
+        def progress(each: CellProgress) -> None:
+            ended.append(each.cell)
+            if len(ended) == 1:
+                kill(dask.workers[1])
+
+        table = run_sweep(here.cwd / "slow.yaml", out, executor=dask.address, progress=progress)
+    assert table.holds
+    assert len(ended) == 6 - len(before)
+    assert {name: (out / name).read_bytes() for name in before} == before
+    run_sweep(here.cwd / "slow.yaml", here.cwd / "serial", executor="serial")
+    assert motions(out) == motions(here.cwd / "serial")
+
+
+@pytest.mark.slow
+def test_interrupted_sweep_writes_the_table(here: Here) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "excite", "sweep", "run", "slow.yaml", "--out", "out", "--executor", "serial"],
+        cwd=here.cwd, env=ENVIRONMENT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    until(lambda: files(here.cwd / "out", "cells/*/design.json"))
+    process.send_signal(signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "excite: interrupted; finished cells are saved, and the same command continues with the others" in stderr
+    assert "not run" in stdout
+    table = load_sweep(here.cwd / "out")
+    assert table.counts["designed"] + table.counts["not run"] == 6
+    assert not list((here.cwd / "out" / "cells").glob("*/design.json")) or table.counts["designed"] >= 1
+
+
+def test_names_of_tasks_are_checked(tmp_path: Path) -> None:
+    for cells, what in (({}, "at least one cell"), ({"a/b": excite.Task("irp6")}, "given 'a/b'")):
+        with pytest.raises(InputError, match=what):
+            run_sweep(cells, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_folders_are_put_in_place_whole(tmp_path: Path) -> None:
+    cells = tmp_path / "cells"
+    place({"a.txt": b"1", "starts/b.txt": b"2"}, cells / "one")
+    assert packed(cells / "one") == {"a.txt": b"1", "starts/b.txt": b"2"}
+    place({"c.txt": b"3"}, cells / "one")
+    assert packed(cells / "one") == {"c.txt": b"3"}
+    (cells / "one").rename(cells / ".old-one")  # killed between the two renames
+    (cells / ".new-one").mkdir()
+    clear_cells(cells)
+    assert {path.name for path in cells.iterdir()} == {"one"}
+    assert packed(cells / "one") == {"c.txt": b"3"}
+
+
+def test_nothing_is_left_where_no_scheduler_answers(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("excite.design.executors.dask_cluster._CONNECT", 0.3)
+    for command in (("design", "irp6", "--harmonics", "3"), ("sweep", "run", "sweep.yaml")):
+        ended = here.run(*command, "--out", "out", "--executor", "dask://127.0.0.1:9")
+        assert ended.returncode == 2
+        assert ended.stderr.splitlines()[-1].startswith("excite: no Dask scheduler answers at dask://127.0.0.1:9: ")
+        assert not (here.cwd / "out").exists()

@@ -1,0 +1,169 @@
+"""Predictions, references, and results as files: what comes back is what went in."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from played import TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
+from recordings import write_sidecar
+
+from excite.identification.given_logs import log_of
+from excite.identification.identification import Identification
+from excite.identification.prediction import instantaneous_target, prediction, relative_error
+from excite.identification.recipe import Recipe
+from excite.identification.result import ReferenceValues, reference_of
+from excite.identification.result_json import load_result, result_content
+from excite.information.target import target_of
+from excite.logs.log import Log
+from excite.logs.log_reading import write_log
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.models.nominal import standard_values
+from regressors.readers.library import built_in
+from regressors.robot.friction.curves import FrictionCurves
+
+SAMPLES = Path(__file__).resolve().parents[2] / "samples"
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return played(three_joints(), 3)
+
+
+@pytest.fixture(scope="module")
+def noise() -> Log:
+    return noisy(played(three_joints(), 3, seconds=4.005), 0.5, 1e-5, 1)
+
+
+def test_the_truth_predicts_what_was_measured(log: Log) -> None:
+    result = found(TASK, log)
+    target = instantaneous_target(irp6(), TASK, result.recipe)
+    made = prediction(target, result.prepared[0], result.recipe, result.estimate.values)
+    np.testing.assert_allclose(made.predicted, log.effort, atol=1e-9)
+    np.testing.assert_array_equal(made.measured, log.effort)
+    np.testing.assert_allclose(made.speed, log.dq, atol=1e-9)
+    assert relative_error(made.measured, 0 * made.predicted) == 1.0
+    assert relative_error(0 * made.measured, made.predicted) == np.inf
+
+
+@pytest.mark.parametrize("model", ["energy", "differential"])
+def test_known_friction_is_added_to_predictions(log: Log, model: str) -> None:
+    task, friction = Task("irp6", model=model), FrictionCurves(curves())
+    result = found(task, log, friction=friction)
+    target = instantaneous_target(irp6(), result.task, result.recipe)
+    made = prediction(target, result.prepared[0], result.recipe, result.estimate.values, friction)
+    np.testing.assert_allclose(made.predicted, log.effort, atol=1e-3)
+    assert target.model.row_labels[0] == ("q1", "Nm")
+
+
+def test_simulated_logs_are_compared_with_their_truth(log: Log, tmp_path: Path) -> None:
+    target = found(TASK, log, log).target
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    truth = {**standard_values(irp6()), "F1c": 31.0}
+
+    def reference() -> ReferenceValues:
+        return reference_of(target, [log_of(path, irp6()) for path in paths])
+
+    for path in paths:
+        write_log(log, path)
+    write_sidecar(paths[0], irp6(), truth=truth)
+    assert reference().kind == "description"  # of one of them the truth is not known
+    write_sidecar(paths[1], irp6(), truth=truth)
+    assert reference().kind == "truth"
+    assert reference().values[target.base.names.index("F1c")] == 31.0
+    write_sidecar(paths[1], irp6(), truth={**truth, "F1c": 32.0})
+    assert reference().kind == "description"
+    write_sidecar(paths[1], built_in("panda"), truth=truth)
+    with pytest.raises(InputError, match=r"b\.csv is a log of panda \(description \w{12}\), not of irp6 \(\w{12}\)"):
+        reference()
+
+
+def test_what_nobody_knows_is_no_number() -> None:
+    result = found(TASK.changed(offset=True, joints=("1",)), played(periodic(mixed([1.0, 0.0, 0.0]), 2), 3))
+    values = dict(zip(result.estimate.names, described(result), strict=True))
+    assert values["F1o"] == 0.0
+    robot = built_in("panda")
+    target = target_of(robot, Task("panda"))
+    assert result.data is not None
+    result = replace(result, robot=robot, data=replace(result.data, target=target))
+    values = dict(zip(target.base.names, described(result), strict=True))
+    assert np.isnan(values["F7c"])
+
+
+def test_a_result_reads_back_to_the_same_numbers(noise: Log, tmp_path: Path) -> None:
+    result = found(TASK, noise, recipe=Recipe(rows="all"))
+    values = described(result)
+    values[2] = np.nan
+    result = replace(result, reference=ReferenceValues("description", values))
+    result.save(tmp_path)
+    content = result_content(result)
+    read = load_result(tmp_path)
+    np.testing.assert_array_equal(read.coefficients, result.estimate.coefficients)
+    assert (read.names, read.units) == (result.estimate.names, result.estimate.units)
+    assert (read.task, read.recipe) == (result.task, result.recipe)
+    assert read.robot.sha256() == result.robot.sha256()
+    assert read.training == {noise.sha256}
+    assert (read.friction, read.data, read.folder) == (None, None, tmp_path)
+    assert plain(read) == plain(result) == json.loads((tmp_path / "result.json").read_text())
+    np.testing.assert_array_equal(content["covariance"], result.estimate.covariance)
+    assert [p["reference"] for p in content["parameters"]][1:4] == [values[1], None, values[3]]
+    assert content["residuals"][0]["rms"] == pytest.approx(np.std(result.observations.y[::3] - (
+        result.observations.W @ result.estimate.values)[::3]), rel=0.02)  # fmt: skip
+    y, residual = result.observations.y, result.estimate.residual(result.observations)
+    assert content["relative_error"] == pytest.approx(np.linalg.norm(residual) / np.linalg.norm(y))
+    assert read.training_error == pytest.approx(content["relative_error"], rel=1e-6)  # unfiltered equations
+    assert load_result(tmp_path / "result.json").names == read.names
+
+
+def plain(result: Identification) -> Any:
+    return json.loads(json.dumps(result_content(result), allow_nan=False))
+
+
+@pytest.mark.parametrize("sample", ["result-1", "verification-1"])
+def test_older_files_are_read_and_written_anew(sample: str, tmp_path: Path) -> None:
+    """A recursive identification from two logs with the estimates of each, and one from one log without curves."""
+    older = json.loads((SAMPLES / sample / "result.json").read_text())
+    read = load_result(SAMPLES / sample)
+    content = plain(read)
+    assert (older["schema"], content["schema"]) == ("excite.result/1", "excite.result/2")
+    for name in older.keys() - {"schema", "logs", "base"}:
+        assert content[name] == older[name], name
+    for log, before in zip(content["logs"], older["logs"], strict=True):
+        assert before.items() <= log.items()
+    assert (read.estimate.history is None) == (read.curves.time.size == 0) == (sample == "verification-1")
+    read.save(tmp_path)
+    again = load_result(tmp_path)
+    assert plain(again) == content
+    np.testing.assert_array_equal(again.curves.predicted, read.curves.predicted)
+    assert repr(again) == repr(read)
+
+
+def test_a_loaded_result_has_no_logs(noise: Log, tmp_path: Path) -> None:
+    found(TASK, noise).save(tmp_path)
+    with pytest.raises(InputError, match="was loaded, and its file has no logs: identify again"):
+        _ = load_result(tmp_path).observations
+
+
+def test_parameters_that_are_not_shown_are_null(tmp_path: Path) -> None:
+    # of a motion of the second drive alone the whole model shows combinations only
+    result = found(TASK, played(periodic(mixed([0.0, 1.0, -1.0]), 2), 3))
+    content = json.loads(json.dumps(result_content(result), allow_nan=False))
+    unseen = [p for p in content["parameters"] if not p["seen"]]
+    assert {p["name"] for p in unseen} == set(content["unseen"]) >= {"X1", "F1c"}
+    assert all(p["value"] is None and np.isfinite(p["fit"]) for p in unseen)
+    assert content["condition_number"]["measured"] is None
+    assert content["design"] is None
+    assert content["friction"] is None
+
+
+def test_a_filtered_identification_is_judged_on_what_was_recorded(noise: Log) -> None:
+    result = found(TASK, noise, recipe=Recipe(rows="all", low_pass=5.0))
+    content = result_content(result)
+    plain = result_content(found(TASK, noise, recipe=Recipe(rows="all")))
+    assert content["relative_error"] < 0.5 * plain["relative_error"]
+    assert content["prediction_error"] == pytest.approx(plain["prediction_error"], rel=0.05)

@@ -1,0 +1,723 @@
+"""Figures of identification and verification: what is drawn agrees with the numbers behind it."""
+
+import dataclasses
+import itertools
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from matplotlib.patches import Rectangle
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+from excite.identification.estimate import Estimate
+from excite.identification.identification import Identification
+from excite.identification.observations import Observations
+from excite.identification.recipe import Recipe
+from excite.identification.result import FitData, ReferenceValues
+from excite.information.target import IdentificationTarget, target_of
+from excite.simulation.replay import Outcome, Replay
+from excite.tasks.task import Task
+from excite.verification.simulated_motion import motion_errors
+from excite.verification.tolerances import Tolerances
+from excite.verification.verdict import TorqueError, Verdict
+from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
+from excite.views.estimates_plot import estimates_figure, settled_range
+from excite.views.figure_files import drawn_figures
+from excite.views.figures import write_view_figures
+from excite.views.identification_plots import (
+    DENSE,
+    MEASURED,
+    PERCENTILES,
+    PREDICTED,
+    autocorrelation,
+    draw_values,
+    envelope,
+    residuals_figure,
+    torques_figure,
+)
+from excite.views.identification_view import identification_figures
+from excite.views.panels import BINS, Timeline, ends, extremes
+from excite.views.parameters_plot import decimal, differences, parameters_figure
+from excite.views.style import BAND, BLUE, DARK, FORBIDDEN, VERMILLION
+from excite.views.verification_plots import error_parts_figure, predicted_torques_figure, simulated_motion_figure
+from excite.views.verification_view import verification_view
+from excite.views.view import View
+from regressors.errors import InputError
+from regressors.readers.library import built_in, load_robot
+from regressors.samples import Samples
+
+EQUATIONS = (("q1", "Nm"), ("q2", "Nm"), ("slide", "N"))
+COUNTS = (40, 60)  # instants of the two logs
+STEP = 0.1
+P = 13
+
+
+@pytest.fixture(scope="module")
+def target() -> IdentificationTarget:
+    return target_of(load_robot("irp6"), Task("irp6"))
+
+
+@pytest.fixture(scope="module")
+def result(target: IdentificationTarget) -> Identification:
+    """Three equations, two logs that begin at 5 s and at 100 s, thirteen parameters with a history."""
+    rng = np.random.default_rng(1)
+    instants = np.concatenate([5.0 + STEP * np.arange(COUNTS[0]), 100.0 + STEP * np.arange(COUNTS[1])])
+    m = 3 * instants.size
+    W, beta = rng.standard_normal((m, P)), np.linspace(1.0, 20.0, P)
+    observations = Observations(
+        W=W,
+        y=W @ beta + 0.3 * rng.standard_normal(m),
+        names=target.base.names,
+        units=target.base.units,
+        equation=np.tile(np.arange(3), instants.size),
+        equations=EQUATIONS,
+        log=np.repeat([0, 1], [3 * count for count in COUNTS]),
+        logs=("/logs/first.csv", "/logs/second.csv"),
+        time=np.repeat(instants, 3),
+    )
+    estimate = Estimate(
+        method="recursive",
+        names=observations.names,
+        units=observations.units,
+        values=beta + 0.01,
+        covariance=np.diag(np.geomspace(1e-6, 1e4, P)),
+        noise=np.full((2, 3), 0.3),
+        degrees_of_freedom=m - P,
+        history=(instants, beta + 0.01 + np.exp(-np.arange(instants.size))[:, None] * np.arange(P)),
+    )
+    data = FitData(target, (), observations)
+    return Identification(load_robot("irp6"), Task("irp6"), Recipe(), estimate, 12.0, data)
+
+
+def observing(result: Identification, observations: Observations) -> Identification:
+    """The result of other equations."""
+    assert result.data is not None
+    return dataclasses.replace(result, data=dataclasses.replace(result.data, observations=observations))
+
+
+@pytest.fixture(scope="module")
+def reference(result: Identification) -> ReferenceValues:
+    """Known values, one inside its interval by a half, one outside by three, one unknown, the others met."""
+    values, half = result.estimate.values.copy(), result.estimate.half_width
+    values[0] -= 0.5 * half[0]
+    values[1] += 3.0 * half[1]
+    values[2] = np.nan
+    return ReferenceValues("truth", values)
+
+
+def with_unseen(result: Identification, *unseen: int) -> Identification:
+    estimate = result.estimate
+    values, covariance = estimate.values.copy(), estimate.covariance.copy()
+    values[list(unseen)] = np.nan
+    covariance[list(unseen), list(unseen)] = np.inf
+    names = tuple(estimate.names[k] for k in unseen)
+    changed = dataclasses.replace(estimate, values=values, covariance=covariance, unseen=names, fit=estimate.values)
+    return dataclasses.replace(result, estimate=changed)
+
+
+def curve(ax: Axes, colour: str) -> np.ndarray:
+    """Ordinates of the longest line of a colour, without its gaps."""
+    line = max((line for line in ax.lines if line.get_color() == colour), key=lambda line: len(line.get_xdata()))
+    values = np.asarray(line.get_ydata(), dtype=float)
+    return values[np.isfinite(values)]
+
+
+MEASURED_COLOUR, PREDICTED_COLOUR = MEASURED["color"], PREDICTED["color"]
+
+
+def legend_texts(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def texts_of(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
+
+
+# --- torques and residuals
+
+
+def test_torques_are_the_measured_and_predicted_rows_of_each_equation(result: Identification) -> None:
+    figure = torques_figure(result)
+    observations = result.observations
+    assert len(figure.axes) == 2 * len(EQUATIONS)
+    for j, (ax, below) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):
+        own = np.arange(observations.y.size) % 3 == j
+        np.testing.assert_array_equal(curve(ax, MEASURED_COLOUR), observations.y[own])
+        np.testing.assert_allclose(
+            curve(ax, PREDICTED_COLOUR), observations.W[own] @ result.estimate.values, rtol=1e-13
+        )
+        e = observations.y[own] - observations.W[own] @ result.estimate.values
+        np.testing.assert_allclose(curve(below, DARK), e, rtol=0, atol=1e-12)
+        assert below.get_xlim() == ax.get_xlim()
+        ratio = 100 * np.linalg.norm(e) / np.linalg.norm(observations.y[own])
+        note = ax.get_title(loc="right")
+        assert float(note.removeprefix("rms error ").split()[0]) == pytest.approx(np.sqrt(np.mean(e**2)), rel=5e-3)
+        assert float(note.split(": ")[1].removesuffix(" %")) == pytest.approx(ratio, rel=5e-3)
+        assert ax.get_title(loc="left") == EQUATIONS[j][0]
+    assert [ax.get_ylabel() for ax in figure.axes[::2]] == ["torque [Nm]", "torque [Nm]", "force [N]"]
+    assert legend_texts(figure) == ["measured", "predicted by the estimate", "residual"]
+
+
+def test_measurement_is_seen_beside_a_prediction_that_equals_it(result: Identification) -> None:
+    exact = dataclasses.replace(result.observations, y=result.observations.W @ result.estimate.values)
+    ax = torques_figure(observing(result, exact)).axes[0]
+    measured, predicted = (line for line in ax.lines if len(line.get_xdata()) > 2)
+    assert (measured.get_color(), predicted.get_color()) == (MEASURED_COLOUR, PREDICTED_COLOUR)
+    assert measured.get_linewidth() >= 3 * predicted.get_linewidth()
+    assert measured.get_zorder() <= predicted.get_zorder()
+    grey = [rgb_to_grey(line.get_color()) for line in (measured, predicted)]
+    assert grey[0] - grey[1] > 0.3  # in print without colours too
+
+
+def rgb_to_grey(colour: object) -> float:
+    return float(np.dot(to_rgba(colour)[:3], (0.299, 0.587, 0.114)))  # type: ignore[arg-type]
+
+
+def test_logs_stand_apart_and_keep_their_own_times(result: Identification) -> None:
+    figure = torques_figure(result)
+    above, ax = figure.axes[-2:]
+    (band,) = [p for p in ax.patches if isinstance(p, Rectangle)]
+    (line,) = [line for line in above.lines if line.get_color() == MEASURED_COLOUR]
+    places = np.asarray(line.get_xdata())
+    assert places[COUNTS[0] - 1] == pytest.approx(band.get_x())
+    assert places[-COUNTS[1]] == pytest.approx(band.get_x() + band.get_width())
+    assert band.get_width() > 0
+    assert np.isnan(line.get_ydata()[COUNTS[0]])
+    figure.draw_without_rendering()
+    shown = [float(label.get_text()) for label in ax.get_xticklabels()]
+    assert {5.0 <= t <= 9.0 or 100.0 <= t <= 106.0 for t in shown} == {True}
+    for tick, own in zip(ax.get_xticks(), shown, strict=True):
+        begin = 5.0 if own < 50 else places[-COUNTS[1]]
+        assert tick - begin == pytest.approx(own - (5.0 if own < 50 else 100.0), abs=1e-9)
+    assert {"first", "second", "time in each log [s]"} <= set(texts_of(figure))
+
+
+def test_an_equation_on_which_nothing_was_measured_has_no_ratio(result: Identification) -> None:
+    observations = result.observations
+    silent = dataclasses.replace(observations, y=np.where(observations.equation == 2, 0.0, observations.y))
+    figure = torques_figure(observing(result, silent))
+    assert figure.axes[4].get_title(loc="right").endswith("undefined")
+
+
+@pytest.mark.parametrize("draw", [torques_figure, residuals_figure])
+def test_one_equation_of_one_log(result: Identification, draw: object) -> None:
+    observations = result.observations
+    own = np.flatnonzero((observations.equation == 0) & (observations.log == 0))
+    cut = dataclasses.replace(observations.rows(own), equations=(("work", "J"),), logs=("one.csv",))
+    assert callable(draw)
+    figure = draw(observing(result, cut))
+    assert figure.axes[0].get_ylabel() == "work [J]"
+    assert "time in one [s]" in [ax.get_xlabel() for ax in figure.axes]
+
+
+def test_residuals_and_their_autocorrelation_are_drawn(result: Identification) -> None:
+    figure = residuals_figure(result)
+    observations = result.observations
+    assert len(figure.axes) == 2 * len(EQUATIONS)
+    for j in range(3):
+        over_time, over_lag = figure.axes[2 * j : 2 * j + 2]
+        own = observations.equation == j
+        e = observations.y[own] - observations.W[own] @ result.estimate.values
+        np.testing.assert_allclose(curve(over_time, DARK), e, rtol=0, atol=1e-12)
+        (line,) = [line for line in over_lag.lines if line.get_color() == BLUE]
+        np.testing.assert_allclose(line.get_xdata(), STEP * np.arange(7), rtol=1e-9)
+        (band,) = [p for p in over_lag.patches if p.get_facecolor() == to_rgba(BAND)]
+        assert band.get_height() == pytest.approx(2 * 2.5758 / np.sqrt(sum(COUNTS)))
+    assert figure.axes[-1].get_xlabel() == "lag [s]"
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_dense_log_is_drawn_as_bands_that_hold_every_value(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    counts = (int(rng.integers(DENSE, 20_000)), int(rng.integers(1, 900)))
+    time = np.concatenate([3.0 + 0.002 * np.arange(counts[0]), 0.01 * np.arange(counts[1])])
+    log, values = np.repeat([0, 1], counts), rng.standard_t(3, sum(counts))
+    timeline, ax = Timeline.of(["a", "b"], time, log), Figure().subplots()
+    draw_values(ax, timeline, time, log, values)
+    bands = [band.get_paths()[0].vertices for band in ax.collections]
+    assert len(bands) == 4
+    for k in (0, 1):
+        place, own = time[log == k] + timeline.offsets[k], values[log == k]
+        edges, low, high = steps(np.asarray(bands[2 * k]))
+        assert (edges[0, 0], edges[-1, 1]) == pytest.approx((place[0], place[-1]))
+        for t, value in zip(place, own, strict=True):
+            here = (edges[:, 0] <= t) & (t <= edges[:, 1])
+            assert low[here].min() <= value <= high[here].max()
+
+
+def steps(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ends, lower and upper edge of each step of a band, from the corners of its outline."""
+    count = (len(corners) - 3) // 2
+    lower, upper = corners[1 : 1 + count], corners[2 + count : 2 + 2 * count][::-1]
+    np.testing.assert_array_equal(lower[:, 0], upper[:, 0])
+    assert np.all(lower[:, 1] <= upper[:, 1])
+    return lower[:, 0].reshape(-1, 2), lower[::2, 1], upper[::2, 1]
+
+
+def test_an_envelope_has_the_percentiles_of_its_stretches() -> None:
+    values = np.random.default_rng(3).normal(size=1003)
+    values[200:300] = np.nan
+    edges, bands = envelope(values, 10)
+    assert (edges[0], edges[-1], bands.shape) == (0, 1003, (5, 10))
+    for k in range(10):
+        part = np.sort(values[edges[k] : edges[k + 1]])
+        part = part[np.isfinite(part)]
+        assert np.isnan(bands[:, k]).all() == (part.size == 0)
+        if part.size:
+            expected = [np.interp(p / 100 * (part.size - 1), np.arange(part.size), part) for p in PERCENTILES]
+            np.testing.assert_allclose(bands[:, k], expected)
+
+
+def test_long_logs_have_bands_in_place_of_a_solid_block(result: Identification) -> None:
+    count = 2 * DENSE
+    rng = np.random.default_rng(4)
+    observations = dataclasses.replace(
+        result.observations,
+        W=rng.standard_normal((3 * count, P)),
+        y=rng.standard_normal(3 * count),
+        equation=np.tile(np.arange(3), count),
+        log=np.zeros(3 * count, dtype=int),
+        logs=("long.csv",),
+        time=np.repeat(0.01 * np.arange(count), 3),
+    )
+    shown = observing(result, observations)
+    for figure, panels in ((torques_figure(shown), slice(1, None, 2)), (residuals_figure(shown), slice(0, None, 2))):
+        for ax in figure.axes[panels]:
+            assert len(ax.collections) == 2
+            assert max(len(line.get_xdata()) for line in ax.lines) < 1000
+        assert {"median of the residuals", "90 % of the residuals", "all of them"} <= set(legend_texts(figure))
+
+
+def test_lags_of_logs_with_different_rates_are_counted_in_rows(result: Identification) -> None:
+    observations = result.observations
+    time = np.where(observations.log == 1, 2.0 * observations.time, observations.time)
+    figure = residuals_figure(observing(result, dataclasses.replace(observations, time=time)))
+    assert figure.axes[-1].get_xlabel() == "lag [rows]"
+
+
+def test_autocorrelation_stays_within_logs_and_weighs_them_by_their_own_size() -> None:
+    rng = np.random.default_rng(2)
+    first, second = rng.standard_normal(50), 100.0 * rng.standard_normal(70)
+    found = autocorrelation(np.concatenate([first, second]), np.repeat([0, 1], [50, 70]), 5)
+    scaled = [first / np.sqrt(np.mean(first**2)), second / np.sqrt(np.mean(second**2))]
+    for lag in range(6):
+        expected = sum(sum(e[t] * e[t + lag] for t in range(len(e) - lag)) for e in scaled) / 120
+        assert found[lag] == pytest.approx(expected, abs=1e-12)
+
+
+def test_autocorrelation_of_nothing_is_zero() -> None:
+    np.testing.assert_array_equal(autocorrelation(np.zeros(9), np.zeros(9, dtype=int), 3), np.zeros(4))
+
+
+# --- long and several logs on one axis
+
+
+def test_extremes_keep_every_peak_and_both_ends() -> None:
+    values = np.sin(np.arange(40_000.0))
+    values[[7, 20_001, 39_990]] = [9.0, -8.0, 7.0]
+    kept = extremes(values)
+    assert kept.size <= 2 * BINS + 2
+    assert {0, 7, 20_001, 39_990, 39_999} <= set(kept.tolist())
+    assert np.all(np.diff(kept) > 0)
+
+
+def test_short_curves_are_drawn_whole_and_gaps_stay() -> None:
+    np.testing.assert_array_equal(extremes(np.arange(5.0)), np.arange(5))
+    values = np.ones(10_000)
+    values[4000:4100] = np.nan
+    assert np.any(np.isnan(values[extremes(values)]))
+
+
+def test_a_log_of_one_instant_has_room() -> None:
+    timeline = Timeline.of(["a.csv", "b.csv"], np.array([3.0, 7.0]), np.array([0, 1]))
+    places, values = timeline.curve(np.array([3.0, 7.0]), np.array([0, 1]), np.array([1.0, 2.0]))
+    assert np.all(np.isfinite(places))
+    np.testing.assert_array_equal(values, [1.0, np.nan, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "length", "short"), [("abcdef", 6, "abcdef"), ("abcdefgh", 5, "ab…gh"), ("abcdefgh", 6, "ab…fgh")]
+)
+def test_long_names_keep_both_ends(name: str, length: int, short: str) -> None:
+    assert ends(name, length) == short
+
+
+# --- parameters
+
+
+def test_differences_are_in_half_widths_and_coloured_by_the_interval(
+    result: Identification, reference: ReferenceValues
+) -> None:
+    figure = parameters_figure(dataclasses.replace(result, reference=reference))
+    ax = figure.axes[0]
+    dots = [line for line in ax.lines if line.get_marker() == "o"]
+    x = [float(line.get_xdata()[0]) for line in dots]
+    np.testing.assert_allclose(x, [0.5, -3.0, *[0.0] * (P - 3)], rtol=0, atol=1e-9)
+    assert [line.get_color() for line in dots] == [BLUE, VERMILLION, *[BLUE] * (P - 3)]
+    (band,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)]
+    assert (band.get_x(), band.get_width()) == (-1.0, 2.0)
+    assert "11 of 12 intervals contain it" in ax.get_title(loc="left")
+    assert ax.get_xlabel() == "difference / half-width of the interval"
+
+
+def test_half_widths_are_relative_and_in_percent(result: Identification) -> None:
+    figure = parameters_figure(result)
+    assert len(figure.axes) == 1
+    (ax,) = figure.axes
+    bars = [p for p in ax.patches if p.get_facecolor() == to_rgba(BLUE)]
+    expected = 100 * result.estimate.half_width / np.abs(result.estimate.values)
+    np.testing.assert_allclose([bar.get_width() for bar in bars], np.minimum(expected, ax.get_xlim()[1]), rtol=1e-12)
+    assert ax.get_xlabel() == "half-width of the interval / |value| [%]"
+
+
+def test_bars_beyond_the_axis_are_cut_and_have_their_number(result: Identification) -> None:
+    estimate = result.estimate
+    percent = 100 * estimate.half_width / np.abs(estimate.values)
+    (ax,) = parameters_figure(result).axes
+    assert ax.get_xlim()[1] == 300.0
+    cut = [text.get_text() for text in ax.texts if text.get_text().endswith("\N{RIGHTWARDS ARROW}")]
+    assert [float(text.split()[0].replace(",", "")) for text in cut] == pytest.approx(
+        percent[percent > 300.0].tolist(), rel=0.06
+    )
+    assert len(cut) >= 2
+    (shaded,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(FORBIDDEN)]
+    assert shaded.get_x() == 100.0
+
+
+def test_a_parameter_of_zero_is_not_measured_by_its_value(result: Identification) -> None:
+    values = result.estimate.values.copy()
+    values[0] = 0.0
+    zero = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, values=values))
+    texts = texts_of(parameters_figure(zero))
+    assert "over 1,000,000 % \N{RIGHTWARDS ARROW}" in texts
+
+
+def test_parameters_are_grouped_and_have_numbers_with_units(result: Identification, reference: ReferenceValues) -> None:
+    texts = texts_of(parameters_figure(dataclasses.replace(result, reference=reference)))
+    assert [text for text in texts if text in ("Links", "Rotors", "Friction", "Other")] == ["Links", "Friction"]
+    assert {"X7 = m2c2x + l2 m3", "X3 = I2zz + l2² m3 + I3zz + n2² Ia2\n+ n3² Ia3", "F1c"} <= set(texts)
+    assert not any("\N{HORIZONTAL ELLIPSIS}" in text for text in texts)
+    estimate = result.estimate
+    k = estimate.names.index("F1v")
+    assert f"± {decimal(estimate.half_width[k], estimate.half_width[k])} Nm s/rad" in texts
+    assert "true" in texts
+
+
+def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(
+    result: Identification, reference: ReferenceValues
+) -> None:
+    figure = parameters_figure(dataclasses.replace(with_unseen(result, 1, 7), reference=reference))
+    assert texts_of(figure).count("not identifiable individually") == 2
+    assert "2 not identifiable individually" in figure.get_suptitle()
+    dots = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+    assert len(dots) == P - 3
+
+
+def test_far_differences_leave_the_interval_visible(result: Identification) -> None:
+    far = ReferenceValues("description", result.estimate.values - 1e5 * result.estimate.half_width)
+    ax = parameters_figure(dataclasses.replace(result, reference=far)).axes[0]
+    assert ax.get_xscale() == "symlog"
+    assert ax.get_xlim()[1] > 1e5
+    left, right = (ax.transData.transform((x, 0.0))[0] for x in (-1.0, 1.0))
+    assert right - left > 0.05 * ax.bbox.width
+
+
+def test_nothing_known_is_drawn_like_no_reference(result: Identification) -> None:
+    assert (
+        len(
+            parameters_figure(
+                dataclasses.replace(result, reference=ReferenceValues("description", np.full(P, np.nan)))
+            ).axes
+        )
+        == 1
+    )
+
+
+def test_differences_are_unknown_without_an_interval() -> None:
+    values, half = np.array([1.0, 1.0, np.nan, 1.0, 4.0]), np.array([0.0, np.inf, 1.0, 2.0, 2.0])
+    known = np.array([1.0, 1.0, 1.0, np.nan, 1.0])
+    np.testing.assert_array_equal(differences(values, half, known), [np.nan, np.nan, np.nan, np.nan, 1.5])
+
+
+@pytest.mark.parametrize(
+    ("value", "half_width", "text"),
+    [
+        (27.95301, 0.0793, "27.953"),
+        (-0.00082, 0.036, "-0.001"),
+        (-0.00002, 0.036, "0.000"),
+        (1234.5, 56.0, "1234"),
+        (1234.5, 560.0, "1230"),
+        (2.5e-6, 3.2e-7, "2.50e-06"),
+        (1e-9, 3.2e-7, "0"),
+        (0.25, 0.0, "0.2500"),
+        (0.25, np.inf, "0.2500"),
+    ],
+)
+def test_values_are_written_as_far_as_their_interval_gives_meaning(value: float, half_width: float, text: str) -> None:
+    assert decimal(value, half_width) == text
+
+
+# --- estimates over time
+
+
+def test_estimates_over_time_end_at_the_value_with_its_interval(
+    result: Identification, reference: ReferenceValues
+) -> None:
+    figure = estimates_figure(dataclasses.replace(result, reference=reference))
+    assert len(figure.axes) == P
+    for k, ax in enumerate(figure.axes):
+        assert result.estimate.history is not None
+        np.testing.assert_array_equal(curve(ax, BLUE), result.estimate.history[1][:, k])
+        (final,) = [line for line in ax.lines if line.get_color() == DARK]
+        assert final.get_ydata()[0] == result.estimate.values[k]
+        (band,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)]
+        assert band.get_y() + band.get_height() / 2 == pytest.approx(result.estimate.values[k])
+        assert band.get_height() == pytest.approx(2 * result.estimate.half_width[k])
+        dotted = [float(line.get_ydata()[0]) for line in ax.lines if line.get_linestyle() == ":"]
+        assert dotted == ([] if k == 2 else [reference.values[k]])
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    assert titles[:1] + titles[-1:] == ["X1 [kg m²]", "F3v [Nm s/rad]"]
+    assert legend_texts(figure)[-1] == "true value"
+
+
+def test_an_estimate_that_is_not_shown_has_no_interval(result: Identification) -> None:
+    ax = estimates_figure(with_unseen(result, 4)).axes[4]
+    assert [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)] == []
+    assert ax.get_title(loc="right") == "not shown"
+
+
+def test_a_reference_out_of_view_is_named_beside_an_arrow(result: Identification) -> None:
+    far = result.estimate.values + np.where(np.arange(P) % 2, 1e6, -1e6)
+    axes = estimates_figure(dataclasses.replace(result, reference=ReferenceValues("truth", far))).axes
+    assert axes[0].get_title(loc="right") == "\N{DOWNWARDS ARROW} \N{MINUS SIGN}999999"
+    assert axes[1].get_title(loc="right") == "\N{UPWARDS ARROW} 1.00e+06"
+    assert axes[0].get_ylim()[0] > far[0]
+
+
+def test_estimates_without_history_are_refused(result: Identification) -> None:
+    without = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, history=None))
+    with pytest.raises(InputError, match="estimator recursive keeps no history"):
+        estimates_figure(without)
+
+
+@pytest.mark.parametrize(
+    ("known", "low", "high"), [(np.nan, 0.9, 2.1), (3.0, 0.8, 3.2), (50.0, 0.9, 2.1), (-1.0, -1.3, 2.3)]
+)
+def test_range_of_an_estimate_leaves_its_beginning_and_far_references_out(
+    known: float, low: float, high: float
+) -> None:
+    path = np.concatenate([np.full(25, 1e6), np.full(75, 2.0)])
+    assert settled_range(path, 1.5, 0.5, known) == pytest.approx((low, high))
+
+
+# --- verification
+
+
+def made_verification(outcome: Outcome = Outcome.DONE) -> Verification:
+    """Three joints over 2 s; the simulated motion drifts, and starts anew at every half second."""
+    time = 3.0 + 0.01 * np.arange(201)
+    q = np.sin(time[:, None] * np.array([1.0, 2.0, 3.0]))
+    samples = Samples(time, q, np.zeros_like(q), np.zeros_like(q), np.zeros_like(q))
+    starts = (0, 50, 100, 150)
+    drift = 0.1 * (np.arange(201) % 50)[:, None] / 50 * np.ones(3)
+    simulated = q + drift
+    if outcome is not Outcome.DONE:
+        simulated[60:100] = np.nan
+    failed_at = None if outcome is Outcome.DONE else float(time[60])
+    replay = Replay(outcome, time, simulated, np.zeros_like(q), starts, (*starts[1:], time.size), failed_at, 0.01)
+    measured = 10.0 * np.cos(time[:, None] * np.array([1.0, 2.0, 3.0]))
+    parts = [(0.7, 0.2, 0.1), (0.02, 0.95, 0.03), (0.0, 0.0, 1.0)]
+    torques = tuple(
+        TorqueError(name, unit, 7.0, 0.5, 0.5 / 7.0, 1.0, 3.5, *part)
+        for (name, unit), part in zip(EQUATIONS, parts, strict=True)
+    )
+    motions = motion_errors(replay, samples, {"q1": "rad", "q2": "rad", "slide": "m"}) if replay.ok else None
+    return Verification(
+        robot=built_in("irp6"),
+        log=VerifiedLog("/logs/new.csv", "", time.size, float(time[0]), float(time[-1])),
+        tolerances=Tolerances(),
+        time=time,
+        measured=measured,
+        predicted=measured + 0.5,
+        torques=torques,
+        relative_error=0.07,
+        training_error=0.05,
+        motion=MeasuredMotion(("q1", "q2", "slide"), time, q),
+        replay=replay,
+        motions=motions,
+        verdict=Verdict(),
+    )
+
+
+@pytest.fixture(scope="module")
+def verification() -> Verification:
+    return made_verification()
+
+
+def test_predicted_torques_come_with_their_difference(verification: Verification) -> None:
+    figure = predicted_torques_figure(verification)
+    for j, (ax, below) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):
+        np.testing.assert_array_equal(curve(ax, MEASURED_COLOUR), verification.measured[:, j])
+        np.testing.assert_array_equal(curve(ax, PREDICTED_COLOUR), verification.predicted[:, j])
+        np.testing.assert_allclose(curve(below, DARK), -0.5, rtol=0, atol=1e-12)
+    assert [ax.get_ylabel() for ax in figure.axes[::2]] == ["torque [Nm]", "torque [Nm]", "force [N]"]
+    assert figure.get_suptitle().startswith("new.csv: predicted within ")
+    assert figure.get_suptitle().endswith("(training logs: 5.00 %)")
+
+
+def test_simulated_motion_breaks_where_it_starts_anew(verification: Verification) -> None:
+    figure = simulated_motion_figure(verification)
+    replay = verification.replay
+    assert replay is not None
+    assert len(figure.axes) == 6
+    for j in range(3):
+        over, beside = figure.axes[2 * j : 2 * j + 2]
+        np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion.q[:, j])
+        np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), replay.q[:, j])
+        (line,) = [line for line in beside.lines if line.get_color() == VERMILLION]
+        broken = np.flatnonzero(np.isnan(np.asarray(line.get_ydata())))
+        np.testing.assert_array_equal(broken, [50, 101, 152])
+        (dots,) = [line for line in beside.lines if line.get_marker() == "o"]
+        np.testing.assert_array_equal(dots.get_xdata(), replay.time[[0, 50, 100, 150]])
+        np.testing.assert_allclose(dots.get_ydata(), 0.0, rtol=0, atol=1e-15)
+    assert [ax.get_ylabel() for ax in figure.axes[::2]] == ["position [rad]", "position [rad]", "position [m]"]
+    assert "starts at the measured state, anew every 0.50 s" in legend_texts(figure)
+
+
+def test_windows_that_are_not_simulated_stay_empty(verification: Verification) -> None:
+    every = verification.replay
+    assert every is not None
+    q = np.full_like(every.q, np.nan)
+    rows = np.r_[50:100, 150:201]
+    q[rows] = every.q[rows]
+    some = dataclasses.replace(every, q=q, starts=(50, 150), stops=(100, 201), left_out=2)
+    figure = simulated_motion_figure(dataclasses.replace(verification, replay=some))
+    over = figure.axes[0]
+    np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), every.q[rows, 0])
+    np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion.q[:, 0])
+    assert "starts at the measured state, every 0.50 s where it is simulated" in legend_texts(figure)
+
+
+def test_long_curves_are_drawn_by_their_extremes(verification: Verification) -> None:
+    time = 0.001 * np.arange(40_000)
+    q = np.sin(3 * time)[:, None] * np.ones(3)
+    q[12_345] = 2.0
+    assert verification.replay is not None
+    starts = tuple(range(0, 40_000, 500))
+    replay = dataclasses.replace(verification.replay, time=time, q=q, dq=q, starts=starts, stops=(*starts[1:], 40_000))
+    motion = dataclasses.replace(verification.motion, time=time, q=q)
+    figure = simulated_motion_figure(dataclasses.replace(verification, replay=replay, motion=motion))
+    for colour in (MEASURED_COLOUR, PREDICTED_COLOUR):
+        drawn = curve(figure.axes[0], colour)
+        assert drawn.size < 4000
+        assert drawn.max() == 2.0
+
+
+def test_a_simulation_that_failed_says_where_and_why() -> None:
+    figure = simulated_motion_figure(made_verification(Outcome.RAN_AWAY))
+    assert figure.axes[0].get_title(loc="right") == "failed at 3.600 s: the motion diverges"
+    assert legend_texts(figure)[-1] == "failed"
+
+
+def test_parts_of_the_error_add_up_beside_the_error(verification: Verification) -> None:
+    figure = error_parts_figure(verification)
+    (ax,) = figure.axes
+    bars = np.array([[bar.get_width() for bar in container] for container in ax.containers])
+    np.testing.assert_allclose(bars, 100 * np.array([[0.7, 0.02, 0.0], [0.2, 0.95, 0.0], [0.1, 0.03, 1.0]]))
+    np.testing.assert_allclose([bar.get_x() for bar in ax.containers[2]], [90.0, 97.0, 0.0])
+    texts = texts_of(figure)
+    assert texts.count("0.500 Nm of 7.00 Nm: 7.14 %") == 2
+    assert "0.500 N of 7.00 N: 7.14 %" in texts
+    assert "2 %" not in texts  # too narrow to be written into
+    assert "part of the mean squared error [%]" in texts
+
+
+def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, tmp_path: Path) -> None:
+    without = dataclasses.replace(verification, replay=None, motions=None)
+    with pytest.raises(InputError, match="no motion was simulated"):
+        simulated_motion_figure(without)
+    names = [path.name for path in write_view_figures(verification_view(without, "new"), tmp_path)]
+    assert names == ["new_torques.png", "new_parts.png"]
+
+
+# --- all of them
+
+
+@pytest.mark.slow
+def test_files_are_whole_pictures_and_nothing_else(
+    result: Identification, verification: Verification, reference: ReferenceValues, tmp_path: Path
+) -> None:
+    view = View("", "", figures=identification_figures(dataclasses.replace(result, reference=reference)))
+    paths = write_view_figures(view, tmp_path)
+    paths += write_view_figures(verification_view(verification, "new"), tmp_path)
+    names = ["parameters", "torques", "residuals", "estimates", "new_torques", "new_motion", "new_parts"]
+    assert [path.name for path in paths] == [f"{name}.png" for name in names]
+    assert sorted(os.listdir(tmp_path)) == sorted(f"{name}.png" for name in names)
+    assert all(np.ptp(imread(path)) > 0.5 for path in paths)
+
+
+def test_only_a_history_is_drawn_over_time(result: Identification, tmp_path: Path) -> None:
+    without = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, history=None))
+    view = View("", "", figures=identification_figures(without))
+    names = [path.name for path in write_view_figures(view, tmp_path)]
+    assert names == ["parameters.png", "torques.png", "residuals.png"]
+
+
+def test_a_folder_that_is_not_there_is_refused(result: Identification, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot write .*parameters\.png"):
+        write_view_figures(View("", "", figures=identification_figures(result)), tmp_path / "absent")
+
+
+@pytest.mark.parametrize(
+    "width",
+    ["screen", pytest.param("single", marks=pytest.mark.slow), pytest.param("double", marks=pytest.mark.slow)],
+)
+@pytest.mark.parametrize("name", ["torques", "residuals", "parameters", "estimates", "predicted", "motion", "parts"])
+def test_texts_stay_inside_and_apart(
+    result: Identification, verification: Verification, reference: ReferenceValues, name: str, width: str
+) -> None:
+    draw = {
+        "torques": lambda: torques_figure(result),
+        "residuals": lambda: residuals_figure(result),
+        "parameters": lambda: parameters_figure(dataclasses.replace(result, reference=reference)),
+        "estimates": lambda: estimates_figure(dataclasses.replace(result, reference=reference)),
+        "predicted": lambda: predicted_torques_figure(verification),
+        "motion": lambda: simulated_motion_figure(made_verification(Outcome.NOT_POSITIVE)),
+        "parts": lambda: error_parts_figure(verification),
+    }
+    figure = drawn_figures(lambda: {name: draw[name]()}, width)[name]
+    figure.draw_without_rendering()
+    boxes = {text: box_of(text) for text in seen(figure)}
+    outside = [t.get_text() for t, box in boxes.items() if not figure.bbox.padded(1.0).containsx(box.x0)]
+    outside += [t.get_text() for t, box in boxes.items() if not figure.bbox.padded(1.0).containsx(box.x1)]
+    assert outside == []
+    pairs = itertools.combinations(boxes, 2)
+    assert [(a.get_text(), b.get_text()) for a, b in pairs if boxes[a].overlaps(boxes[b])] == []
+
+
+def box_of(text: Text) -> Bbox:
+    """Where a text is drawn, without the empty lines at its end."""
+    box, whole = text.get_window_extent(), text.get_text()
+    text.set_text(whole.rstrip("\n"))
+    height = text.get_window_extent().height
+    text.set_text(whole)
+    return Bbox([[box.x0, box.y1 - height], [box.x1, box.y1]])
+
+
+def seen(figure: Figure) -> list[Text]:
+    """Every text that is drawn: of ticks only those in view."""
+    hidden: set[Text] = set()
+    for ax in figure.axes:
+        for axis, (low, high) in ((ax.xaxis, sorted(ax.get_xlim())), (ax.yaxis, sorted(ax.get_ylim()))):
+            hidden |= {label for tick in axis.get_minor_ticks() for label in (tick.label1, tick.label2)}
+            for tick in axis.get_major_ticks():
+                hidden |= {tick.label2} if low <= tick.get_loc() <= high else {tick.label1, tick.label2}
+    return [
+        text for text in figure.findobj(Text) if text.get_text().strip() and text.get_visible() and text not in hidden
+    ]

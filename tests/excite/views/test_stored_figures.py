@@ -1,0 +1,108 @@
+"""Figures of results in folders: drawn from their curves, as those of new results; pictures where there are none."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reported import ParsedPage
+from written_results import design, result, verification
+
+import excite
+from excite.identification.result_json import CURVES
+from excite.verification.verification import load_verification
+from excite.views.page_text import PageSection
+from excite.views.player_log import Appearance
+from excite.views.sections import section_of
+from excite.views.write_report import report_text
+from regressors.errors import InputError
+
+LOOKS = Appearance()
+TEXT = re.compile(r"<text[^>]*>([^<]*)")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("results") / "result"
+    result("old").save(out)
+    verification("old").save(out, name="verification-run")
+    return out
+
+
+def texts(section: PageSection) -> list[list[str]]:
+    """What is written in each figure: names, units, errors, numbers of the axes."""
+    return [TEXT.findall(figure.svg) for figure in section.figures]
+
+
+@pytest.mark.slow
+def test_figures_of_a_stored_identification_are_those_of_the_new_one(folder: Path) -> None:
+    stored, new = (section_of(each, "s", LOOKS) for each in (excite.load_result(folder), result("old")))
+    assert texts(stored) == texts(new)
+    assert len(texts(new)) == 3
+    assert stored.motion == new.motion
+
+
+@pytest.mark.slow
+def test_figures_of_a_stored_verification_are_those_of_the_new_one(folder: Path) -> None:
+    stored = section_of(load_verification(folder / "verification-run.json"), "s", LOOKS)
+    new = section_of(verification("old"), "s", LOOKS)
+    assert texts(stored) == texts(new)
+    assert len(texts(new)) == 3
+    assert stored.motion is not None
+
+
+@pytest.mark.slow
+def test_estimates_over_time_are_drawn_from_the_file(tmp_path: Path) -> None:
+    made = excite.identify(
+        "irp6", [excite.simulate(design("old"), rate=50.0, seed=0)], choose=False, estimator="recursive"
+    )
+    made.save(tmp_path / "r")
+    section = section_of(excite.load_result(tmp_path / "r"), "s", LOOKS)
+    assert "Estimates over time" in [figure.title for figure in section.figures]
+
+
+@pytest.mark.slow
+def test_player_shows_the_measured_motion_and_torques() -> None:
+    made = result("old")
+    motion = section_of(made, "s", LOOKS).motion
+    assert motion is not None
+    (part,) = made.prepared
+    for time in (motion["time"][3], motion["time"][-1]):
+        k, frame = int(np.argmin(np.abs(part.samples.time - part.samples.time[0] - time))), motion["time"].index(time)
+        np.testing.assert_allclose(np.array(motion["q"])[frame, :3], part.samples.q[k], atol=1e-6)
+        column = next(
+            j for j, c in enumerate(motion["limits"]) if (c["owner"], c["quantity"]) == ("joint q2", "measured")
+        )
+        np.testing.assert_allclose(motion["values"][frame][column], part.measured[k, 1], rtol=1e-3)
+
+
+def test_an_older_folder_shows_its_pictures_and_says_so(folder: Path, tmp_path: Path) -> None:
+    for path in folder.iterdir():
+        if path.suffix == ".json":
+            (tmp_path / path.name).write_bytes(path.read_bytes())
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    text = json.dumps(manifest)
+    assert CURVES in text
+    parsed = ParsedPage(report_text(tmp_path))
+    said = "".join(parsed.of("main")[0].text)
+    assert f"there is no {CURVES}" in said
+    assert len(parsed.of("svg")) == 1  # the parameters
+    assert not any("data-motion" in each.attributes for each in parsed.elements)
+
+
+def test_curves_that_were_edited_are_refused(folder: Path, tmp_path: Path) -> None:
+    for path in folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / CURVES).write_bytes((tmp_path / CURVES).read_bytes() + b" ")
+    with pytest.raises(InputError, match=r"curves.npz has been changed"):
+        report_text(tmp_path)
+
+
+def test_long_logs_are_stored_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("excite.identification.result.every", lambda _: 4)
+    observations, kept = result("old").observations, result("old").curves.stored()
+    np.testing.assert_array_equal(kept.time, np.repeat(np.unique(observations.time)[::4], 3))
+    np.testing.assert_allclose(kept.measured[:3], observations.y[:3], rtol=1e-6)

@@ -1,0 +1,244 @@
+"""Uncertain friction curves: their laws, their files, and those of fits."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.stats
+from friction_curves import CURVES, KNOWN, TUSTIN, uncertain
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from excite.friction.fit.curve_fit import curve_uncertainty, fit
+from excite.friction.fit.friction_equations import Form
+from excite.friction.fit.points import Point
+from excite.tasks.friction_file import friction_content, friction_of, friction_of_content, friction_text
+from regressors.errors import InputError, UnknownName
+from regressors.robot.friction.curves import (
+    CoulombViscous,
+    CurveUncertainty,
+    FrictionCurve,
+    FrictionCurves,
+    Loaded,
+    Scaled,
+    Side,
+    Slope,
+    Stribeck,
+    TableFriction,
+    Warm,
+    changed,
+    curve_parameters,
+)
+from regressors.samples import Array
+
+ALIKE = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0))
+
+
+# --- curves ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_every_parameter_that_is_named_changes_its_curve(name: str) -> None:
+    curve = CURVES[name]
+    v, direction = np.linspace(-0.5, 0.5, 40), np.sign(np.linspace(-0.5, 0.5, 40))
+    for parameter in curve_parameters(curve):
+        moved = changed(curve, {parameter: 0.01})
+        assert type(moved) is type(curve)
+        same = np.array_equal(moved.torque_at(v, 35.0, direction), curve.torque_at(v, 35.0, direction))
+        assert same == parameter.startswith("load"), parameter
+        back = changed(moved, {parameter: -0.01})
+        np.testing.assert_allclose(back.torque_at(v, 35.0), curve.torque_at(v, 35.0), rtol=1e-12)
+
+
+def test_a_parameter_without_a_side_is_that_of_both() -> None:
+    assert changed(ALIKE, {"coulomb": 1.0}) == Stribeck(Side(15.0, 26.0, 16.8, 0.05, 1.0))
+    assert changed(ALIKE, {"coulomb": 1.0, "backward.coulomb": -2.0, "offset": 0.5}) == Stribeck(
+        Side(15.0, 26.0, 16.8, 0.05, 1.0), Side(13.0, 26.0, 16.8, 0.05, 1.0), 0.5
+    )
+    warm = Warm(ALIKE, 30.0, Slope(-0.1, 0.2), range=(20.0, 40.0))
+    assert changed(warm, {"temperature.coulomb": 0.5}) == Warm(ALIKE, 30.0, Slope(0.4, 0.2), range=(20.0, 40.0))
+    assert changed(Loaded(warm, 0.1), {"load": 0.1, "load.forward": 0.1}).shares == pytest.approx((0.3, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("curve", "parameter"),
+    [
+        (TableFriction([0.1], [1.0]), "coulomb"),
+        (Scaled(TUSTIN, 2.0), "forward.coulomb"),
+        (CoulombViscous(1.0), "stiction"),
+        (CoulombViscous(1.0), "forward.coulomb"),
+        (TUSTIN, "load"),
+    ],
+)
+def test_parameters_that_a_curve_does_not_have(curve: FrictionCurve, parameter: str) -> None:
+    with pytest.raises(UnknownName, match=f"parameter of the friction curve named '{parameter}'"):
+        changed(curve, {parameter: 0.1})
+    with pytest.raises(UnknownName, match=f"parameter of the friction curve named '{parameter}'"):
+        FrictionCurves({"z1": curve}, {"z1": CurveUncertainty((parameter,), np.eye(1))})
+
+
+def test_uncertainty_belongs_to_a_curve() -> None:
+    with pytest.raises(UnknownName, match="friction curve named 'z2'; available: z1"):
+        FrictionCurves({"z1": CoulombViscous(1.0)}, {"z2": KNOWN["z1"]})
+
+
+SIDED = Warm(CoulombViscous(13.0, 9.0), 30.0, Slope(-0.1, 0.2), Slope(-0.3))  # of its own in each direction when warm
+WITH_SIDED = FrictionCurves(
+    {**CURVES, "z4": SIDED}, {**KNOWN, "z4": uncertain(("coulomb", "temperature.backward.coulomb"), 4)}
+)
+
+
+@pytest.mark.parametrize("temperature", [None, 36.5])
+@pytest.mark.parametrize("name", WITH_SIDED.curves)
+def test_at_a_temperature_torques_are_as_uncertain_as_at_that_temperature_of_the_whole(
+    name: str, temperature: float | None
+) -> None:
+    """Variances of the torque at some velocities by finite differences, of the curve and of that at a temperature."""
+    held = WITH_SIDED.at({name: temperature})
+    v = np.array([-0.3, -0.04, 0.02, 0.2])
+
+    def torque(curve: FrictionCurve) -> Array:
+        return curve.torque(v) if temperature is None else curve.torque_at(v, temperature)
+
+    found = []
+    for curve, known in ((of.curve(name), of.uncertainty[name]) for of in (WITH_SIDED, held)):
+        J = np.column_stack(
+            [torque(changed(curve, {p: 1e-5})) - torque(changed(curve, {p: -1e-5})) for p in known.parameters]
+        )
+        found.append(J / 2e-5 @ known.covariance @ J.T / 2e-5)
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-5, atol=1e-12)
+
+
+def test_curves_of_some_drives_keep_their_uncertainty_and_scaled_ones_do_not() -> None:
+    whole = FrictionCurves(CURVES, KNOWN)
+    assert dict(whole.of(("z3", "z9")).uncertainty) == {"z3": KNOWN["z3"]}
+    assert not whole.scaled({"z1": 2.0}).uncertainty
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def assert_alike(one: FrictionCurves, other: FrictionCurves) -> None:
+    assert dict(one.curves) == dict(other.curves)
+    assert list(one.uncertainty) == list(other.uncertainty)
+    for name, known in one.uncertainty.items():
+        assert known.parameters == other.uncertainty[name].parameters
+        np.testing.assert_array_equal(known.covariance, other.uncertainty[name].covariance)
+
+
+@given(st.integers(0, 10_000), st.floats(1e-9, 1e3))
+@settings(max_examples=15, deadline=None)
+def test_files_keep_every_number(seed: int, size: float) -> None:
+    whole = FrictionCurves(CURVES, {name: uncertain(x.parameters, seed, size) for name, x in KNOWN.items()})
+    assert_alike(friction_of(friction_text(whole), "again"), whole)
+    assert_alike(friction_of_content(json.loads(json.dumps(friction_content(whole)))), whole)
+
+
+HEAD = "schema: excite.friction/1\ndrives:\n  z1:\n    model: coulomb-viscous\n    coulomb: 3\n    viscous: 2\n"
+
+
+def test_a_file_written_by_hand() -> None:
+    known = friction_of(
+        HEAD + "    uncertainty: {parameters: [coulomb, viscous], covariance: [[4e-2, -1e-2], [-1e-2, 0.01]]}\n", "F"
+    )
+    np.testing.assert_allclose(known.uncertainty["z1"].deviation, [0.2, 0.1])
+    assert not friction_of(HEAD, "F").uncertainty
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("{parameters: [coulomb]}", r"z1\.uncertainty\.covariance \(line 7\): is missing"),
+        ("{parameters: [], covariance: []}", r"z1\.uncertainty\.parameters \(line 7\): .*at least 1 item"),
+        (
+            "{parameters: [coulomb,\n      stiction], covariance: [[1, 0], [0, 1]]}",
+            r"parameters\[2\] \(line 8\): no parameter 'stiction'; available: coulomb, viscous, offset",
+        ),
+        (
+            "{parameters: [coulomb, coulomb], covariance: [[1, 0], [0, 1]]}",
+            r"uncertainty \(line 7\): .*coulomb.* twice",
+        ),
+        (
+            "{parameters: [coulomb, offset], covariance: [[1, 0],\n      [0]]}",
+            r"covariance\[2\] \(line 8\): needs 2 numbers, one per parameter, given 1",
+        ),
+        ("{parameters: [coulomb, offset], covariance: [[1, 0]]}", "covariance .line 7.: needs 2 rows.*given 1"),
+        ("{parameters: [coulomb], covariance: [[.inf]]}", "must be a number"),
+        ("{parameters: [coulomb], covariance: [[-1]]}", "variance of coulomb must be zero or more, given -1"),
+        (
+            "{parameters: [coulomb, offset], covariance: [[1, 0.5], [0.4, 1]]}",
+            "must be symmetric, given 0.5 for coulomb and offset, but 0.4 for the other way round",
+        ),
+        (
+            "{parameters: [coulomb, offset], covariance: [[1, 2], [2, 1]]}",
+            "positive semidefinite, given correlations with the eigenvalue -1;",
+        ),
+        ("{parameters: [coulomb, offset], covariance: [[1, 1], [1, 0]]}", "positive semidefinite"),
+    ],
+)
+def test_bad_entries_are_refused_with_the_line(entry: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        friction_of(f"{HEAD}    uncertainty: {entry}\n", "F")
+
+
+def test_a_table_has_no_uncertainty() -> None:
+    text = "schema: excite.friction/1\ndrives:\n  z1:\n    model: table\n    speed: [1]\n    torque: [1]\n"
+    with pytest.raises(InputError, match="a table has no parameters"):
+        friction_of(f"{text}    uncertainty: {{parameters: [coulomb], covariance: [[1]]}}\n", "F")
+
+
+# --- fits ------------------------------------------------------------------------------------------------------------
+
+
+def measured(form: Form, curve: FrictionCurve, seed: int = 0) -> list[Point]:
+    """Points of a curve at several temperatures, under several loads, with noise."""
+    rng = np.random.default_rng(seed)
+    rows = [
+        (v, T, load)
+        for v in (-0.6, -0.2, -0.08, -0.04, 0.05, 0.1, 0.3, 0.7)
+        for T in (25.0, 36.0)
+        for load in (0.0, 9.0)
+    ]
+    found = []
+    for v, T, load in rows:
+        shares = curve.shares if isinstance(curve, Loaded) else (0.0, 0.0)
+        torque = float(curve.torque(v) if form.temperature is None else curve.torque_at(v, T))
+        torque += (shares[0] if v > 0 else -shares[1]) * load + 0.05 * rng.normal()
+        found.append(Point(v, torque, 0.05, 0.0, 0.3, 0, T, load))
+    return found
+
+
+@pytest.mark.parametrize("stribeck", [False, True])
+@pytest.mark.parametrize("asymmetric", [False, True])
+@pytest.mark.parametrize("more", [False, True])
+def test_a_files_uncertainty_is_the_band_of_its_fit(stribeck: bool, asymmetric: bool, more: bool) -> None:
+    """The variance of the torque by the file's parameters is that by the equation's own derivatives."""
+    form = Form("form", stribeck, asymmetric, 1.0, not asymmetric, 30.0 if more else None, more)
+    base: FrictionCurve = (TUSTIN if asymmetric else ALIKE) if stribeck else CoulombViscous(14.0, 26.0, 0.3)
+    curve = Loaded(Warm(base, 30.0, Slope(-0.1, 0.2)), 0.05) if more else base
+    one = fit(measured(form, curve), form)
+    known = curve_uncertainty(one)
+    drawn = FrictionCurves({"z1": one.curve}, {"z1": known})
+    v, rise, load = np.array([-0.5, -0.03, 0.02, 0.06, 0.4]), 4.0 if more else 0.0, 7.0 if more else 0.0
+
+    def torque(changes: dict[str, float]) -> Array:
+        moved = changed(drawn.curve("z1"), changes)
+        shares = moved.shares if isinstance(moved, Loaded) else (0.0, 0.0)
+        return moved.torque_at(v, 30.0 + rise) + np.where(v > 0, shares[0], -shares[1]) * load
+
+    steps = 1e-4 * known.deviation
+    each = zip(known.parameters, steps, strict=True)
+    J = np.column_stack([(torque({p: h}) - torque({p: -h})) / (2 * h) for p, h in each])
+    half = 2.5758293 * np.sqrt(np.einsum("ij,jk,ik->i", J, known.covariance, J))
+    np.testing.assert_allclose(half, one.band(v, rise, load)[1], rtol=1e-4)
+
+
+def test_what_is_held_has_no_deviation_and_students_t_widens() -> None:
+    one = fit(measured(Form("form"), CoulombViscous(9.0, 8.0)), Form("form"))
+    held = curve_uncertainty(
+        replace(one, covariance=np.diag([0.04, 0.0, 0.01]), quantile=2 * scipy.stats.norm.ppf(0.995))
+    )
+    np.testing.assert_allclose(held.deviation, [0.4, 0.0, 0.2])
