@@ -116,6 +116,9 @@ class Picture:
         """Write the text."""
         stream.write(self.text.encode())
 
+    def clear(self) -> None:
+        """It holds nothing."""
+
 
 def _pictures(patch: Patch, module: str, version: str, *names: str) -> None:
     for name in names:

@@ -10,7 +10,7 @@ import pytest
 from commands import Here
 from played import link_files, noisy, played, three_joints
 
-from excite.cli import identify_run
+from excite.cli import repetition_run
 from excite.logs.log_reading import write_log
 from excite.views import figures
 
@@ -83,7 +83,7 @@ def test_all_is_the_default(here: Here) -> None:
 def test_with_repetitions_the_estimator_is_one_that_can_be_repeated(
     here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(identify_run, "repeat_and_write", lambda result, *_, **__: (result, 0))
+    monkeypatch.setattr(repetition_run, "repeat_and_write", lambda result, *_, **__: (result, 0))
     choices, _ = chosen(here, "run.csv", "--repeat", "9", "--choose", "delay,estimator")
     assert [choice["name"] for choice in choices] == ["delay", "presliding"]
     assert json.loads((here.cwd / "out" / "result.json").read_text())["estimator"] == "weighted"
