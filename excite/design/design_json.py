@@ -91,6 +91,8 @@ def _objects(
     float(content["provenance"]["cpu_seconds"])
     if "condition_number" not in content["criteria"]:
         raise KeyError("condition_number")
+    if "played" not in content and task.output.home is not None:
+        raise KeyError("played")  # it would be played without its approach and return
     transfers = ApproachAndReturn.of(content["played"]) if "played" in content else None
     if transfers is not None:
         whole = WholeRobotMotion(trajectory, task.limits.applied(robot), moving.joint_names)

@@ -278,6 +278,14 @@ def test_segments_follow_one_another_and_begin_on_samples(design: Design, folder
     assert content_of(folder)["played"]["duration"] == pytest.approx(time[-1])
 
 
+def test_a_design_from_home_is_not_played_without_its_approach(folder: Path, tmp_path: Path) -> None:
+    content = content_of(folder)
+    del content["played"]
+    (tmp_path / "design.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match="not a complete design: 'played' is missing"):
+        load_design(tmp_path)
+
+
 def test_exciting_rows_are_those_of_the_motion_alone(design: Design, folder: Path) -> None:
     columns, segments = rows_of(folder / "trajectory.csv")
     here = [k for k, segment in enumerate(segments) if segment == "excite"]
