@@ -17,8 +17,11 @@ _PROJECTIONS = 3
 _PLAIN = re.compile(r"\b[a-z]{2,}\b")
 _MOST_WORDS = 3  # in small letters, that a name has; sentences have more
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
-# no behaviour; gap is that to singular values that are zero but for rounding
-_OTHER = re.compile(r"date|created|sha256|hash|versions?|python|machine|command|cpu|(\w+_)?seconds|gap")
+# no behaviour: gap is that to singular values that are zero but for rounding, run a random number, class a module's
+# place; of the files that a manifest lists, the content is recorded itself
+_OTHER = re.compile(
+    r"date|created|sha256|hash|versions?|python|machine|command|cpu|(\w+_)?seconds|gap|run|class|.+\.(png|json|csv|npz)"
+)
 
 
 def projected(values: Sequence[float]) -> dict[str, Any]:
