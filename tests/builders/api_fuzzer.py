@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from designs import short
+from designed import short
 
 import excite
 from constraints.collision.geometry import Capsule, Part, World

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import Here, table_of
-from designs import irp6, panda, ur10e
+from designed import irp6, panda, ur10e
 
 import excite
 from excite.design.design_json import find_design

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import Here
-from designs import panda, planar
+from designed import panda, planar
 
 from constraints.bounds.interpolation import Curve
 from excite.design.design import Design, between_samples_text

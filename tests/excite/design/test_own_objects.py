@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from designs import short
+from designed import short
 
 import excite
 from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, World

@@ -5,7 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
-from designs import short
+from designed import short
 
 import excite
 from excite.identification.earlier_files import earlier_information

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from designs import short
+from designed import short
 
 import excite
 from excite.design.design_folder import design_content

@@ -242,7 +242,7 @@ def test_entries_that_are_missing_are_named(entry: str, folder: Path, tmp_path: 
     content = json.loads((folder / "design.json").read_text())
     del content[entry]
     (tmp_path / "older.json").write_text(json.dumps(content))
-    if entry in ("conventions", "played"):  # of an older version, or known from the coefficients
+    if entry == "conventions":  # of an older version
         assert "Gautier 1991" in report_text(tmp_path / "older.json")
         return
     with pytest.raises(InputError, match=rf"not a complete design: .*'{entry}(\.\w+)?'.* is missing"):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from designs import copies
+from designed import copies
 
 import excite
 from excite.cli.sweep_run import show_sweep

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from designs import irp6, panda, ur10e
+from designed import irp6, panda, ur10e
 from scipy.interpolate import BPoly
 
 import excite

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import scipy.io
 import yaml
-from designs import irp6, panda, ur10e
+from designed import irp6, panda, ur10e
 from robot_programs import NotInGrammar, krl_program, rapid_moves, ur_program
 
 import excite

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from designs import panda, planar, ur10e
+from designed import panda, planar, ur10e
 from robot_programs import krl_program, rapid_moves, ur_program
 from scipy.interpolate import BPoly, CubicSpline, PPoly
 
