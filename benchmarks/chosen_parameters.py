@@ -89,9 +89,9 @@ def of_goals(name: str) -> dict[str, Any]:
 
 def torques_of_robots(design: Any, share: float) -> int:
     """How many robots of a box break a torque limit at an instant of the motion: each parameter off by a share."""
-    from regressors.models.columns import Terms
     from regressors.models.differential import DifferentialModel
     from regressors.models.nominal import standard_values, stated_deviations
+    from regressors.robot.columns import Terms
 
     robot, rng = design.moving, np.random.default_rng(SEED)
     model = DifferentialModel(robot, Terms(coulomb=False))

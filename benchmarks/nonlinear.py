@@ -108,7 +108,7 @@ def row(found: dict[str, Any], plain: dict[str, Any]) -> list[object]:
 
 def problem_of(robot: str, limits: dict[str, Any]) -> Problem:
     """The design problem, in this process, with its limits compiled."""
-    from constraints.collision.world_file import read_world
+    from constraints.world_file import read_world
     from excite.design.formulation import formulate
     from excite.tasks.task import Task
     from regressors.readers.library import built_in

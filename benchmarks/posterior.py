@@ -37,9 +37,9 @@ from excite.information.target import IdentificationTarget, target_of
 from excite.logs.log import Log
 from excite.study.sample_posterior import PRIOR, sample_posterior
 from excite.tasks.task import Task
-from regressors.models.columns import BODY_KINDS, COULOMB, STRIBECK, VISCOUS
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
+from regressors.robot.columns import BODY_KINDS, COULOMB, STRIBECK, VISCOUS
 from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
 from regressors.samples import Array, Samples
 

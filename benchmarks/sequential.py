@@ -23,8 +23,9 @@ from excite.identification.earlier_files import earlier_information
 from excite.information.earlier_precision import deviations_of, information_in_hand
 from excite.information.half_widths import ABOUT_ZERO, allowed_half_widths
 from excite.information.prior import base_sizes
-from excite.information.target import moving_robot, target_of
+from excite.information.target import target_of
 from excite.study.next_motion import _of_measured
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.stored_files import RESULT
 from regressors.models.nominal import standard_values
 

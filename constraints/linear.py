@@ -1,18 +1,48 @@
-"""Limits that are linear in the motion: bounds on A q + a0 or on one of its derivatives.
+"""The form of every constraint, and limits that are linear in the motion: bounds on A q + a0 and its rates.
+
+A constraint depends on samples of a motion, never on the optimiser.
 
 Joint limits have A = E, limits on drive coordinates z = C q + z0 have A = C.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
 
-from constraints.constraint import Constraint
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Limits, Robot
 from regressors.samples import Array, Samples
+
+OTHER = "other"  # what a constraint limits, in a word, where it does not say
+
+
+class Constraint(ABC):
+    """A set of k bounds on functions of the motion.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        Name of each function, such as ``joint q2 velocity``.
+    units : tuple of str
+    lower, upper : ndarray, shape (k,)
+        Bounds; infinite where there is none.
+    quantity : str
+        What is limited, in a word, such as ``velocity``, ``torque`` or ``distance``.
+    """
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    lower: Array
+    upper: Array
+    quantity: str = OTHER
+
+    @abstractmethod
+    def values(self, samples: Samples) -> Array:
+        """Value of every function at every instant, shape (N, k)."""
+
 
 QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 _UNITS = ("", "/s", "/s^2", "/s^3")

@@ -1,4 +1,4 @@
-"""Limits on smooth functions of the motion: joint and drive torques, the tool's position and speed.
+"""Limits as objects, stated before it is known which joints move, and limits on smooth functions of the motion.
 
 Each is a CasADi expression g(q, dq, ddq), so that an optimiser has its exact derivatives and a certificate can enclose
 it between samples.
@@ -6,7 +6,9 @@ it between samples.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,13 +17,57 @@ import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 
-from constraints.constraint import OTHER, Constraint
+from constraints.linear import OTHER, Constraint
 from regressors.arguments import checked
 from regressors.models.partial import PartialMotion
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.robot import Robot
 from regressors.robot.symbolic.intervals import IntervalFunction
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction, evaluate_samples
 from regressors.samples import Array, Index, Samples
+
+
+class Limit(ABC):
+    """One kind of limit, beside those of joints and drives that the robot's description states.
+
+    A limit of your own is a subclass with `imposed`, given in ``constraints=[...]``.
+
+    Attributes
+    ----------
+    friction : FrictionCurves or None
+        Friction curves that the limit takes into account, if any.
+    """
+
+    friction: FrictionCurves | None = None
+
+    @abstractmethod
+    def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
+        """The constraints that a robot's motion must keep.
+
+        Parameters
+        ----------
+        robot : Robot
+            The whole robot.
+        motion : PartialMotion
+            Map from the coordinates that may move to all joints of the robot, ``q = N s + q0``.
+
+        Returns
+        -------
+        sequence of NonlinearConstraint
+            Functions of the coordinates that may move: those of all joints, `restricted` to the motion.
+
+        Raises
+        ------
+        InputError
+            An invalid limit, or one that needs data missing from the robot's description.
+        """
+
+    def knowing(self, friction: FrictionCurves | None) -> Limit:
+        """The limit with friction known beforehand, where it has a field for it and none was given."""
+        takes = is_dataclass(self) and any(each.name == "friction" for each in fields(self))
+        return replace(self, friction=friction) if takes and self.friction is None else self  # type: ignore[type-var]
+
 
 Expression = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 

@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING, Any
 from excite.own_packages import check_packages
 
 if TYPE_CHECKING:
-    from constraints.collision.collision_limits import Collisions as Collisions
-    from constraints.collision.world_file import read_world
-    from constraints.limit import Limit
-    from constraints.limits.plausible_torque import PlausibleTorqueLimit as PlausibleTorqueLimit
-    from constraints.limits.tool import ToolBox as ToolBox
-    from constraints.limits.tool import ToolSpeed as ToolSpeed
-    from constraints.limits.torque import TorqueLimit as TorqueLimit
-    from constraints.nonlinear import NonlinearConstraint
+    from constraints.collision_limits import Collisions as Collisions
+    from constraints.nonlinear import Limit, NonlinearConstraint
+    from constraints.tool import ToolBox as ToolBox
+    from constraints.tool import ToolSpeed as ToolSpeed
+    from constraints.torque import PlausibleTorqueLimit as PlausibleTorqueLimit
+    from constraints.torque import TorqueLimit as TorqueLimit
+    from constraints.world_file import read_world
     from excite.design.campaign import plan_campaign
     from excite.design.comparison import compare
     from excite.design.design import Design
@@ -100,7 +99,6 @@ if TYPE_CHECKING:
     from excite.views.write_report import write_report
     from regressors.errors import ExciteError, InputError, NumericalError
     from regressors.models.base import base_parameters
-    from regressors.models.columns import Column
     from regressors.models.differential import DifferentialModel as DifferentialModel
     from regressors.models.energy import EnergyModel as EnergyModel
     from regressors.models.load import LoadIntegralModel as LoadIntegralModel
@@ -109,13 +107,14 @@ if TYPE_CHECKING:
     from regressors.models.load import Sensor
     from regressors.models.model import RegressorModel
     from regressors.readers.library import built_in_names, load_robot
+    from regressors.robot.columns import Column
     from regressors.robot.robot import Robot
     from regressors.samples import Samples
 
 check_packages()
 
 _PLACES = {
-    "Column": "regressors.models.columns",
+    "Column": "regressors.robot.columns",
     "AccuracyPrediction": "excite.study.predict_accuracy",
     "Belief": "excite.tasks.objective",
     "SweepTable": "excite.design.sweeps.sweep_table",
@@ -131,7 +130,7 @@ _PLACES = {
     "Identification": "excite.identification.identification",
     "ImpactPulse": "excite.simulation.settings",
     "InputError": "regressors.errors",
-    "Limit": "constraints.limit",
+    "Limit": "constraints.nonlinear",
     "Installation": "excite.tasks.installation",
     "LimitChoice": "excite.tasks.limit_choice",
     "LinearFamily": "excite.trajectories.linear",
@@ -194,7 +193,7 @@ _PLACES = {
     "read_log": "excite.logs.log_reading",
     "read_mapping": "excite.logs.mapping",
     "read_recording": "excite.logs.recordings.formats",
-    "read_world": "constraints.collision.world_file",
+    "read_world": "constraints.world_file",
     "run_sweep": "excite.design.sweeps.run_sweep",
     "sample_posterior": "excite.study.sample_posterior",
     "simulate": "excite.simulation.simulate",
@@ -226,7 +225,7 @@ _RENAMED = {
     "read_design": "load_design",
     "read_result": "load_result",
     "LogGuess": "in excite.logs.guess.log_guess",
-    "Terms": "in regressors.models.columns",
+    "Terms": "in regressors.robot.columns",
     "Window": "in regressors.models.windows",
     "verified": "verify",
 }

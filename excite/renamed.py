@@ -11,14 +11,7 @@ from excite.design.design_json import load_design as read_design
 from excite.design.sweeps.run_sweep import run_sweep as run_campaign
 from excite.design.sweeps.sweep_table import SweepTable as CampaignTable
 from excite.design.sweeps.sweep_table import load_sweep
-from excite.errors import (
-    BrokenLimitError,
-    ConicSolverError,
-    LostMotionError,
-    LostWorkersError,
-    NoFeasibleMotionError,
-    TooLargeError,
-)
+from excite.errors import BrokenLimitError, ConicSolverError, LostMotionError, LostWorkersError, NoFeasibleMotionError
 from excite.export.exported import Exported
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
@@ -31,8 +24,9 @@ from excite.tasks.limit_choice import LimitChoice as LimitOverrides
 from excite.tasks.robot_of_task import check_robot
 from excite.tasks.task import Task
 from excite.verification.verify import verify as verified
-from regressors.models.columns import Terms
+from regressors.errors import TooLargeError
 from regressors.models.windows import Window
+from regressors.robot.columns import Terms
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 

@@ -11,8 +11,8 @@ from excite.design.optimisation import design_trajectory
 from excite.identification.recipe import Recipe
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
-from regressors.robot.friction.curve import Side, Stribeck
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
+from regressors.robot.friction.curve import CoulombViscous, Side, Stribeck
+from regressors.robot.friction.curves import FrictionCurves
 
 RATE = 200.0  # of the logs [Hz]
 SIGN_WIDTH = {"panda": 0.1, "ur10e": 0.35}  # of their friction, stated to the identification too [rad/s]

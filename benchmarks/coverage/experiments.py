@@ -14,11 +14,11 @@ from excite.information.target import IdentificationTarget, target_of
 from excite.logs.log import Log
 from excite.simulation.simulate import simulate
 from excite.tasks.task import Task
-from regressors.models.columns import BODY_KINDS
-from regressors.models.columns import COULOMB as COULOMB_KIND
-from regressors.models.columns import VISCOUS as VISCOUS_KIND
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import built_in
+from regressors.robot.columns import BODY_KINDS
+from regressors.robot.columns import COULOMB as COULOMB_KIND
+from regressors.robot.columns import VISCOUS as VISCOUS_KIND
 from regressors.robot.friction.curve import Side, Stribeck
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot

@@ -23,9 +23,9 @@ from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
 from regressors.errors import ExciteError
-from regressors.models.columns import OFFSET, ROTOR
 from regressors.models.nominal import standard_values
 from regressors.readers.library import load_robot
+from regressors.robot.columns import OFFSET, ROTOR
 from regressors.samples import Array, Samples
 
 CUTOFFS = (2.0, 5.0, 10.0, 20.0, 40.0, 80.0)  # Hz

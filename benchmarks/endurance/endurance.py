@@ -51,7 +51,8 @@ def state() -> dict[str, int]:
 def design_once(number: int, folder: Path) -> None:
     """One unit of work: a design, and what is done with it."""
     import excite
-    from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
+    from excite.design.solvers.descent import SqpOptions
+    from excite.design.solvers.sqp import SequentialQuadratic
 
     solver = SequentialQuadratic(SqpOptions(iterations=2))
     search = excite.Search(starts=1, seed=number, executor="serial", solver=solver)
@@ -72,7 +73,8 @@ def starts(folder: Path) -> Iterator[Callable[[int], None]]:
     import excite
     from excite.design.formulation import formulate
     from excite.design.single_start import optimise_start
-    from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
+    from excite.design.solvers.descent import SqpOptions
+    from excite.design.solvers.sqp import SequentialQuadratic
 
     formulation = formulate(excite.load_robot("irp6"), excite.Task("irp6", period=4.0, harmonics=3))
 

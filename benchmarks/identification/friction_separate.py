@@ -28,7 +28,6 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.formulation import formulate
 from excite.design.optimisation import design_trajectory
-from excite.design.reference import Reference, SampledMotion
 from excite.friction.fit.constant_speed_windows import ConstantWindow
 from excite.friction.fit.curve_fit import CurveFit, chosen_fit, curve_uncertainty
 from excite.friction.fit.friction_equations import forms
@@ -44,10 +43,12 @@ from excite.logs.log import Log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
+from excite.tasks.reference import Reference, SampledMotion
 from excite.tasks.task import Task
 from excite.views.style import DPI
 from regressors.models.nominal import parameter_values
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
 
 HERE = Path(__file__).resolve().parent

@@ -6,7 +6,8 @@ import numpy as np
 
 from excite.friction.fit.friction_equations import Form
 from regressors.readers.library import load_robot
-from regressors.robot.friction.curves import Side, Stribeck
+from regressors.robot.friction.curve import Stribeck
+from regressors.robot.friction.curves import Side
 from regressors.samples import Array
 
 ROBOT = load_robot("irp6")

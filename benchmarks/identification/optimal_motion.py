@@ -24,7 +24,6 @@ from excite.design.certification import limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.optimisation import design_trajectory
-from excite.design.reference import Reference
 from excite.identification.estimate import Estimate
 from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.least_squares import weighted
@@ -33,6 +32,7 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
+from excite.tasks.reference import Reference
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from excite.views.style import BLUE, DARK, DPI, LABEL, NOTE, ORANGE, VERMILLION, figure_of, tidy

@@ -28,7 +28,8 @@ from excite.logs.mapping import read_mapping
 from excite.verification.verify import verify
 from excite.views.figure_files import write_figure_files
 from excite.views.friction_plots import friction_figure
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve
+from regressors.robot.friction.curves import FrictionCurves
 
 JOINT = "shoulder_lift_joint"
 RUNS = "ur-20_01_22-joint_2.csv"

@@ -41,10 +41,10 @@ def panda_log(path: str, seconds: int, width: float) -> dict[str, float]:
     """
     from excite.design.formulation import formulate
     from excite.design.initial_guesses import random_motion
-    from excite.design.reference import Repeated
     from excite.information.target import target_of
     from excite.logs.log import Log
     from excite.logs.log_reading import write_log
+    from excite.tasks.reference import Repeated
     from excite.tasks.task import Task
     from excite.trajectories import Trajectory
     from regressors.models.nominal import parameter_values, standard_values

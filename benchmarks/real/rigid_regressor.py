@@ -8,9 +8,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
+from regressors.robot.columns import Terms
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 import excite
-from constraints.collision.collision_limits import Clearance
+from constraints.collision_limits import Clearance
 
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "#BBBBBB"
 robot = excite.load_robot("iiwa7")

@@ -17,7 +17,7 @@ from excite.cli.sign_of_life import tell
 from excite.registry import CONVENTIONS, DROPPABLE, EXECUTORS, FIGURE_WIDTHS
 
 if TYPE_CHECKING:
-    from constraints.collision.geometry import World
+    from constraints.geometry import World
 
 Command = Callable[..., Any]
 

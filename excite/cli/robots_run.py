@@ -11,8 +11,8 @@ from typing import Any
 import click
 from rich.text import Text
 
-from constraints.collision.world_file import capsules_text, urdf_capsules
 from constraints.linear import QUANTITIES, linear_limits
+from constraints.world_file import capsules_text, urdf_capsules
 from excite.cli.literal_console import console
 from excite.cli.messages import in_options
 from excite.cli.options import robot_file_of

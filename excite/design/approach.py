@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse
-from constraints.bounds.enclosure import uses_of
+from constraints.certificate import LimitUse
+from constraints.enclosure import uses_of
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.storage.codec import record_of

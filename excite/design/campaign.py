@@ -11,10 +11,10 @@ from math import comb
 from typing import Any
 
 from excite.information.identifiability import Identifiability, partial_motions
-from excite.information.target import model_of, moving_robot
+from excite.information.target import model_of
 from excite.registry import name_of
 from excite.storage.work_prediction import BASE, FLOAT, MemoryPart, WorkPrediction, announce
-from excite.tasks.robot_of_task import first_argument, robot_and_task
+from excite.tasks.robot_of_task import first_argument, moving_robot, robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError

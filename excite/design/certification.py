@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse
-from constraints.bounds.enclosure import uses_of
+from constraints.certificate import LimitUse
+from constraints.enclosure import uses_of
 from excite.design.approach import approach_and_return
 from excite.design.design import Design
 from excite.design.formulation import Formulation

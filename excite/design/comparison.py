@@ -7,15 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse
+from constraints.certificate import LimitUse
 from excite.design.design import Design
 from excite.information.goal import goal_of
 from excite.information.metrics import MotionMeasures, noise_per_row
-from excite.information.target import IdentificationTarget, moving_robot, target_of
+from excite.information.target import IdentificationTarget, target_of
 from excite.information.weighting import minimised_text, weighting_of
 from excite.registry import instance, name_of
 from excite.tasks.model_choice import FRICTION
 from excite.tasks.model_options import without_curve
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.arguments import checked

@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.bounds.certificate import EXACT, LimitUse
-from constraints.bounds.enclosure import uses_of
-from constraints.bounds.interpolation import Curve, InterpolatedLimits, curves_text, interpolated_limits
-from constraints.collision.geometry import World
+from constraints.certificate import EXACT, LimitUse
+from constraints.enclosure import uses_of
+from constraints.geometry import World
+from constraints.interpolation import Curve, InterpolatedLimits, curves_text, interpolated_limits
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import ApproachAndReturn, stated_on_transfers
@@ -25,12 +25,13 @@ from excite.information.earlier_precision import information_in_hand
 from excite.information.metrics import CONVENTIONS, MotionMeasures, PredictedAccuracy, noise_per_row
 from excite.information.nearly_unidentifiable import NearlyUnidentifiable
 from excite.information.precision_forecast import PrecisionForecast, RunInformation
-from excite.information.target import IdentificationTarget, moving_robot, target_of
+from excite.information.target import IdentificationTarget, target_of
 from excite.information.weighting import PriorAndPosterior, minimised_text
 from excite.registry import name_of
 from excite.storage.codec import INLINE, OBJECT, named, record_of
 from excite.storage.manifest import entry_sha256, sha256_of
 from excite.tasks.precision_target import PrecisionTarget
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from excite.trajectories.sequence import EXCITE, MotionSequence, Piece, WholeRobotMotion

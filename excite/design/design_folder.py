@@ -13,7 +13,6 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.design.kept_starts import remove_starts, remove_temporary
-from excite.design.sampled_motion import motion_columns, write_motion_table
 from excite.design.start_results import write_start
 from excite.design.task_file import task_content
 from excite.information.metrics import noise_per_row
@@ -24,6 +23,7 @@ from excite.storage.figure_names import figure_names
 from excite.storage.manifest import sha256_of
 from excite.storage.migrations import schema_of
 from excite.storage.result_folder import check_not_taken, replace_result, result_folder
+from excite.storage.sampled_motion import motion_columns, write_motion_table
 from excite.tasks.stored_files import EarlierInformation, InitialDesign
 from excite.tasks.task import Task
 from excite.tasks.values import NONE

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from constraints.collision.world_file import world_of
+from constraints.world_file import world_of
 from excite.design.approach import ApproachAndReturn
 from excite.design.design import Design
 from excite.design.design_folder import DESIGN, HASHES, KIND, TRAJECTORY
 from excite.design.task_file import task_from_options
-from excite.information.target import moving_robot
 from excite.registry import OwnPart, is_own
 from excite.storage.atomic import read_json
 from excite.storage.commit import read_settled
@@ -23,6 +22,7 @@ from excite.storage.destination import Destination
 from excite.storage.manifest import check_files, entry_sha256, sha256_of
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import complete, read_record
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.stored_files import EarlierInformation, InitialDesign, StoredRobot
 from excite.tasks.task import Task
 from excite.trajectories import stored_trajectory

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from constraints.feasibility.diagnosis import ContradictionError, interior_pose, smallest_relaxation
+from constraints.diagnosis import ContradictionError, interior_pose, smallest_relaxation
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
@@ -42,9 +42,10 @@ from excite.design.task_checks import (
 from excite.information.earlier_precision import check_earlier, noise_in_hand
 from excite.information.goal import goal_of
 from excite.information.metrics import noise_per_row
-from excite.information.target import IdentificationTarget, model_of, motion_of, moving_robot, target_of
+from excite.information.target import IdentificationTarget, model_of, motion_of, target_of
 from excite.information.weighting import weighting_of
 from excite.registry import built_in
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion

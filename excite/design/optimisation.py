@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
-from constraints.limit import Limit
+from constraints.nonlinear import Limit
 from excite.design.certification import certify
 from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design

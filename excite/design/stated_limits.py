@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from constraints.collision.collision_limits import Clearance, SelfCollisions
-from constraints.collision.floor import assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
-from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, World
-from constraints.collision.world_file import urdf_capsules, urdf_lowest
+from constraints.clearance import assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
+from constraints.collision_limits import Clearance, SelfCollisions
+from constraints.geometry import HalfSpace, Obstacle, World
 from constraints.linear import QUANTITIES, LinearConstraint, spanned
 from constraints.nonlinear import NonlinearConstraint
+from constraints.torque import why_no_torques
+from constraints.world_file import urdf_capsules, urdf_lowest
 from excite.registry import name_of, part
 from excite.tasks.limit_choice import TORQUE_MARGIN
 from excite.tasks.stored_files import StoredRobot
@@ -23,9 +24,8 @@ from regressors.errors import InputError
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.readers.library import built_in_names, load_robot
 from regressors.robot.inertia import rotation_from_rpy
-from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot
-from regressors.robot.shapes import Part
+from regressors.robot.shapes import Capsule, Part
 from regressors.samples import Array
 
 _NAMED = 3
@@ -112,20 +112,6 @@ def _motion(robot: Robot, joints: tuple[str, ...]) -> PartialMotion:
     return of_joints(robot, [robot.joint_names.index(name) for name in joints])
 
 
-def why_no_torques(robot: Robot) -> str | None:
-    """Why limits of torques cannot be checked; None if they can."""
-    drives = robot.transmission
-    of_drives = drives is not None and bool(np.any(np.isfinite(drives.limits.torque)))
-    if not of_drives and not np.any(np.isfinite(robot.limits.torque)):
-        return "no limit is stated"
-    doubts = implausible_inertias(robot)
-    if not doubts:
-        return None
-    shown = [f"{name}: {reason}" for name, reason in list(doubts.items())[:_NAMED]]
-    more = f", and {len(doubts) - _NAMED} more" if len(doubts) > _NAMED else ""
-    return f"inertial parameters are not plausible: {'; '.join(shown)}{more}"
-
-
 def _parts(robot: Robot, task: Task) -> tuple[tuple[Part, ...] | Unchecked, tuple[str, ...]]:
     """Capsules of the robot of a task, and what is assumed of links whose meshes cannot be read."""
     if robot.shapes:
@@ -160,7 +146,7 @@ def stated_world(robot: Robot, task: Task) -> StatedWorld:
     robot stands, the wall or the ceiling where it is mounted there. Its normal is against gravity as the robot's
     description has it; the option `floor` is its height along the normal, and `"auto"` the lowest point of the base's
     shape in a URDF, or the base's origin. Where a description does not stand on such a plane, there is none, and it is
-    said why, see `constraints.collision.floor.why_not_mounted`.
+    said why, see `constraints.clearance.why_not_mounted`.
     """
     if isinstance(task.robot, StoredRobot) and task.robot.shape is not None:
         return StatedWorld(replace(task.robot.shape, ignored=()))  # older files leave out what their limits allowed

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse
-from constraints.feasibility.diagnosis import ContradictionError
+from constraints.certificate import LimitUse
+from constraints.diagnosis import ContradictionError
 from constraints.linear import LinearConstraint, spanned
 from excite.design.blueprint import Blueprint
 from excite.design.initial_guesses import random_motion
@@ -24,12 +24,11 @@ from excite.tasks.criteria import Criterion, TorqueCriterion
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import Base
-from regressors.models.columns import COULOMB
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion
-from regressors.robot.friction.curves import Warm
+from regressors.robot.columns import COULOMB
 from regressors.robot.friction.load_share import moving_drive_numbers
-from regressors.robot.friction.temperature import warm_part
+from regressors.robot.friction.temperature import Warm, warm_part
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, create_model
 
-from constraints.collision.geometry import World
-from constraints.collision.world_file import read_world, world_of
+from constraints.geometry import World
+from constraints.world_file import read_world, world_of
 from excite.registry import BUILT_IN, OwnPart, name_of, place_of
 from excite.tasks.friction_file import friction_content, friction_of_content, read_friction
 from excite.tasks.limit_choice import OF_JOINTS, LimitChoice

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.design.design_json import load_design
 from excite.design.formulation import INSTANTS, task_motion_of
-from excite.design.sampled_motion import read_table
+from excite.storage.sampled_motion import read_table
 from excite.tasks.stored_files import TaskMotion
 from regressors.errors import InputError
 from regressors.input_files import read_text

@@ -20,7 +20,7 @@ from excite.identification.streamed_rows import HELD, DecimatedRows, Decimation,
 from excite.information.target import IdentificationTarget
 from excite.logs.saturation import within
 from regressors.errors import InputError
-from regressors.robot.friction.curves import drives_with_friction
+from regressors.robot.friction.load_share import drives_with_friction
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
@@ -170,7 +170,7 @@ class DirectedFriction:
     columns: tuple[int, ...]  # base columns; one that several drives share is repeated for each
     drives: tuple[int, ...]  # place of the drive of each among the m drives that move, see `drive_directions`
     # (N, k) friction per unit parameter and unit direction: 1 for Coulomb friction, see
-    # `regressors.models.columns.Terms`
+    # `regressors.robot.columns.Terms`
     magnitudes: Array
     rows: Array  # (k, r) contribution of a drive's torque to each equation, its row of C' or of N' C'
 

@@ -23,13 +23,13 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result import check_played, played_design, provenance_of
 from excite.identification.streamed_rows import HELD
-from excite.information.target import friction_of_moving, moving_robot
+from excite.information.target import friction_of_moving
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
 from excite.tasks.friction_file import read_friction
 from excite.tasks.installation import Installation
-from excite.tasks.robot_of_task import robot_and_task
+from excite.tasks.robot_of_task import moving_robot, robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError

@@ -10,14 +10,20 @@ import numpy as np
 from excite.identification.equations import drive_directions, drive_rows
 from excite.identification.preparation import HELD, PreparedLog
 from excite.identification.recipe import Recipe
-from excite.information.target import IdentificationTarget, moving_robot
+from excite.information.target import IdentificationTarget
 from excite.tasks.model_choice import FRICTION
 from excite.tasks.model_options import without_curve
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.models.columns import COULOMB, VISCOUS
-from regressors.robot.friction.curves import FrictionCurves, carried_along, drive_temperatures, drives_with_friction
-from regressors.robot.friction.load_share import moving_drive_numbers
+from regressors.robot.columns import COULOMB, VISCOUS
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_share import (
+    carried_along,
+    drive_temperatures,
+    drives_with_friction,
+    moving_drive_numbers,
+)
 from regressors.robot.friction.temperature import temperature_notes
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples

@@ -28,8 +28,8 @@ from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
 from regressors.models.base import triangular_factor
-from regressors.models.columns import COULOMB
 from regressors.models.windows import Window
+from regressors.robot.columns import COULOMB
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
 

@@ -40,8 +40,8 @@ from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import few_states, random_states
-from regressors.models.columns import FRICTION_KINDS, Column
 from regressors.models.model import RegressorModel
+from regressors.robot.columns import FRICTION_KINDS, Column
 from regressors.samples import Array, Index, Samples
 
 

@@ -31,7 +31,7 @@ from excite.information.prior import base_sizes, prior_of
 from excite.information.target import IdentificationTarget
 from excite.tasks.precision_target import PrecisionTarget, TaskTorques
 from regressors.errors import InputError, UnknownName
-from regressors.models.columns import COMBINATION, FIRST_MOMENT, FRICTION_KINDS, INERTIA, MASS, ROTOR, Column
+from regressors.robot.columns import COMBINATION, FIRST_MOMENT, FRICTION_KINDS, INERTIA, MASS, ROTOR, Column
 from regressors.samples import Array, Samples
 
 LEVEL, PROBABILITY = 0.99, 0.95

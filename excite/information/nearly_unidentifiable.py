@@ -22,9 +22,9 @@ from excite.information.metrics import noise_per_row
 from excite.information.prior import base_sizes
 from excite.information.target import IdentificationTarget
 from regressors.models.base import Base
-from regressors.models.columns import ROTOR, Column
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
+from regressors.robot.columns import ROTOR, Column
 from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from excite.tasks.objective import Belief
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
-from regressors.models.columns import BODY_KINDS, FIRST_MOMENT, INERTIA, MASS, ROTOR
 from regressors.models.drives import reflections
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values, stated_deviations
+from regressors.robot.columns import BODY_KINDS, FIRST_MOMENT, INERTIA, MASS, ROTOR
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

@@ -11,6 +11,7 @@ from excite.information.identifiability import visible_bases
 from excite.registry import CONVENTIONS, name_of
 from excite.tasks.model_choice import FURTHER_FRICTION, ModelChoice
 from excite.tasks.model_options import DriveChoice, numbers_of
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import Base, base_parameters, bases, enough_states, few_states, random_states
@@ -18,35 +19,10 @@ from regressors.models.independence import ROUNDING
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.numerical import numerical_work
-from regressors.robot.friction.curves import FrictionCurves, drives_with_friction
-from regressors.robot.friction.load_share import moving_drive_numbers
-from regressors.robot.joint_rotors import with_joint_rotors
-from regressors.robot.locked_joints import with_locked_joints
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_share import drives_with_friction, moving_drive_numbers
 from regressors.robot.robot import Robot
 from regressors.samples import Array
-
-
-def moving_robot(robot: Robot, task: Task) -> Robot:
-    """The robot that the task's model is written for: its limits, and links behind locked joints merged.
-
-    Where the robot's description names its parameters for a set of joints that includes the selected ones, that form is
-    kept, and the other joints of the set are held (see `motion_of`).
-    """
-    robot = task.limits.applied(robot)
-    if isinstance(task.model.friction_curves, FrictionCurves):
-        task.model.friction_curves.check(robot)
-    task.model.check_drives(robot)
-    if task.model.joint_rotors:
-        robot = with_joint_rotors(robot)
-    if task.model.keeps_all_links:
-        return robot
-    forms = [form.joints for form in robot.structure.aggregates]
-    if task.model.joints is None:
-        return with_locked_joints(robot, [robot.joint_index(name) for name in (*forms, robot.joint_names)[0]])
-    wanted = [robot.joint_index(name) for name in task.model.joints]
-    names = {robot.joint_names[k] for k in wanted}
-    form = next((form for form in forms if names <= set(form)), None)
-    return with_locked_joints(robot, wanted if form is None else [robot.joint_index(name) for name in form])
 
 
 def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) -> FrictionCurves:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.design.sampled_motion import header_names
 from excite.logs.log import WRENCH
+from excite.storage.sampled_motion import header_names
 from regressors.errors import InputError, UnknownName
 from regressors.quoting import cut, shortened
 from regressors.samples import Array

@@ -10,7 +10,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from excite.design.sampled_motion import header_text
 from excite.logs.guess.log_guess import certain_mapping
 from excite.logs.layout import CHANNELS, ForeignHeader, Layout, cells, header_line, house_layout, listed
 from excite.logs.log import WRENCH, Log
@@ -30,6 +29,7 @@ from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
 from excite.storage.atomic import check_table, replacing
 from excite.storage.result_folder import settle_files
+from excite.storage.sampled_motion import header_text
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.robot.gears import ConstantRatio

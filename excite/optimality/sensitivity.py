@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from constraints.bounds.certificate import LimitUse, limit_uses
+from constraints.certificate import LimitUse, limit_uses
 from excite.design.blueprint import grid_instants, restricted_limits
 from excite.design.design import Design
 from excite.design.design_memory import check_richness

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from excite.design.reference import GivenTorque
 from excite.simulation.plant import Plant
+from excite.tasks.reference import GivenTorque
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.curves import drives_with_friction, smooth_direction
+from regressors.robot.friction.load_share import drives_with_friction, smooth_direction
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array

@@ -14,10 +14,10 @@ import casadi as ca
 import numpy as np
 
 from excite.design.interruption import deferred_interruption
-from excite.design.reference import GivenTorque, Reference
 from excite.errors import LostMotionError
 from excite.simulation.control import ControlledRobot, Sticking, friction_rows, leads, unloaded
 from excite.simulation.settings import Impacts
+from excite.tasks.reference import GivenTorque, Reference
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
 

@@ -17,19 +17,19 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.models.carried_torque import RIGID
-from regressors.models.columns import LOAD_SHARE
 from regressors.models.differential import inertial_regressor
 from regressors.models.drives import drive_motions, drive_rows, rotor_torque
 from regressors.models.energy import body_energy
 from regressors.models.model import RegressorModel
-from regressors.robot.friction.curves import (
-    FrictionCurves,
+from regressors.robot.columns import LOAD_SHARE
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_share import (
     carried_along,
+    carried_expression,
     drives_with_friction,
     smooth_direction,
     torques_at_drives,
 )
-from regressors.robot.friction.load_share import carried_expression
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import bodies, sparse

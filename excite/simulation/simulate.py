@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from excite.design.design import Design
-from excite.design.reference import GivenTorque, MotionSource, Reference, Repeated, check_played
-from excite.information.target import friction_of_moving, moving_robot
+from excite.information.target import friction_of_moving
 from excite.simulation.control import ControlledRobot, RampedDrive, TorqueLimits, broken_loose, controller_of
 from excite.simulation.integration import Progress, SimulatedRun, Steps, simulated_run, steps_for
 from excite.simulation.motion_source import read_source
@@ -24,11 +23,14 @@ from excite.simulation.simulation import Simulation, TorqueUse, simulation_outco
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
 from excite.tasks.friction_file import read_friction
 from excite.tasks.payload import Payload, read_load
+from excite.tasks.reference import GivenTorque, MotionSource, Reference, Repeated, check_played
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.numerical import numerical_work
-from regressors.robot.friction.curves import FrictionCurves, drives_with_friction
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_share import drives_with_friction
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 
@@ -71,7 +73,7 @@ def simulate(
     approach_and_return : bool
         Play the approach from home and the return too, where there are any and the design is in a folder.
     beyond_limits : bool
-        Play a motion that breaks limits of its robot, see `excite.design.reference.broken_limits`.
+        Play a motion that breaks limits of its robot, see `excite.tasks.reference.broken_limits`.
     progress : callable, optional
         Called with the number of samples done and the total.
     **options

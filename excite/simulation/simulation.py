@@ -8,18 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.design.reference import MotionSource
 from excite.logs.log import Log
 from excite.logs.saturation import Saturation, saturation_of
 from excite.simulation.control import TorqueLimits
 from excite.simulation.integration import SimulatedRun, Steps
 from excite.simulation.plant import Plant
 from excite.simulation.settings import SimulationSettings
-from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS
+from excite.tasks.reference import MotionSource
 from regressors.models.differential import DifferentialModel
-from regressors.models.drives import drive_column
 from regressors.models.nominal import standard_values
-from regressors.robot.friction.curves import CoulombViscous
+from regressors.robot.columns import COULOMB, OFFSET, ROTOR, VISCOUS, drive_column
+from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.friction.load_share import moving_drive_numbers
 from regressors.robot.robot import Limits, Robot
 from regressors.samples import Array, Samples

@@ -32,7 +32,6 @@ import numpy as np
 from cattrs.cols import homogenous_tuple_structure_factory
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
-from constraints.collision.geometry import World
 from regressors.errors import InputError
 from regressors.robot.archive import robot_from_description
 from regressors.robot.robot import Robot
@@ -112,8 +111,8 @@ def _converter() -> cattrs.Converter:
     made.register_structure_hook_func(lambda kind: _is(kind, Enum), lambda name, kind: kind[_exactly(name, str)])
     made.register_unstructure_hook(Robot, _described)
     made.register_structure_hook(Robot, _robot)
-    made.register_unstructure_hook(World, lambda world: world.to_dict())
-    made.register_structure_hook(World, lambda content, _: World.from_dict(content))
+    made.register_unstructure_hook_func(_has_own_form, lambda value: value.to_dict())
+    made.register_structure_hook_func(_has_own_form, lambda content, kind: kind.from_dict(content))
     made.register_unstructure_hook_factory(_is_record, lambda kind: _writer(kind, made))
     made.register_structure_hook_factory(_is_record, lambda kind: _reader(kind, made))
     return made
@@ -125,7 +124,12 @@ def _is(kind: Any, base: type) -> bool:
 
 
 def _is_record(kind: Any) -> bool:
-    return isinstance(kind, type) and is_dataclass(kind) and kind not in (Robot, World)
+    return isinstance(kind, type) and is_dataclass(kind) and kind is not Robot and not _has_own_form(kind)
+
+
+def _has_own_form(kind: Any) -> bool:
+    """Whether a class says itself what a file has of it."""
+    return hasattr(kind, "to_dict") and hasattr(kind, "from_dict")
 
 
 def _is_tuple(kind: Any) -> bool:

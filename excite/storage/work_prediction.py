@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
-from excite.errors import TooLargeError
+from regressors.errors import TooLargeError
 from regressors.input_files import in_bytes
 from regressors.memory_cap import CAP_VARIABLE, memory_cap, value_cap
 

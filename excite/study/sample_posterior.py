@@ -32,11 +32,11 @@ from excite.study.chains import (
 from excite.study.posterior_samples import LEVEL, PosteriorSamples
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.models.columns import BODY_KINDS
 from regressors.models.nominal import standard_values
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.quoting import shortened
+from regressors.robot.columns import BODY_KINDS
 from regressors.samples import Array
 
 SAMPLES, PRIOR = 1000, 0.3

@@ -20,20 +20,12 @@ from regressors.errors import InputError, NumericalError
 from regressors.quantities import shown
 from regressors.readers.documents import Document, FieldPath, parse_document, read_document, validate, yaml_float
 from regressors.readers.sized_numbers import Celsius, Exponent, Friction
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    CurveUncertainty,
-    FrictionCurve,
-    FrictionCurves,
-    FunctionFriction,
-    Loaded,
-    Side,
-    Slope,
-    Stribeck,
-    TableFriction,
-    Warm,
-    curve_parameters,
-)
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.tables import FunctionFriction, TableFriction
+from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.uncertainty import CurveUncertainty, curve_parameters
 
 SCHEMA = "excite.friction/1"
 _SIDES = ("forward", "backward")

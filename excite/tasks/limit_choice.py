@@ -16,8 +16,8 @@ from excite.tasks.values import AUTO, NONE, strict
 from regressors.errors import InputError
 
 if TYPE_CHECKING:  # what describes options must be imported in no time
-    from constraints.collision.geometry import World
-    from constraints.limit import Limit
+    from constraints.geometry import World
+    from constraints.nonlinear import Limit
     from regressors.robot.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
 
@@ -42,7 +42,7 @@ class LimitChoice:
         imposes them in any case; ``"none"`` or None leaves them out.
     torque_uncertainty : float, optional
         Share by which every parameter of the description may be off, with which the torque limits must still hold,
-        without a reserve; see `constraints.limits.plausible_torque.PlausibleTorqueLimit`.
+        without a reserve; see `constraints.torque.PlausibleTorqueLimit`.
     tool_point : tuple of float
         Point of the robot's last link whose place and speed are limited, and which keeps off the floor, in that link's
         frame [m].

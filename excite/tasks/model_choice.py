@@ -18,10 +18,10 @@ from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
 
 if TYPE_CHECKING:  # modules that describe options must import quickly
-    from regressors.models.columns import Terms
     from regressors.models.load import Sensor
     from regressors.models.model import RegressorModel
     from regressors.models.windows import Window
+    from regressors.robot.columns import Terms
     from regressors.robot.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
 
@@ -61,7 +61,7 @@ class ModelChoice:
     rotor : bool
         Rotor inertias as parameters.
     offset, load_share, root_friction, asymmetric_friction, stribeck : bool or tuple of str
-        Further friction parameters of drives, chosen likewise, see `regressors.models.columns.Terms`. In order a
+        Further friction parameters of drives, chosen likewise, see `regressors.robot.columns.Terms`. In order a
         constant [Nm], a share of the torque that the drive carries [Nm/Nm], one with the root of the speed
         [Nm (s/rad)^0.5], half the difference of viscous friction between the directions [Nm s/rad], and friction beyond
         Coulomb's near standstill [Nm].
@@ -231,7 +231,7 @@ class ModelChoice:
         return self._terms(lambda chosen: numbers_of(chosen, robot, self.known_friction))
 
     def _terms(self, numbers: Callable[[DriveChoice], bool | tuple[int, ...]]) -> Terms:
-        from regressors.models.columns import Terms
+        from regressors.robot.columns import Terms
 
         friction = numbers(self.friction)
         return Terms(

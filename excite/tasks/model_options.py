@@ -9,9 +9,9 @@ from excite.registry import BUILT_IN, place_of
 from regressors.errors import UnknownName
 
 if TYPE_CHECKING:  # modules that describe options must import quickly
-    from regressors.models.columns import Drives, Terms
     from regressors.models.load import Sensor
     from regressors.models.windows import Window
+    from regressors.robot.columns import Drives, Terms
     from regressors.robot.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
 

@@ -123,6 +123,6 @@ class PrecisionTarget:
 
 def _groups() -> tuple[str, ...]:
     """Groups, then the kinds of columns."""
-    from regressors.models.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
+    from regressors.robot.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 
     return tuple(dict.fromkeys((*GROUPS, *BODY_KINDS, ROTOR, *FRICTION_KINDS)))

@@ -11,6 +11,9 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.readers.library import built_in_names, load_robot
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.joint_rotors import with_joint_rotors
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 
 _OF_NAMED = (
@@ -86,3 +89,26 @@ def check_robot(robot: Robot, task: Task) -> None:
     other = installed_robot(task) if isinstance(task.robot, str | StoredRobot) else task.robot
     if other.sha256() != robot.sha256():
         raise InputError(f"the task is for {other.name}, not for {robot.name} as given here")
+
+
+def moving_robot(robot: Robot, task: Task) -> Robot:
+    """The robot that the task's model is written for: its limits, and links behind locked joints merged.
+
+    Where the robot's description names its parameters for a set of joints that includes the selected ones, that form is
+    kept, and the other joints of the set are held (see `motion_of`).
+    """
+    robot = task.limits.applied(robot)
+    if isinstance(task.model.friction_curves, FrictionCurves):
+        task.model.friction_curves.check(robot)
+    task.model.check_drives(robot)
+    if task.model.joint_rotors:
+        robot = with_joint_rotors(robot)
+    if task.model.keeps_all_links:
+        return robot
+    forms = [form.joints for form in robot.structure.aggregates]
+    if task.model.joints is None:
+        return with_locked_joints(robot, [robot.joint_index(name) for name in (*forms, robot.joint_names)[0]])
+    wanted = [robot.joint_index(name) for name in task.model.joints]
+    names = {robot.joint_names[k] for k in wanted}
+    form = next((form for form in forms if names <= set(form)), None)
+    return with_locked_joints(robot, wanted if form is None else [robot.joint_index(name) for name in form])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from constraints.collision.geometry import World
+    from constraints.geometry import World
     from regressors.robot.robot import Robot
     from regressors.samples import Array
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.interpolate
 
-from constraints.bounds.certificate import Extrema
-from constraints.bounds.enclosure import chebyshev_nodes, node_factor, piecewise_extrema
+from constraints.certificate import Extrema
+from constraints.enclosure import chebyshev_nodes, node_factor, piecewise_extrema
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.arguments import checked
@@ -107,7 +107,7 @@ class BSpline(LinearFamily):
         return np.asarray((ends[:-1, None] + nodes).ravel())
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.enclosure.chebyshev_nodes`, for the polynomial on one interval."""
+        """See `constraints.enclosure.chebyshev_nodes`, for the polynomial on one interval."""
         return node_factor(max(self.order - 1 - derivative, 0), self._nodes(count))
 
     def extrema(self, x: Array, derivative: int) -> Extrema:

@@ -9,9 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.bounds.certificate import Extrema
-from constraints.constraint import Constraint
-from constraints.linear import LinearConstraint
+from constraints.certificate import Extrema
+from constraints.linear import Constraint, LinearConstraint
 from excite.registry import BUILT_IN, OwnPart, built_in
 from regressors.errors import InputError, UnknownName
 from regressors.models.partial import PartialMotion

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from constraints.bounds.certificate import Extrema, trigonometric_extrema
+from constraints.certificate import Extrema, trigonometric_extrema
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.arguments import checked
@@ -95,7 +95,7 @@ class Fourier(LinearFamily):
         return float(np.cos(np.pi * self.harmonics / count))
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
-        """Extrema from the roots of the derivative, see `constraints.bounds.certificate.trigonometric_extrema`."""
+        """Extrema from the roots of the derivative, see `constraints.certificate.trigonometric_extrema`."""
         K = self.harmonics
         series = self.coefficients(x)
         scale = (self.omega * np.arange(1, K + 1)) ** derivative

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 import scipy.linalg
 
-from constraints.bounds.certificate import Extrema
-from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
+from constraints.certificate import Extrema
+from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import Family, check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.arguments import checked
@@ -42,7 +42,7 @@ class WavesAndQuintic(Family):
         return self.harmonics + 2
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.enclosure.chebyshev_nodes`."""
+        """See `constraints.enclosure.chebyshev_nodes`."""
         return node_factor(self.degree, self.nodes_per_instant * count)
 
 

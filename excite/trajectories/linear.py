@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.bounds.certificate import Extrema
+from constraints.certificate import Extrema
 from excite.trajectories.family import Family, GridMotion, JointMotion, MotionTangent, Trajectory
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 import scipy.linalg
 
-from constraints.bounds.certificate import Extrema
-from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
+from constraints.certificate import Extrema
+from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.errors import InputError
@@ -87,11 +87,11 @@ class Polynomial(LinearFamily):
         return chebyshev_nodes(count, 0.0, self.duration)
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.enclosure.chebyshev_nodes`."""
+        """See `constraints.enclosure.chebyshev_nodes`."""
         return node_factor(self.degree - derivative, count)
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
-        """Extrema from the roots of the derivative, see `constraints.bounds.enclosure.chebyshev_extrema`."""
+        """Extrema from the roots of the derivative, see `constraints.enclosure.chebyshev_extrema`."""
         points = chebyshev_points(self.degree + 1, self.duration)
         return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from constraints.bounds.certificate import Extrema
-from constraints.bounds.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points
+from constraints.certificate import Extrema
+from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points
 from excite.trajectories.family import check_size
 from excite.trajectories.fourier_quintic import WavesAndQuintic
 from excite.trajectories.nonlinear import NonlinearFamily

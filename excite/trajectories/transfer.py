@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 from ruckig import InputParameter, Result, Ruckig, Trajectory
 
-from constraints.bounds.certificate import Extrema
-from constraints.bounds.enclosure import piecewise_extrema
-from constraints.constraint import Constraint
-from constraints.linear import LinearConstraint, spanned
+from constraints.certificate import Extrema
+from constraints.enclosure import piecewise_extrema
+from constraints.linear import Constraint, LinearConstraint, spanned
 from constraints.nonlinear import NonlinearConstraint
 from excite.trajectories.sequence import Rest
 from regressors.errors import InputError

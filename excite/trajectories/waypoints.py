@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from constraints.bounds.certificate import Extrema
-from constraints.bounds.enclosure import chebyshev_nodes, node_factor, piecewise_extrema
+from constraints.certificate import Extrema
+from constraints.enclosure import chebyshev_nodes, node_factor, piecewise_extrema
 from excite.trajectories.family import check_size
 from excite.trajectories.nonlinear import NonlinearFamily
 from excite.trajectories.polynomial import ORDERS, QUINTIC, quintic_hermite
@@ -162,7 +162,7 @@ class Waypoints(NonlinearFamily):
         return time.ravel(), drift.reshape(-1, self.intervals)
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.bounds.enclosure.chebyshev_nodes`, for the polynomial on one interval."""
+        """See `constraints.enclosure.chebyshev_nodes`, for the polynomial on one interval."""
         return node_factor(max(5 - derivative, 0), self._count(count))
 
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:

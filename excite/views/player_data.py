@@ -10,17 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from constraints.collision.collision_limits import Clearance
-from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
-from constraints.collision.urdf_shapes import urdf_meshes
+from constraints.collision_limits import Clearance
+from constraints.geometry import Box, HalfSpace, Obstacle, Part, World
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
+from constraints.shapes import urdf_meshes
 from excite.design.design import Design
 from excite.tasks.task import Task
 from excite.views.page_text import raised
 from regressors.errors import InputError
 from regressors.readers.urdf import read_urdf
 from regressors.robot.robot import BASE, Robot
+from regressors.robot.shapes import Capsule
 from regressors.samples import Array, Samples
 
 _JOINT_SIZE = 0.035  # of the robot's reach

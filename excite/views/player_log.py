@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from constraints.bounds.certificate import LimitUse
-from constraints.collision.collision_limits import Collisions
-from constraints.collision.geometry import World
+from constraints.certificate import LimitUse
+from constraints.collision_limits import Collisions
+from constraints.geometry import World
 from constraints.linear import linear_limits
-from excite.design.reference import MotionSource, SampledMotion, played_uses
 from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
 from excite.simulation.motion_source import read_source
 from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.reference import MotionSource, SampledMotion, played_uses
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from excite.trajectories.sequence import whole_pose

@@ -40,7 +40,7 @@ from excite.views.style import (
     tidy,
 )
 from regressors.errors import InputError
-from regressors.models.columns import COULOMB
+from regressors.robot.columns import COULOMB
 from regressors.samples import Array
 
 _MANY = 12  # number of other starts above which their lines are thinner

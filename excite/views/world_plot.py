@@ -16,10 +16,10 @@ from matplotlib.patches import Patch, Polygon
 from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
 from scipy.spatial import ConvexHull
 
-from constraints.bounds.certificate import LimitUse
-from constraints.collision.clearance import link_poses
-from constraints.collision.collision_limits import Clearance
-from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Shape
+from constraints.certificate import LimitUse
+from constraints.clearance import link_poses
+from constraints.collision_limits import Clearance
+from constraints.geometry import Box, HalfSpace, Obstacle, Shape
 from excite.design.design import Design
 from excite.trajectories.sequence import whole_pose
 from excite.views.panels import Panel, alike, head, legend_below, panels, value_axis
@@ -39,6 +39,7 @@ from excite.views.style import (
     significant,
     typeset,
 )
+from regressors.robot.shapes import Capsule
 from regressors.samples import Array
 
 _COLUMNS, _ROWS = 3, 4

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
-from constraints.collision.geometry import World
+from constraints.geometry import World
 from excite.design.campaign import Campaign
 from excite.design.design import Design
-from excite.errors import TakenError
 from excite.identification.identification import Identification
 from excite.storage.atomic import replacing
 from excite.storage.records import complete
@@ -20,7 +19,7 @@ from excite.views.player_log import Appearance
 from excite.views.sections import comparison_section, parameters_section, section_of
 from excite.views.subjects import Filed, Subject, subjects_of
 from regressors.arguments import checked
-from regressors.errors import ExciteError, InputError
+from regressors.errors import ExciteError, InputError, TakenError
 
 _ENDINGS = (".html", ".htm")
 

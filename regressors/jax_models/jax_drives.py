@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.models.columns import (
+from regressors.models.drives import SMALLEST_SPEED, drive_rows
+from regressors.robot.columns import (
     ASYMMETRY,
     COULOMB,
     FRICTION_KINDS,
@@ -20,7 +21,6 @@ from regressors.models.columns import (
     VISCOUS,
     Terms,
 )
-from regressors.models.drives import SMALLEST_SPEED, drive_rows
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index

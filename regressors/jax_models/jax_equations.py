@@ -10,11 +10,11 @@ from regressors.jax_models.jax_bodies import effort, energy_regressor, momentum,
 from regressors.jax_models.jax_drives import cross, drives_of, path_lengths
 from regressors.jax_models.jax_model import RegressorBlock, WindowPart, part_of, reduced, spacing
 from regressors.models.carried_torque import carried_rotors
-from regressors.models.columns import COULOMB
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import PartialModel
+from regressors.robot.columns import COULOMB
 from regressors.robot.friction.load_share import torques_at_drives
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index

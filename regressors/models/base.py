@@ -14,7 +14,6 @@ import numpy as np
 
 from regressors.arguments import checked
 from regressors.errors import UnknownName
-from regressors.models.columns import BODY_KINDS, Column
 from regressors.models.independence import (
     ROUNDING,
     TOLERANCE,
@@ -23,6 +22,7 @@ from regressors.models.independence import (
     pivoted_columns,
 )
 from regressors.models.model import RegressorModel
+from regressors.robot.columns import BODY_KINDS, Column
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 

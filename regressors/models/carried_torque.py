@@ -13,11 +13,11 @@ import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
-from regressors.models.columns import BODY_KINDS, ROTOR
-from regressors.models.drives import DriveMotion, drive_column, drive_rows, rotor_torque
+from regressors.models.drives import DriveMotion, drive_rows, rotor_torque
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values
 from regressors.models.reduction import inertial_columns, standard_columns
+from regressors.robot.columns import BODY_KINDS, ROTOR, drive_column
 from regressors.robot.friction.load_share import torques_at_drives
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot

@@ -11,7 +11,6 @@ import numpy as np
 
 from regressors.arguments import checked
 from regressors.models.carried_torque import carried_at_drives, carried_bodies
-from regressors.models.columns import DIRECTED_KINDS, LOAD_SHARE, Terms
 from regressors.models.drives import (
     DriveMotion,
     drive_columns,
@@ -21,6 +20,7 @@ from regressors.models.drives import (
 )
 from regressors.models.model import RegressorModel
 from regressors.models.reduction import Reduction, reduction_by
+from regressors.robot.columns import DIRECTED_KINDS, LOAD_SHARE, Terms
 from regressors.robot.friction.load_share import torques_at_drives
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot

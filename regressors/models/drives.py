@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from regressors.errors import UnknownName
-from regressors.models.columns import (
+from regressors.robot.columns import (
     ASYMMETRY,
     COULOMB,
     FRICTION_KINDS,
@@ -25,6 +25,7 @@ from regressors.models.columns import (
     VISCOUS,
     Column,
     Terms,
+    drive_column,
 )
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
@@ -161,24 +162,6 @@ def check_drives(robot: Robot, terms: Terms) -> None:
     for number in terms.numbers:
         if number not in known:
             raise UnknownName("drive", str(number), [str(k) for k in known])
-
-
-_DRIVE_COLUMNS = {
-    ROTOR: ("Ia{}", "kg m^2", "kg m^2"),  # the motor rotates also where the joint is prismatic
-    COULOMB: ("F{}c", "Nm", "N"),
-    VISCOUS: ("F{}v", "Nm s/rad", "N s/m"),
-    OFFSET: ("F{}o", "Nm", "N"),
-    LOAD_SHARE: ("F{}l", "Nm/Nm", "N/N"),
-    ROOT: ("F{}r", "Nm (s/rad)^0.5", "N (s/m)^0.5"),
-    ASYMMETRY: ("F{}a", "Nm s/rad", "N s/m"),
-    STRIBECK: ("F{}s", "Nm", "N"),
-}
-
-
-def drive_column(number: int, kind: str, *, linear: bool = False) -> Column:
-    """Column of a drive."""
-    name, *units = _DRIVE_COLUMNS[kind]
-    return Column(name.format(number), units[linear], kind, number)
 
 
 @dataclass(frozen=True)

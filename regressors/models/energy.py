@@ -13,7 +13,6 @@ import numpy as np
 
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.models.columns import COULOMB, OFFSET, Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.drives import (
     drive_motions,
@@ -23,6 +22,7 @@ from regressors.models.drives import (
 )
 from regressors.models.reduction import Reduction, reduction_by
 from regressors.models.windows import Mask, Window, WindowModel
+from regressors.robot.columns import COULOMB, OFFSET, Terms
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import LinkMotion, bodies
 from regressors.samples import Array, Index, Samples

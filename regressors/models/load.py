@@ -11,10 +11,10 @@ import numpy as np
 
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
-from regressors.models.columns import Column, body_columns
 from regressors.models.model import RegressorModel
 from regressors.models.windows import Window, WindowModel
 from regressors.quantities import place_of
+from regressors.robot.columns import Column, body_columns
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import LinkMotion, body_regressor, chain, sparse, times_inertia
 from regressors.samples import Array, Samples

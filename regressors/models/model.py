@@ -16,10 +16,10 @@ import numpy as np
 import scipy.sparse
 
 from regressors.errors import InputError, UnknownName
-from regressors.models.columns import DIRECTED_KINDS, Column, Terms
 from regressors.models.drives import drive_rows
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.models.reduction import CoulombFriction, Reduction, coulomb_friction
+from regressors.robot.columns import DIRECTED_KINDS, Column, Terms
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.robot.symbolic.vectorised import (
@@ -378,7 +378,7 @@ class RegressorModel(ABC):
         Returns
         -------
         ndarray, shape (N, k)
-            One for each standard column whose kind is one of `regressors.models.columns.DIRECTED_KINDS`, in their
+            One for each standard column whose kind is one of `regressors.robot.columns.DIRECTED_KINDS`, in their
             order; by default ones, the magnitude of Coulomb friction.
         """
         return np.ones((samples.time.size, sum(c.kind in DIRECTED_KINDS for c in self.standard_columns)))

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from regressors.models.base import Base
-from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS
-from regressors.models.drives import drive_column
 from regressors.models.model import RegressorModel
+from regressors.robot.columns import COULOMB, OFFSET, ROTOR, VISCOUS, drive_column
 from regressors.robot.inertia import inertia_tensor, parameter_names
 from regressors.robot.robot import Drive, Robot
 from regressors.samples import Array

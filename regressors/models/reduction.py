@@ -14,9 +14,18 @@ import numpy as np
 import scipy.linalg
 
 from regressors.errors import UnknownName
-from regressors.models.columns import COMBINATION, DIRECTED_KINDS, FRICTION_KINDS, ROTOR, Column, Terms, body_columns
-from regressors.models.drives import check_drives, column_list, drive_column, drive_motions, drive_rows, reflections
+from regressors.models.drives import check_drives, column_list, drive_motions, drive_rows, reflections
 from regressors.models.independence import independent_columns
+from regressors.robot.columns import (
+    COMBINATION,
+    DIRECTED_KINDS,
+    FRICTION_KINDS,
+    ROTOR,
+    Column,
+    Terms,
+    body_columns,
+    drive_column,
+)
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Aggregates, Robot
 from regressors.robot.symbolic.kinematics import sparse
@@ -169,7 +178,7 @@ class CoulombFriction:
     """Directed friction of a model of torques: each column is the sum of ``magnitude_k direction_k rows_k`` over its k.
 
     Coulomb friction has the magnitude 1; load shares, roots and Stribeck friction have others, see
-    `regressors.models.columns.Terms`.
+    `regressors.robot.columns.Terms`.
 
     Parameters
     ----------

@@ -12,8 +12,8 @@ from typing import Any
 import casadi as ca
 
 from regressors.errors import UnknownName
-from regressors.models.columns import Column, Terms
 from regressors.models.differential import DifferentialModel
+from regressors.robot.columns import Column, Terms
 from regressors.robot.robot import Robot
 
 STIFFNESS = "stiffness"

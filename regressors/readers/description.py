@@ -13,10 +13,9 @@ import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.input_files import read_text
-from regressors.models.columns import FRICTION_KINDS, ROTOR, Column, body_columns
-from regressors.models.drives import drive_column
 from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
+from regressors.robot.columns import FRICTION_KINDS, ROTOR, Column, body_columns, drive_column
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import BASE, Aggregates, Branch, Limits, Link, Robot, Structure, Transmission
 

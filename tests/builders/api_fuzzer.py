@@ -27,10 +27,12 @@ import numpy as np
 from designed import short
 
 import excite
-from constraints.collision.geometry import Capsule, Part, World
-from regressors.models.columns import Terms
+from constraints.geometry import Part, World
 from regressors.models.windows import Window
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
+from regressors.robot.columns import Terms
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.shapes import Capsule
 
 Arguments = Mapping[str, Any]
 NOISY = excite.SimulationSettings(torque_noise=0.5)

@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 from pinocchio_chains import chain_model
 
-from constraints.collision.geometry import Box, Capsule, HalfSpace, Shape, World
+from constraints.geometry import Box, HalfSpace, Shape, World
 from regressors.robot.robot import BASE, Robot
+from regressors.robot.shapes import Capsule
 
 
 def solid(shape: Shape) -> tuple[Any, pin.SE3]:

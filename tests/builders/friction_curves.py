@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    CurveUncertainty,
-    FrictionCurve,
-    Loaded,
-    Side,
-    Slope,
-    Stribeck,
-    Warm,
-)
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
+from regressors.robot.friction.curves import Side
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.uncertainty import CurveUncertainty
 
 TUSTIN = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0), Side(9.0, 20.0, 10.6, 0.08, 2.0), 0.4)
 CURVES: dict[str, FrictionCurve] = {

@@ -12,7 +12,8 @@ from excite.friction.fit.friction_fit import Characteristic, characteristics
 from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow
 from excite.friction.fit.points import described_model
 from excite.logs.log import Log
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, Side, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
+from regressors.robot.friction.curves import Side
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 

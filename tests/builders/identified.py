@@ -18,8 +18,8 @@ from excite.identification.result import BaseColumns, FitFacts
 from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
 from regressors.models.base import Base
-from regressors.models.columns import ROTOR
 from regressors.models.nominal import standard_values
+from regressors.robot.columns import ROTOR
 from regressors.robot.inertia import from_centre_of_mass, from_pseudo_inertia, parameter_names, pseudo_inertia
 from regressors.robot.robot import Link, Robot
 from regressors.samples import Array, Samples

@@ -17,12 +17,12 @@ from excite.logs.signals.savitzky_golay import SavitzkyGolay
 from excite.study.experiment import Experiment, Noise
 from excite.study.repetitions import Repetitions
 from regressors.models.base import base_parameters
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import RegressorModel
 from regressors.models.windows import Window
+from regressors.robot.columns import Terms
 from regressors.robot.robot import Robot
 
 TIME = np.arange(301) / 100.0

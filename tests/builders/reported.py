@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import excite
-from constraints.collision.world_file import world_of
+from constraints.world_file import world_of
 
 HOSTILE = "<script>document.title='run'</script> \"quoted\" 'twice' & `code`"
 WORLD = {

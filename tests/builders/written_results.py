@@ -53,7 +53,8 @@ from excite.tasks.friction_file import read_friction
 from excite.views import design_view
 from regressors.errors import InputError
 from regressors.readers.urdf import parse_urdf
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
 
 VERSIONS = ("old", "new")
 Patch = pytest.MonkeyPatch

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from slow_dynamics import random_chain
 
-from constraints.bounds.certificate import Extrema, LimitUse, limit_uses
-from constraints.constraint import Constraint
-from constraints.feasibility.diagnosis import ContradictionError, interior_pose
-from constraints.linear import LinearConstraint, drive_limits, joint_limits, linear_limits
+from constraints.certificate import Extrema, LimitUse, limit_uses
+from constraints.diagnosis import ContradictionError, interior_pose
+from constraints.linear import Constraint, LinearConstraint, drive_limits, joint_limits, linear_limits
 from excite.trajectories import Fourier, Trajectory
 from regressors.models.partial import PartialMotion
 from regressors.readers.library import built_in, load_robot

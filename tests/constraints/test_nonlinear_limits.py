@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from pinocchio_chains import drive_torques, joint_torques, tool_motion
 from slow_dynamics import random_chain
 
-from constraints.bounds.certificate import ENCLOSED, EXACT, Extrema, LimitUse, limit_uses
-from constraints.bounds.enclosure import _mean_value, enclose
-from constraints.limits.tool import tool_box, tool_speed
-from constraints.limits.torque import torque_limits
+from constraints.certificate import ENCLOSED, EXACT, Extrema, LimitUse, limit_uses
+from constraints.enclosure import _mean_value, enclose
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
+from constraints.tool import tool_box, tool_speed
+from constraints.torque import torque_limits
 from excite.design.grid_limits import GridConstraint, GridJoints
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory

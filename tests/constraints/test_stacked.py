@@ -6,14 +6,15 @@ from functools import cache
 
 import numpy as np
 
-from constraints.collision.collision_limits import collision_limits
-from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, World
-from constraints.limits.tool import tool_box, tool_speed
-from constraints.limits.torque import torque_limits
+from constraints.collision_limits import collision_limits
+from constraints.geometry import HalfSpace, Obstacle, Part, World
 from constraints.nonlinear import NonlinearConstraint, StackedConstraint
+from constraints.tool import tool_box, tool_speed
+from constraints.torque import torque_limits
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
+from regressors.robot.shapes import Capsule
 from regressors.samples import Array, Samples
 
 PANDA = built_in("panda")

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from constraints.collision.mesh import MeshError, mesh_corners
-from constraints.collision.urdf_shapes import urdf_meshes, urdf_shape
-from constraints.collision.world_file import read_world
+from constraints.shapes import MeshError, mesh_corners, urdf_meshes, urdf_shape
+from constraints.world_file import read_world
 from excite.design.sweeps.sweep_file import read_sweep_file
 from excite.design.task_file import read_task_file
 from excite.design.task_motion_file import read_precision_target

@@ -16,7 +16,7 @@ from typing import Any
 
 import cloudpickle
 
-from constraints.feasibility.diagnosis import ContradictionError
+from constraints.diagnosis import ContradictionError
 from excite.design.design_folder import DESIGN, KIND, TRAJECTORY, write_design
 from excite.design.executors.dask_starts import check_versions
 from excite.design.formulation import formulate

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from constraints.bounds.certificate import LimitUse
+from constraints.certificate import LimitUse
 from excite.design.design import RecomputedLimits, recomputed_limits
 from excite.design.design_json import load_design
 from excite.design.sweeps.cell import Cell

@@ -31,8 +31,8 @@ from excite.identification.identification import Identification, stated_covarian
 from excite.identification.result_json import RESULT
 from excite.information.target import IdentificationTarget
 from excite.storage.manifest import sha256_of
-from regressors.models.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 from regressors.models.drives import drive_rows
+from regressors.robot.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import inertia_tensor, parameter_names, skew

@@ -1,7 +1,7 @@
 """The model that an identification result stands for, as bodies, drives and parameters that files can hold.
 
 Of each drive the rotor inertia and the friction, and what of the friction is more than Coulomb and viscous. The
-friction of a drive is ``F.c sign(dz) + F.v dz + ...`` (`regressors.models.columns.Terms`), from the columns of the
+friction of a drive is ``F.c sign(dz) + F.v dz + ...`` (`regressors.robot.columns.Terms`), from the columns of the
 model or from the known curve that was subtracted from the torques. A feature is what a model consists of beyond rigid
 bodies of a chain, as a format may or may not be able to express it.
 """
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from excite.information.target import IdentificationTarget
-from regressors.models.columns import (
+from regressors.robot.columns import (
     ASYMMETRY,
     COULOMB,
     FRICTION_KINDS,
@@ -24,9 +24,11 @@ from regressors.models.columns import (
     ROTOR,
     STRIBECK,
     VISCOUS,
+    drive_column,
 )
-from regressors.models.drives import drive_column
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, Loaded, Scaled, Stribeck, Warm
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.temperature import Warm
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Robot
@@ -151,7 +153,7 @@ class Feature:
     Parameters
     ----------
     kind : str
-        A kind of parameters of drives, see `regressors.models.columns`, or one of this module.
+        A kind of parameters of drives, see `regressors.robot.columns`, or one of this module.
     owners : tuple of str
         Drives, bodies or parameters that have it.
     share : float or None

@@ -27,10 +27,10 @@ from excite.export.models.xml_copy import (
 )
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
-from regressors.models.columns import COULOMB, ROTOR, VISCOUS
 from regressors.readers.mjcf import tree_of_mjcf
 from regressors.readers.mjcf_tree import joint_actuators, names_of, reflected
 from regressors.readers.urdf_elements import MJCF, xml_kind
+from regressors.robot.columns import COULOMB, ROTOR, VISCOUS
 from regressors.robot.inertia import transport
 from regressors.robot.robot import Joint, Robot
 from regressors.samples import Array

@@ -22,7 +22,7 @@ from excite.identification.estimators.physical import nearest_possible
 from excite.identification.estimators.standard import StandardProblem, problem_of_factor
 from excite.information.target import IdentificationTarget
 from regressors.models.base import random_states, triangular_factor
-from regressors.models.columns import BODY_KINDS, ROTOR
+from regressors.robot.columns import BODY_KINDS, ROTOR
 from regressors.robot.inertia import from_pseudo_inertia, pseudo_inertia
 from regressors.robot.robot import Structure
 from regressors.samples import Array, Samples

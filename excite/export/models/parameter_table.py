@@ -9,9 +9,8 @@ from pathlib import Path
 
 from excite.export.models.identified_model import LISTED, TABLE, TEMPERATURE, IdentifiedModel
 from excite.export.models.model_format import ModelFormat, ModelText
-from regressors.models.columns import COULOMB, ROTOR, VISCOUS
-from regressors.models.drives import drive_column
 from regressors.models.reduction import inertial_columns
+from regressors.robot.columns import COULOMB, ROTOR, VISCOUS, drive_column
 
 HEAD = ("part", "owner", "name", "expression", "value", "standard deviation", "99 % low", "99 % high", "unit")
 Row = tuple[str | float | None, ...]  # one parameter, in the order of the head; None where there is no number

@@ -25,8 +25,8 @@ from excite.export.models.exported_model import about_centre
 from excite.export.models.identified_model import BRANCHES, COUPLED, VARYING, IdentifiedModel
 from excite.export.models.model_format import ModelFormat, ModelText
 from excite.export.models.robot_yaml import robot_text
-from regressors.models.columns import COULOMB, ROTOR, VISCOUS
 from regressors.readers.documents import yaml_float
+from regressors.robot.columns import COULOMB, ROTOR, VISCOUS
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 
 

@@ -25,8 +25,8 @@ from excite.export.models.xml_copy import (
 )
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
-from regressors.models.columns import COULOMB, ROTOR, VISCOUS
 from regressors.readers.urdf_tree import parse_tree
+from regressors.robot.columns import COULOMB, ROTOR, VISCOUS
 from regressors.robot.robot import Joint, Robot
 from regressors.samples import Array
 

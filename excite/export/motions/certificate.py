@@ -8,8 +8,8 @@ from enum import Enum
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse, limit_uses
-from constraints.bounds.interpolation import (
+from constraints.certificate import LimitUse, limit_uses
+from constraints.interpolation import (
     Curve,
     InterpolatedLimits,
     curve_pieces,
@@ -17,9 +17,9 @@ from constraints.bounds.interpolation import (
     interpolated_limits,
 )
 from constraints.linear import linear_limits
-from excite.design.reference import MotionSource, broken_limits
 from excite.errors import BrokenLimitError
 from excite.export.motions.sampled_design import SampledDesign
+from excite.tasks.reference import MotionSource, broken_limits
 from excite.trajectories.transfer import Transfer
 
 _ROUNDING = 1e-9  # of a limit that a formula may touch

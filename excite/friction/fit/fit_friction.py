@@ -11,7 +11,6 @@ from typing import Any, Protocol
 
 from threadpoolctl import threadpool_limits
 
-from excite.design.reference import MotionSource
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_fit import FrictionFit, characteristics
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
@@ -23,6 +22,7 @@ from excite.identification.result_json import load_result
 from excite.logs.gaps import segments
 from excite.logs.log_checks import check_log
 from excite.logs.mapping import LogMapping
+from excite.tasks.reference import MotionSource
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.numerical import numerical_work

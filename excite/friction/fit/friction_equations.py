@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, Loaded, Side, Slope, Stribeck, Warm
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
+from regressors.robot.friction.curves import Side
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.temperature import Slope, Warm
 from regressors.samples import Array, Index
 
 

@@ -24,7 +24,8 @@ from excite.storage.records import read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from excite.tasks.friction_file import write_friction
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.curves import FrictionCurve, FrictionCurves
+from regressors.robot.friction.curve import FrictionCurve
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 
 KIND, FIT, FRICTION, FIGURE = "friction-fit", "fit.json", "friction.yaml", "friction"

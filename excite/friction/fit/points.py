@@ -14,11 +14,10 @@ from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.registry import name_of
 from regressors.errors import InputError
-from regressors.models.columns import ROTOR, Terms
 from regressors.models.differential import DifferentialModel
-from regressors.models.drives import drive_column
 from regressors.models.nominal import standard_values
-from regressors.robot.friction.curves import drives_with_friction
+from regressors.robot.columns import ROTOR, Terms, drive_column
+from regressors.robot.friction.load_share import drives_with_friction
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from constraints.bounds.certificate import LimitUse
-from constraints.bounds.enclosure import enclose
-from constraints.collision.collision_limits import collision_limits
-from constraints.collision.geometry import World
+from constraints.certificate import LimitUse
+from constraints.collision_limits import collision_limits
+from constraints.enclosure import enclose
+from constraints.geometry import World
 from constraints.nonlinear import NonlinearConstraint
 from regressors.models.partial import of_joints
 from regressors.robot.robot import Robot

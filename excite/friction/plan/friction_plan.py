@@ -16,10 +16,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.bounds.certificate import LimitUse
-from constraints.collision.geometry import World
-from excite.design.reference import MotionSource, SampledMotion
-from excite.design.sampled_motion import motion_columns, write_motion_table
+from constraints.certificate import LimitUse
+from constraints.geometry import World
 from excite.friction.plan.pose import Place
 from excite.friction.plan.runs import Pace, Part, Runs, samples_of
 from excite.friction.plan.schedule import RunSequence, Schedule, TorqueRamps, file_name, run_sequence_of
@@ -28,6 +26,8 @@ from excite.storage.codec import INLINE, Beside, named
 from excite.storage.migrations import is_of_kind, schema_of
 from excite.storage.records import complete, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
+from excite.storage.sampled_motion import motion_columns, write_motion_table
+from excite.tasks.reference import MotionSource, SampledMotion
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.robot.robot import Robot

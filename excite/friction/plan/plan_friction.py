@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from constraints.collision.geometry import World
-from constraints.collision.world_file import read_world
+from constraints.geometry import World
 from constraints.linear import LinearConstraint, linear_limits
+from constraints.world_file import read_world
 from excite.friction.plan.clearances import CollisionChecks
 from excite.friction.plan.friction_plan import CoordinatePlan, Distance, FrictionPlan, Passage, SkippedSpeed, Window
 from excite.friction.plan.pose import Gravity, Place, PlaceSearch

@@ -15,10 +15,10 @@ import numpy as np
 from constraints.linear import LinearConstraint
 from excite.friction.plan.clearances import CollisionChecks
 from regressors.errors import InputError
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion
+from regressors.robot.columns import Terms
 from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples
 

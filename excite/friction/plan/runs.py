@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from constraints.bounds.certificate import Extrema, LimitUse, limit_uses, worst_of_each
-from constraints.bounds.enclosure import enclose, piecewise_extrema
-from constraints.limits.torque import torque_limits
+from constraints.certificate import Extrema, LimitUse, limit_uses, worst_of_each
+from constraints.enclosure import enclose, piecewise_extrema
 from constraints.linear import LinearConstraint
+from constraints.torque import torque_limits
 from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, SCurve, time_optimal
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values

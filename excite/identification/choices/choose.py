@@ -25,11 +25,12 @@ from excite.identification.choices.trial import LogPiece, pieces_of, trial_of
 from excite.identification.known_friction import beside_curves, check_joint_torques
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import ALL, Recipe
-from excite.information.target import IdentificationTarget, friction_of_moving, model_of, moving_robot, target_of
+from excite.information.target import IdentificationTarget, friction_of_moving, model_of, target_of
 from excite.logs.log import Log
 from excite.registry import CHOSEN
 from excite.tasks.model_choice import ModelChoice
 from excite.tasks.model_options import without_curve
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import standard_values

@@ -28,14 +28,15 @@ from excite.identification.choices.scoring import (
 from excite.identification.equations import nearest
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
-from excite.information.target import IdentificationTarget, model_of, moving_robot, target_of
+from excite.information.target import IdentificationTarget, model_of, target_of
 from excite.registry import CHOSEN
 from excite.tasks.model_options import without_curve
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.carried_torque import standard_of
-from regressors.models.columns import ASYMMETRY, LOAD_SHARE, OFFSET, ROOT, ROTOR, STRIBECK
 from regressors.models.nominal import standard_values
+from regressors.robot.columns import ASYMMETRY, LOAD_SHARE, OFFSET, ROOT, ROTOR, STRIBECK
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array

@@ -17,9 +17,9 @@ from excite.identification.estimators.least_squares import GroupWeights
 from excite.identification.observations import Observations
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
-from regressors.models.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values
+from regressors.robot.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
 from regressors.robot.inertia import PARAMETERS_PER_LINK, from_pseudo_inertia, pseudo_inertia
 from regressors.samples import Array, Index
 

@@ -13,7 +13,7 @@ from excite.identification.estimate import CONFIDENCE, Estimate
 from excite.identification.plausibility.large_residual import Doubt, NoisyDerivatives
 from excite.information.target import IdentificationTarget
 from regressors.models.base import Base
-from regressors.models.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
+from regressors.robot.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 

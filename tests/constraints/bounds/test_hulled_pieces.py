@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from constraints.bounds.enclosure import hulled_extrema, piecewise_extrema
+from constraints.enclosure import hulled_extrema, piecewise_extrema
 
 
 @settings(max_examples=30, deadline=None)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly, CubicSpline, PPoly, interp1d, make_interp_spline
 
-from constraints.bounds.interpolation import Curve, curve_pieces, curves_text, interpolated_limits
+from constraints.interpolation import Curve, curve_pieces, curves_text, interpolated_limits
 from constraints.linear import LinearConstraint
 from regressors.samples import Array, Samples
 

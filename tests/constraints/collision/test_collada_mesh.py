@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from public_arms import ARMS
 
-from constraints.collision.mesh import MeshError, collada_triangles
+from constraints.shapes import MeshError, collada_triangles
 
 DAE = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -20,15 +20,15 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon
 from slow_dynamics import random_chain
 
-from constraints.bounds.certificate import ENCLOSED
-from constraints.collision.clearance import Frames, link_poses
-from constraints.collision.collision_limits import (
+from constraints.certificate import ENCLOSED
+from constraints.clearance import Frames, link_poses
+from constraints.collision_limits import (
     Clearance,
     Pair,
     collision_limits,
 )
-from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
-from constraints.feasibility.diagnosis import ContradictionError
+from constraints.diagnosis import ContradictionError
+from constraints.geometry import Box, HalfSpace, Obstacle, Part, World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.certification import limits_of
 from excite.design.design import Design
@@ -46,6 +46,7 @@ from regressors.models.partial import PartialMotion, of_joints
 from regressors.readers.library import built_in
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
+from regressors.robot.shapes import Capsule
 from regressors.robot.symbolic.kinematics import bodies
 from regressors.samples import Samples
 

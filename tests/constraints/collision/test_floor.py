@@ -12,12 +12,12 @@ from public_arms import ARMS
 from slow_dynamics import random_chain
 
 import excite
-from constraints.bounds.enclosure import enclose
-from constraints.collision.collision_limits import Clearance, limits_of_pairs
-from constraints.collision.floor import CLEARANCE, assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
-from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, World
-from constraints.collision.urdf_shapes import lowest_point
-from constraints.collision.world_file import world_of
+from constraints.clearance import CLEARANCE, assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
+from constraints.collision_limits import Clearance, limits_of_pairs
+from constraints.enclosure import enclose
+from constraints.geometry import HalfSpace, Obstacle, Part, World
+from constraints.shapes import lowest_point
+from constraints.world_file import world_of
 from excite.design.design_json import load_design
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
@@ -30,6 +30,7 @@ from regressors.errors import InputError
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
+from regressors.robot.shapes import Capsule
 
 CUP = World(
     (Part("wrist_3_link", Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.1), 0.05)),),

@@ -15,22 +15,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from public_arms import ARMS, Arm
 
-from constraints.collision.geometry import (
-    Box,
-    Capsule,
-    HalfSpace,
-    Obstacle,
-    Part,
-    enclosing_capsule,
-    enclosing_cylinder,
-)
-from constraints.collision.mesh import mesh_corners
-from constraints.collision.urdf_shapes import urdf_shape
-from constraints.collision.world_file import read_world, world_of
+from constraints.geometry import Box, HalfSpace, Obstacle, Part, enclosing_capsule, enclosing_cylinder
+from constraints.shapes import mesh_corners, urdf_shape
+from constraints.world_file import read_world, world_of
 from excite.cli.main import cli
 from excite.design.task_file import read_task_file, task_from_options
 from regressors.errors import InputError
 from regressors.readers.urdf import read_urdf
+from regressors.robot.shapes import Capsule
 
 WORLD = """\
 schema: excite.world/1

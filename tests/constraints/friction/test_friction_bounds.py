@@ -13,25 +13,17 @@ from hypothesis import strategies as st
 from pinocchio_chains import drive_torques, joint_torques
 from slow_dynamics import random_chain
 
-from constraints.friction.drive_friction import friction_bound
-from constraints.limits.torque import torque_limits
+from constraints.drive_friction import friction_bound
+from constraints.torque import torque_limits
 from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    FrictionCurve,
-    FrictionCurves,
-    FunctionFriction,
-    Loaded,
-    Scaled,
-    Side,
-    Slope,
-    Stribeck,
-    TableFriction,
-    Warm,
-)
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.tables import FunctionFriction, TableFriction
+from regressors.robot.friction.temperature import Slope, Warm
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
 

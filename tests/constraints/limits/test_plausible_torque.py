@@ -10,8 +10,7 @@ import pytest
 from pinocchio_chains import chain_model, inertia
 
 import excite
-from constraints.limits.plausible_torque import PlausibleTorqueLimit
-from constraints.limits.torque import torque_limits
+from constraints.torque import PlausibleTorqueLimit, torque_limits
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import random_states

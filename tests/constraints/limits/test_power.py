@@ -10,9 +10,9 @@ import pytest
 from pinocchio_chains import chain_model, drive_torques, joint_torques
 
 import excite
-from constraints.bounds.enclosure import enclose
-from constraints.limits.power import PowerLimit
+from constraints.enclosure import enclose
 from constraints.nonlinear import NonlinearConstraint
+from constraints.power import PowerLimit
 from regressors.errors import InputError
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in

@@ -12,7 +12,7 @@ import pytest
 from commands import Here
 from designed import panda, planar
 
-from constraints.bounds.interpolation import Curve
+from constraints.interpolation import Curve
 from excite.design.design import Design, between_samples_text
 from excite.trajectories.sequence import MotionSequence, Piece
 

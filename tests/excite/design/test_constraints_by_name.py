@@ -28,7 +28,7 @@ def test_numbers_of_an_object_are_not_in_the_file_so_it_is_given_again(tmp_path:
     limit = excite.TorqueLimit(margin=0.2)
     design = excite.design_trajectory(TASK.changed(constraints=(limit,)))
     design.save(tmp_path / "design")
-    place = "constraints.limits.torque:TorqueLimit"
+    place = "constraints.torque:TorqueLimit"
     stored = excite.load_design(tmp_path / "design")
     (named,) = stored.task.limits.constraints
     assert isinstance(named, OwnPart)

@@ -11,7 +11,8 @@ import pytest
 
 import excite
 from excite.design import continuation
-from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
+from excite.design.solvers.descent import SqpOptions
+from excite.design.solvers.sqp import SequentialQuadratic
 from excite.design.start_results import read_starts
 from excite.design.task_file import read_task_file, task_from_options
 from excite.tasks.task import Task

@@ -20,9 +20,9 @@ from excite.design.design import Design
 from excite.design.design_folder import save_design
 from excite.design.design_json import load_design
 from excite.design.optimisation import design_trajectory
-from excite.design.sampled_motion import motion_columns
 from excite.design.start_results import read_starts
 from excite.storage.atomic import read_json, replacing, write_json
+from excite.storage.sampled_motion import motion_columns
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from regressors.errors import InputError, NumericalError

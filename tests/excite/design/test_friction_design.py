@@ -14,7 +14,7 @@ from commands import Here, content_of
 from pinocchio_chains import drive_torques, whole_motion
 from played import EXACT, irp6, played, three_joints
 
-from constraints.limits.torque import TorqueLimit
+from constraints.torque import TorqueLimit
 from excite.design.campaign import plan_campaign
 from excite.design.comparison import compare
 from excite.design.design import Design
@@ -31,18 +31,11 @@ from excite.tasks.friction_file import read_friction, write_friction
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    FrictionCurves,
-    FunctionFriction,
-    Loaded,
-    Scaled,
-    Side,
-    Slope,
-    Stribeck,
-    TableFriction,
-    Warm,
-)
+from regressors.robot.friction.curve import CoulombViscous, Scaled, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.tables import FunctionFriction, TableFriction
+from regressors.robot.friction.temperature import Slope, Warm
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from constraints.limits.tool import tool_speed
 from constraints.linear import LinearConstraint
+from constraints.tool import tool_speed
 from excite.design import formulation
 from excite.design.formulation import formulate
 from excite.design.grid_limits import GridConstraint, GridJoints

@@ -11,11 +11,11 @@ import pytest
 from commands import Here, content_of
 from pinocchio_chains import drive_torques, joint_torques, tool_motion, whole_motion
 
-from constraints.bounds.certificate import ENCLOSED, EXACT
-from constraints.bounds.enclosure import enclose
-from constraints.feasibility.diagnosis import ContradictionError, interior_pose
-from constraints.limits.tool import tool_box
+from constraints.certificate import ENCLOSED, EXACT
+from constraints.diagnosis import ContradictionError, interior_pose
+from constraints.enclosure import enclose
 from constraints.linear import linear_limits
+from constraints.tool import tool_box
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate, roomy_pose
 from excite.design.initial_guesses import candidates

@@ -10,9 +10,10 @@ import pytest
 from designed import short
 
 import excite
-from constraints.collision.geometry import Capsule, HalfSpace, Obstacle, Part, World
+from constraints.geometry import HalfSpace, Obstacle, Part, World
 from excite.tasks.criteria import ConditionNumber, Trace
 from regressors.models.base import random_states
+from regressors.robot.shapes import Capsule
 
 
 class Right(Trace):

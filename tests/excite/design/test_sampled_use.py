@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from constraints.limits.tool import tool_box, tool_speed
-from constraints.limits.torque import torque_limits
 from constraints.nonlinear import NonlinearConstraint
+from constraints.tool import tool_box, tool_speed
+from constraints.torque import torque_limits
 from excite.design.formulation import formulate
 from excite.design.grid_limits import GridConstraint, GridJoints
 from excite.design.initial_guesses import random_motion

@@ -12,8 +12,8 @@ import pytest
 from public_arms import robots_folder
 
 import excite
-from constraints.collision.floor import assumed_radius, skeleton
-from constraints.feasibility.diagnosis import ContradictionError
+from constraints.clearance import assumed_radius, skeleton
+from constraints.diagnosis import ContradictionError
 from excite.design.design_json import load_design
 from excite.design.formulation import formulate
 from excite.design.stated_limits import Unchecked, checked_text, kept_headline, kept_text, stated_world

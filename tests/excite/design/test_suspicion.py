@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import excite
-from constraints.bounds.certificate import LimitUse
-from constraints.feasibility.diagnosis import ContradictionError
+from constraints.certificate import LimitUse
+from constraints.diagnosis import ContradictionError
 from excite.design.task_checks import suspecting, unidentifiable
 from excite.errors import NoFeasibleMotionError
 from regressors.errors import InputError

@@ -9,7 +9,8 @@ from commands import Here
 
 from excite.logs.log_reading import read_log, write_log
 from excite.tasks.friction_file import write_friction
-from regressors.robot.friction.curves import FrictionCurves, Side, Stribeck
+from regressors.robot.friction.curve import Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
 
 TRUTH = Stribeck(Side(11.0, 26.0, 16.8, 0.12, 1.0), Side(7.0, 26.0, 10.6, 0.12, 1.0))
 PLAN = ("--speeds", "5,12,25,50,90", "--longest", "0.5", "--warm-up", "0", "--breakaways", "1")

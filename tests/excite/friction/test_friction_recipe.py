@@ -10,7 +10,7 @@ from commands import run
 
 from excite.identification.result_json import load_result, result_content
 from excite.tasks.friction_file import read_friction
-from regressors.robot.friction.curves import CoulombViscous
+from regressors.robot.friction.curve import CoulombViscous
 
 pytestmark = pytest.mark.slow
 STEPS = (

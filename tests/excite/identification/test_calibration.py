@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from played import EXACT, LOAD, irp6, periodic, played, torques
 
-from excite.identification.calibration import GainCalibration
-from excite.identification.drive_gains import correction
+from excite.identification.drive_gains import GainCalibration, correction
 from excite.identification.identification import Identification
 from excite.identification.identify import identify as identify_by_choice
 from excite.identification.result_json import load_result, result_content
@@ -21,7 +20,8 @@ from excite.logs.mapping import read_mapping
 from excite.tasks.task import Task
 from excite.verification.verify import verify
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array
 
 identify = partial(identify_by_choice, choose=False)

@@ -24,13 +24,10 @@ from excite.logs.log import Log
 from excite.logs.log_reading import write_log
 from excite.registry import instance
 from excite.tasks.friction_file import friction_of
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    CurveUncertainty,
-    FrictionCurves,
-    Loaded,
-    changed,
-)
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.uncertainty import CurveUncertainty, changed
 from regressors.samples import Array
 
 DESCRIBED = {name: curve for name, curve in curves().items() if name in ("z1", "z2", "z3")}

@@ -16,18 +16,11 @@ from excite.identification.result_json import load_result, result_content
 from excite.logs.log import Log
 from excite.tasks.friction_file import friction_of, friction_text
 from regressors.errors import InputError
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    FrictionCurve,
-    FrictionCurves,
-    Loaded,
-    Scaled,
-    Side,
-    Slope,
-    Stribeck,
-    TableFriction,
-    Warm,
-)
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.tables import TableFriction
+from regressors.robot.friction.temperature import Slope, Warm
 from regressors.robot.friction.uncertainty import multiplied
 
 RECIPE = replace(EXACT, sign_width=0.0, friction_scale=True)

@@ -12,7 +12,6 @@ import pytest
 from commands import Here
 from played import TASK, curves, described, found, irp6, played, three_joints
 
-from excite.design.reference import SampledMotion
 from excite.friction.fit.curve_fit import chosen_fit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Form, forms
@@ -28,17 +27,14 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.friction_file import read_friction, write_friction
+from excite.tasks.reference import SampledMotion
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    FrictionCurve,
-    FrictionCurves,
-    Loaded,
-    Slope,
-    TableFriction,
-    Warm,
-)
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.tables import TableFriction
+from regressors.robot.friction.temperature import Slope, Warm
 from regressors.samples import Array, Samples
 
 RATE = 250.0

@@ -24,9 +24,9 @@ from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.simulation.plant import ModelMotion
 from excite.tasks.task import Task
-from regressors.models.columns import DIRECTED_KINDS
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
+from regressors.robot.columns import DIRECTED_KINDS
 from regressors.samples import Array, Samples
 
 ROBOT = built_in("ur10e")

@@ -19,7 +19,8 @@ from excite.tasks.task import Task
 from excite.verification.verify import verify
 from regressors.errors import UnknownName
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
 
 EXACTLY = replace(EXACT, sign_width=0.0)
 KNOWN = FrictionCurves({"z2": curves()["z2"]})

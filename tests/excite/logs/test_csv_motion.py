@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.design.sampled_motion import header_names, header_text
 from excite.logs.layout import house_layout
+from excite.storage.sampled_motion import header_names, header_text
 
 NAMES = st.text(st.characters(exclude_categories=("Cc", "Cs", "Z")), min_size=1, max_size=8)
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import excite
-from constraints.bounds.certificate import limit_uses
+from constraints.certificate import limit_uses
 from excite.cli.main import cli
 from excite.design.design_json import load_design
 from excite.design.formulation import formulate

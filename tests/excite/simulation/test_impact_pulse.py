@@ -16,7 +16,8 @@ from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
 
 BLOW = ImpactPulse("q2", 1.0, 400.0, 0.01)
 

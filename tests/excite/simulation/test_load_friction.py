@@ -20,7 +20,9 @@ from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves, Loaded, Side, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import Loaded
 from regressors.samples import Array
 
 CURVES = FrictionCurves(

@@ -13,9 +13,9 @@ import pytest
 
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
-from excite.design.reference import MotionSource, SampledMotion, broken_limits, check_played
 from excite.errors import BrokenLimitError
 from excite.simulation.simulate import motion_source, simulate
+from excite.tasks.reference import MotionSource, SampledMotion, broken_limits, check_played
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError

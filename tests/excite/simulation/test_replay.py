@@ -22,7 +22,8 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves, Side, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.samples import Array
 
 CALM = FrictionCurves({f"z{k}": CoulombViscous(0.0, 20.0) for k in range(1, 6)})

@@ -19,7 +19,6 @@ from slow_dynamics import energy as slow_energy
 from slow_dynamics import random_body, random_chain, thetas_of
 
 from excite.design.interruption import answered_signals
-from excite.design.reference import Repeated, SampledMotion
 from excite.errors import LostMotionError
 from excite.simulation import integration
 from excite.simulation.control import ControlledRobot, Controller, TorqueLimits
@@ -31,24 +30,21 @@ from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.payload import Payload
+from excite.tasks.reference import Repeated, SampledMotion
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.load import LoadModel, Sensor
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    FrictionCurves,
-    Side,
-    Stribeck,
-    TableFriction,
-    smooth_direction,
-)
+from regressors.robot.columns import Terms
+from regressors.robot.friction.curve import CoulombViscous, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import smooth_direction
+from regressors.robot.friction.tables import TableFriction
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.locked_joints import with_locked_joints

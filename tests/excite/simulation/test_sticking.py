@@ -12,7 +12,6 @@ import pytest
 from motions import order_of
 from scipy.integrate import solve_ivp
 
-from excite.design.reference import SampledMotion
 from excite.identification.equations import dahl_direction
 from excite.simulation.control import (
     ControlledRobot,
@@ -25,13 +24,15 @@ from excite.simulation.plant import Plant, plant_of
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
+from excite.tasks.reference import SampledMotion
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves, Side, Stribeck
+from regressors.robot.columns import Terms
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.samples import Array, Samples
 

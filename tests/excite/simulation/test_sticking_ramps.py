@@ -12,17 +12,18 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import chain_model
 
-from excite.design.reference import GivenTorque, SampledMotion
 from excite.logs.log_reading import read_log
 from excite.logs.sidecar import read_sidecar
 from excite.simulation.motion_source import read_torque
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
+from excite.tasks.reference import GivenTorque, SampledMotion
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import FrictionCurves, Side, Stribeck
+from regressors.robot.friction.curve import Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.samples import Array, Samples
 
 CURVES = FrictionCurves(

@@ -5,7 +5,6 @@ import pytest
 
 from excite.design.campaign import campaign_prediction
 from excite.design.design_memory import check_richness, design_prediction, search_seconds
-from excite.errors import InputError, TooLargeError
 from excite.friction.plan.schedule import Schedule, plan_prediction
 from excite.identification.identify import rows_prediction
 from excite.identification.recipe import repetition_prediction
@@ -16,6 +15,7 @@ from excite.simulation.simulate import simulation_prediction
 from excite.storage.work_prediction import BASE, MemoryPart, WorkPrediction, in_time
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
+from regressors.errors import InputError, TooLargeError
 from regressors.memory_cap import memory_cap, value_cap
 from regressors.readers.library import built_in, built_in_names
 

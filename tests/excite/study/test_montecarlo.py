@@ -16,7 +16,6 @@ from motions import random_sines
 from repeated_experiments import NOISE, TIME, arm, experiment
 from slow_dynamics import random_chain
 
-from excite.errors import TooLargeError
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.instrumental import instrumental
 from excite.identification.estimators.least_squares import least_squares, weighted
@@ -29,14 +28,14 @@ from excite.study import experiment as chain_file
 from excite.study import moments
 from excite.study.experiment import Experiment, Noise, drawn
 from excite.study.repetitions import Repetitions, experiment_prediction, repeat_experiment
-from regressors.errors import InputError
+from regressors.errors import InputError, TooLargeError
 from regressors.models.base import base_parameters
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import RegressorModel
 from regressors.models.windows import Window, WindowModel
+from regressors.robot.columns import Terms
 from regressors.samples import Array, Samples
 
 RATE = 100.0

@@ -11,7 +11,7 @@ from repeated_experiments import OneByOne, chains, plain, same
 
 from excite.design.executors.dask_cluster import DaskCluster
 from excite.design.executors.unit_executor import InProcesses, InThisProcess
-from excite.errors import LostWorkersError, TooLargeError
+from excite.errors import LostWorkersError
 from excite.study import repetitions as units_file
 from excite.study.experiment import Chain
 from excite.study.repetitions import (
@@ -21,7 +21,7 @@ from excite.study.repetitions import (
     repeat_experiment,
     units_of,
 )
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, TooLargeError, UnknownName
 
 COUNT = 10
 

@@ -13,8 +13,8 @@ import excite
 from excite.identification.identification import Identification, torque_target
 from excite.study import chains as chains
 from excite.study.posterior_samples import PosteriorSamples
-from regressors.models.columns import COULOMB, ROTOR, VISCOUS
 from regressors.models.nominal import standard_values
+from regressors.robot.columns import COULOMB, ROTOR, VISCOUS
 from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
 
 TO_PSEUDO = np.stack([pseudo_inertia(unit) for unit in np.eye(10)], axis=-1)  # (4, 4, 10)

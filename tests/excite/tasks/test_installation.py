@@ -12,10 +12,10 @@ import excite
 from excite.tasks.installation import Installation, payload_parameters
 from excite.tasks.robot_of_task import installed_robot
 from regressors.errors import InputError
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
+from regressors.robot.columns import Terms
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 

@@ -19,12 +19,13 @@ from excite.registry import OwnPart
 from excite.tasks.model_options import options_of_model
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.models.columns import Terms
 from regressors.models.load import LoadIntegralModel, Sensor
 from regressors.models.model import RegressorModel
 from regressors.models.windows import Window
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
+from regressors.robot.columns import Terms
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.locked_joints import with_locked_joints
 

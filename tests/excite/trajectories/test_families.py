@@ -12,7 +12,7 @@ from commands import Here, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from constraints.bounds.enclosure import (
+from constraints.enclosure import (
     chebyshev_extrema,
     chebyshev_nodes,
     chebyshev_points,

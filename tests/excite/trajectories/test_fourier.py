@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
-from constraints.bounds.certificate import trigonometric_extrema
+from constraints.certificate import trigonometric_extrema
 from constraints.linear import LinearConstraint
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError

@@ -17,7 +17,8 @@ from excite.design.formulation import formulate
 from excite.design.grid_limits import GridConstraint
 from excite.design.initial_guesses import candidates, random_motion
 from excite.design.problem import Problem
-from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
+from excite.design.solvers.descent import SqpOptions
+from excite.design.solvers.sqp import SequentialQuadratic
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory, stored_trajectory
 from excite.trajectories.fourier_quintic import FourierQuintic

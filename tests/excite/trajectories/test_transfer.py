@@ -27,12 +27,12 @@ from excite.design.optimisation import design_trajectory
 from excite.design.stated_limits import nonlinear_limits
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
-from excite.information.target import moving_robot
 from excite.logs.excitation import exciting_rows
 from excite.simulation.motion_source import read_motion
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from excite.trajectories.transfer import Transfer, quickest_transfer, time_optimal
 from regressors.errors import InputError

@@ -23,7 +23,8 @@ from excite.views.player_log import Appearance
 from excite.views.sections import section_of
 from excite.views.write_report import report_text
 from regressors.errors import InputError
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurves
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from reported import CHROMIUM, Page, browser_page, reported_design
 from written_results import result
 
 import excite
-from constraints.collision.clearance import link_poses
+from constraints.clearance import link_poses
 from excite.views.drawings import dark
 
 pytestmark = [

@@ -13,8 +13,8 @@ from excite.information.target import target_of
 from excite.tasks.task import Task
 from excite.views.bars import LINES, parameter_label, row_places, unit_patches, unit_style, wrapped_sum
 from excite.views.style import typeset
-from regressors.models.drives import _DRIVE_COLUMNS
 from regressors.readers.library import load_robot
+from regressors.robot.columns import _DRIVE_COLUMNS
 from regressors.robot.inertia import PARAMETER_UNITS
 
 TERM = st.sampled_from(["m1", "0.106662 m4c4z", "2 d5 m5c5z", "l2^2 m3", "$a$", "a_very_long_name_of_one_term"])

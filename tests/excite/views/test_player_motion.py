@@ -11,9 +11,8 @@ import pytest
 from reported import HOSTILE, reported_design
 
 import excite
-from constraints.collision.clearance import link_poses
-from constraints.collision.mesh import mesh_triangles
-from constraints.collision.urdf_shapes import urdf_meshes
+from constraints.clearance import link_poses
+from constraints.shapes import mesh_triangles, urdf_meshes
 from excite.trajectories.transfer import SCurve, time_optimal
 from excite.views.player_data import FRAMES, decimated, player_motion
 from regressors.errors import InputError

@@ -18,7 +18,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from pinocchio_chains import drive_torques, whole_motion
 
-from constraints.bounds.certificate import LimitUse
+from constraints.certificate import LimitUse
 from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory

@@ -17,7 +17,6 @@ from regressors.errors import InputError
 from regressors.jax_models import JaxModel
 from regressors.jax_models.jax_drives import path_lengths
 from regressors.models.base import base_parameters, random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
@@ -25,6 +24,7 @@ from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.partial import of_drives
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
+from regressors.robot.columns import Terms
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import BASE, Branch, Drive, Limits, Link, Robot, Transmission

@@ -16,11 +16,11 @@ from slow_dynamics import general, three_axes
 
 from regressors.errors import UnknownName
 from regressors.models.base import CHOICES, base_parameters, random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.independence import independent_columns, pivoted_columns
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
+from regressors.robot.columns import Terms
 from regressors.robot.robot import Robot, Structure
 
 INERTIAL = Terms.inertial_only()

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from slow_dynamics import joint_matrix, mass_matrix_of_body, random_body, random_chain
 
 from regressors.errors import InputError
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel, inertial_regressor
 from regressors.models.energy import EnergyModel
 from regressors.readers.description import parse_description
 from regressors.readers.library import built_in
 from regressors.robot.archive import robot_from_description
+from regressors.robot.columns import Terms
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import from_centre_of_mass, parameter_names
 from regressors.robot.locked_joints import with_locked_joints

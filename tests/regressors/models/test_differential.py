@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
 from slow_dynamics import driven_chain, random_body, random_chain, torques
 
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.readers.urdf import read_urdf
+from regressors.robot.columns import Terms
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Aggregates, Drive, Limits, Robot, Structure, Transmission

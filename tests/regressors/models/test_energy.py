@@ -18,12 +18,12 @@ from slow_dynamics import driven_chain, energy, general, random_chain, thetas_of
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel, path_lengths
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
+from regressors.robot.columns import Terms
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Drive, Limits, Robot, Structure, Transmission

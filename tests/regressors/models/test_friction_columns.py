@@ -12,7 +12,6 @@ from pinocchio_chains import drive_torques, joint_torques
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.carried_torque import standard_of
-from regressors.models.columns import DIRECTED_KINDS, FRICTION_KINDS, Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.model import RegressorModel
@@ -21,6 +20,7 @@ from regressors.models.partial import of_joints
 from regressors.models.springs import SpringModel
 from regressors.models.windows import Window
 from regressors.readers.library import built_in
+from regressors.robot.columns import DIRECTED_KINDS, FRICTION_KINDS, Terms
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples

@@ -25,7 +25,6 @@ from excite.simulation.plant import ModelMotion
 from regressors.errors import InputError, UnknownName
 from regressors.jax_models import JaxModel
 from regressors.models.base import Base, base_parameters
-from regressors.models.columns import Column, Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
@@ -35,6 +34,7 @@ from regressors.models.partial import of_drives, of_joints
 from regressors.models.reduction import Reduction, standard_columns
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
+from regressors.robot.columns import Column, Terms
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples

@@ -11,10 +11,10 @@ from motions import Polynomials, path_of_polynomial, random_sines
 from slow_dynamics import general, table_energies, three_axes
 
 from regressors.models.base import base_parameters, random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.windows import Window
+from regressors.robot.columns import Terms
 from regressors.robot.robot import Structure
 from regressors.samples import Array
 

@@ -12,11 +12,11 @@ from slow_dynamics import random_chain
 from excite.information.target import target_of
 from excite.tasks.task import Task
 from regressors.models.base import base_parameters, random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.nominal import MotorSide, motor_sides, parameter_values, standard_values
 from regressors.readers.library import built_in
+from regressors.robot.columns import Terms
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 

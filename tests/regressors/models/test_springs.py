@@ -14,10 +14,10 @@ from excite.registry import MODELS
 from excite.study.repetitions import repetitions
 from regressors.errors import UnknownName
 from regressors.models.base import base_parameters, random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.partial import of_drives
 from regressors.models.springs import SpringModel
+from regressors.robot.columns import Terms
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.samples import Array
 

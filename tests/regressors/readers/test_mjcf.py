@@ -12,12 +12,12 @@ from public_arms import ARMS, Arm, reference, robots_folder
 from reloaded import chain_xml, inverse_dynamics
 
 from regressors.errors import InputError, UnknownName
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.readers.library import load_robot
 from regressors.readers.mjcf import read_mjcf
 from regressors.readers.urdf import read_urdf
+from regressors.robot.columns import Terms
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 

@@ -10,9 +10,9 @@ import pytest
 from excite.information.target import target_of
 from excite.tasks.task import Task
 from regressors.models.base import random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.readers.library import load_robot
+from regressors.robot.columns import Terms
 from regressors.robot.joint_rotors import with_joint_rotors
 
 INERTIA = Terms(coulomb=False, viscous=False)

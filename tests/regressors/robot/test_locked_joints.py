@@ -16,10 +16,10 @@ from slow_dynamics import mass_matrix_of_body, poses, random_body, random_chain,
 from constraints.linear import drive_limits
 from regressors.errors import InputError
 from regressors.models.base import random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
+from regressors.robot.columns import Terms
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import parameter_names
 from regressors.robot.locked_joints import with_locked_joints

@@ -10,9 +10,10 @@ import pytest
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import candidates, combinations
 from excite.design.problem import Problem
+from excite.design.solvers.descent import SqpOptions
 from excite.design.solvers.slsqp import Slsqp
 from excite.design.solvers.solver import Attempt, Solver, SolverResult
-from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
+from excite.design.solvers.sqp import SequentialQuadratic
 from excite.tasks.task import Task
 from regressors.readers.library import built_in
 

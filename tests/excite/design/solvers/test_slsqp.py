@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import excite
-from constraints.bounds.certificate import limit_uses
+from constraints.certificate import limit_uses
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem

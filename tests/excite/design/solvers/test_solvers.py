@@ -10,15 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from constraints.bounds.certificate import limit_uses
+from constraints.certificate import limit_uses
 from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import promising_motion, random_motion
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_start
+from excite.design.solvers.descent import SqpOptions
 from excite.design.solvers.ipopt import Ipopt
 from excite.design.solvers.solver import Solver, SolverResult, Status
-from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
+from excite.design.solvers.sqp import SequentialQuadratic
 from excite.registry import SOLVERS, instance
 from excite.tasks.criteria import ConditionNumber
 from excite.tasks.task import Task

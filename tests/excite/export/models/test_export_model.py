@@ -25,16 +25,11 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.registry import BUILT_IN
 from excite.tasks.task import Task
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    FrictionCurves,
-    Loaded,
-    Side,
-    Slope,
-    Stribeck,
-    TableFriction,
-    Warm,
-)
+from regressors.robot.friction.curve import CoulombViscous, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.tables import TableFriction
+from regressors.robot.friction.temperature import Slope, Warm
 
 FORMATS = tuple(BUILT_IN["model format"])
 SIMULATORS = ("urdf", "mjcf", "drake", "isaac", "yaml", "npz")

@@ -11,7 +11,7 @@ from designed import irp6, panda, ur10e
 from scipy.interpolate import BPoly
 
 import excite
-from constraints.bounds.interpolation import Curve, curve_pieces
+from constraints.interpolation import Curve, curve_pieces
 from excite.export.motions.certificate import Interpolation, certify, deviation
 from excite.export.motions.export_motion import export_motion
 from excite.export.motions.franka import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities

@@ -31,7 +31,8 @@ from excite.logs.log import Log
 from excite.logs.log_reading import write_log
 from excite.tasks.friction_file import read_friction, write_friction
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.curves import CoulombViscous, FrictionCurve, Side, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
+from regressors.robot.friction.curves import Side
 from regressors.samples import Samples
 
 

@@ -12,8 +12,8 @@ from coal_distances import clearance
 from commands import Here
 from slow_dynamics import random_chain
 
-from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
-from constraints.collision.world_file import world_of
+from constraints.geometry import Box, HalfSpace, Obstacle, Part, World
+from constraints.world_file import world_of
 from excite.friction.plan.clearances import CollisionChecks
 from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
 from excite.friction.plan.plan_friction import plan_friction
@@ -21,6 +21,7 @@ from excite.friction.plan.runs import Pace, Runs
 from excite.friction.plan.schedule import Schedule
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
+from regressors.robot.shapes import Capsule
 from regressors.samples import Array
 
 SHORT = Schedule(percent=(5.0, 50.0, 100.0), warm_up=5.0, breakaways=1, creeping=1.0, rate=100.0)

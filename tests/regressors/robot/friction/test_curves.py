@@ -17,20 +17,14 @@ from hypothesis import strategies as st
 from excite.tasks.friction_file import read_friction, write_friction
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import random_states
-from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    FrictionCurve,
-    FrictionCurves,
-    FunctionFriction,
-    Scaled,
-    Side,
-    TableFriction,
-    smooth_direction,
-)
+from regressors.robot.columns import Terms
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import smooth_direction
+from regressors.robot.friction.tables import FunctionFriction, TableFriction
 from regressors.robot.locked_joints import with_locked_joints
 
 # the second joint of [KD96] section 5.2: break-away torques 16.8 and 10.6 Nm

@@ -17,21 +17,11 @@ from played import irp6
 from excite.tasks.friction_file import read_friction, write_friction
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    FrictionCurve,
-    FrictionCurves,
-    FunctionFriction,
-    Loaded,
-    Scaled,
-    Side,
-    Slope,
-    Stribeck,
-    TableFriction,
-    Warm,
-    drive_temperatures,
-)
-from regressors.robot.friction.temperature import temperature_notes
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import Loaded, drive_temperatures
+from regressors.robot.friction.tables import FunctionFriction, TableFriction
+from regressors.robot.friction.temperature import Slope, Warm, temperature_notes
 from regressors.robot.locked_joints import with_locked_joints
 
 ALIKE, AHEAD, BEHIND = Slope(-0.11, -0.3), Slope(-0.1, -0.25), Slope(0.05, -0.4)

@@ -17,21 +17,12 @@ from excite.friction.fit.friction_equations import Form
 from excite.friction.fit.points import Point
 from excite.tasks.friction_file import friction_content, friction_of, friction_of_content, friction_text
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    CurveUncertainty,
-    FrictionCurve,
-    FrictionCurves,
-    Loaded,
-    Scaled,
-    Side,
-    Slope,
-    Stribeck,
-    TableFriction,
-    Warm,
-    changed,
-    curve_parameters,
-)
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.tables import TableFriction
+from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.uncertainty import CurveUncertainty, changed, curve_parameters
 from regressors.samples import Array
 
 ALIKE = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0))

@@ -68,6 +68,24 @@ def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...
     return tuple(Column(name, unit, kind, owner) for name, unit, kind in parts)
 
 
+_DRIVE_COLUMNS = {
+    ROTOR: ("Ia{}", "kg m^2", "kg m^2"),  # the motor rotates also where the joint is prismatic
+    COULOMB: ("F{}c", "Nm", "N"),
+    VISCOUS: ("F{}v", "Nm s/rad", "N s/m"),
+    OFFSET: ("F{}o", "Nm", "N"),
+    LOAD_SHARE: ("F{}l", "Nm/Nm", "N/N"),
+    ROOT: ("F{}r", "Nm (s/rad)^0.5", "N (s/m)^0.5"),
+    ASYMMETRY: ("F{}a", "Nm s/rad", "N s/m"),
+    STRIBECK: ("F{}s", "Nm", "N"),
+}
+
+
+def drive_column(number: int, kind: str, *, linear: bool = False) -> Column:
+    """Column of a drive."""
+    name, *units = _DRIVE_COLUMNS[kind]
+    return Column(name.format(number), units[linear], kind, number)
+
+
 @checked
 @dataclass(frozen=True)
 class Terms:

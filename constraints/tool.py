@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from constraints.limit import Limit
-from constraints.nonlinear import NonlinearConstraint
+from constraints.nonlinear import Limit, NonlinearConstraint
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion

@@ -11,14 +11,12 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.interpolate import PPoly
 
-from constraints.bounds.certificate import Extrema, LimitUse, limit_uses, worst_of_each
-from constraints.bounds.interpolation import Curve, curve_pieces
-from constraints.constraint import Constraint
-from constraints.limits.torque import TorqueLimit
-from constraints.linear import linear_limits
-from excite.design.stated_limits import why_no_torques
+from constraints.certificate import Extrema, LimitUse, limit_uses, worst_of_each
+from constraints.interpolation import Curve, curve_pieces
+from constraints.linear import Constraint, linear_limits
+from constraints.torque import TorqueLimit, why_no_torques
 from excite.errors import BrokenLimitError
-from excite.information.target import moving_robot
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError

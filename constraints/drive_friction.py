@@ -9,20 +9,13 @@ from functools import singledispatch
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.models.columns import COULOMB, VISCOUS
-from regressors.models.drives import drive_column
 from regressors.models.partial import PartialMotion
-from regressors.robot.friction.curves import (
-    CoulombViscous,
-    FrictionCurve,
-    FrictionCurves,
-    Loaded,
-    Scaled,
-    Side,
-    Stribeck,
-    TableFriction,
-    Warm,
-)
+from regressors.robot.columns import COULOMB, VISCOUS, drive_column
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
+from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.tables import TableFriction
+from regressors.robot.friction.temperature import Warm
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

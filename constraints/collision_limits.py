@@ -10,14 +10,14 @@ from functools import cached_property, lru_cache
 import casadi as ca
 import numpy as np
 
-from constraints.collision.clearance import Frames, Gap, gaps
-from constraints.collision.geometry import Capsule, Obstacle, Shape, World
-from constraints.limit import Limit
-from constraints.nonlinear import NonlinearConstraint
+from constraints.clearance import Frames, Gap, gaps
+from constraints.geometry import Obstacle, Shape, World
+from constraints.nonlinear import Limit, NonlinearConstraint
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import BASE, Robot
+from regressors.robot.shapes import Capsule
 from regressors.robot.symbolic.intervals import IntervalFunction
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction

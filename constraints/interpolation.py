@@ -16,8 +16,8 @@ from math import factorial
 
 import numpy as np
 
-from constraints.bounds.certificate import Extrema, LimitUse, limit_uses, worst_of_each
-from constraints.bounds.enclosure import hulled_extrema
+from constraints.certificate import Extrema, LimitUse, limit_uses, worst_of_each
+from constraints.enclosure import hulled_extrema
 from constraints.linear import LinearConstraint
 from regressors.samples import Array, Samples
 

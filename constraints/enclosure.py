@@ -19,7 +19,7 @@ import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 from numpy.typing import NDArray
 
-from constraints.bounds.certificate import ENCLOSED, Extrema, LimitUse, limit_uses, worst_of_each
+from constraints.certificate import ENCLOSED, Extrema, LimitUse, limit_uses, worst_of_each
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from regressors.samples import Array, Samples

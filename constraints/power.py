@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from constraints.friction.drive_friction import DriveFriction, drive_friction
-from constraints.limit import Limit
-from constraints.limits.torque import check_inertias, drive_torque_matrix, joint_torque
-from constraints.nonlinear import NonlinearConstraint
+from constraints.drive_friction import DriveFriction, drive_friction
+from constraints.nonlinear import Limit, NonlinearConstraint
+from constraints.torque import check_inertias, drive_torque_matrix, viscous_and_carried
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion
@@ -54,7 +53,7 @@ class PowerLimit(Limit):
         InputError
             Powers that are not positive or of the wrong number, a robot without the limits to derive them from, links
             of unknown inertia, friction without a velocity limit or that uses up a bound, or see
-            `constraints.limits.torque.drive_torque_matrix`.
+            `constraints.torque.drive_torque_matrix`.
         """
         check_inertias(robot, "power limits")
         friction = drive_friction(robot, standard_values(robot), motion, self.friction)
@@ -62,9 +61,7 @@ class PowerLimit(Limit):
         bound = self._bound(axes)
         (kept,) = np.nonzero(np.isfinite(bound))
         lower, upper = -bound[kept], (bound - _losses(axes, friction, bound))[kept]
-        known = {**standard_values(robot), **friction.viscous}
-        torque = joint_torque(robot, known)
-        carried = joint_torque(robot, {**known, **dict.fromkeys(friction.viscous, 0.0)})
+        torque, carried = viscous_and_carried(robot, standard_values(robot), friction)
         speeds, torques = sparse(axes.speeds[kept]), sparse(axes.torques[kept])
         more = sparse(friction.share[kept][:, None] * axes.torques[kept])  # friction that grows with the load
 

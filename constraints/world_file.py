@@ -11,14 +11,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
-from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, Shape, Vector, World
-from constraints.collision.urdf_shapes import lowest_point, urdf_shape
+from constraints.geometry import Box, HalfSpace, Obstacle, Part, Shape, Vector, World
+from constraints.shapes import lowest_point, urdf_shape
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.readers.documents import Document, read_document, validate
 from regressors.readers.sized_numbers import Angles, Length, Point
 from regressors.readers.urdf import read_urdf
 from regressors.readers.urdf_elements import URDF, xml_kind
+from regressors.robot.shapes import Capsule
 from regressors.samples import Array
 
 SCHEMA = "excite.world/1"
@@ -130,7 +131,7 @@ def _world(document: Document, urdf: Callable[[], _Shape]) -> World:
 
 
 def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True) -> _Shape:
-    """Shape of a chain of a URDF, see `constraints.collision.urdf_shapes.urdf_shape`, and what was left out of it."""
+    """Shape of a chain of a URDF, see `constraints.shapes.urdf_shape`, and what was left out of it."""
     named = robot.lower().endswith((".urdf", ".xml"))
     if not named or (Path(robot).is_file() and xml_kind(robot) != URDF):
         what_is_given = f"{robot!r} is not one" if robot else "none is given"

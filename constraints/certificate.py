@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from constraints.constraint import OTHER
+from constraints.linear import OTHER
 from regressors.samples import Array
 
 TOLERANCE = 1e-9

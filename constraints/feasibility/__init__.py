@@ -1,1 +1,0 @@
-"""Why limits contradict each other, and the smallest relaxation that makes a pose feasible."""

@@ -1,1 +1,0 @@
-"""Friction in torque limits: bounds that hold for any direction of friction."""
