@@ -20,7 +20,7 @@ from typing import Any
 import record
 
 import excite
-from excite.design.executors.dask_starts import DaskStarts
+from excite.design.executors.dask_cluster import DaskStarts
 from excite.design.executors.unit_executor import UnitExecutor, Work
 from excite.design.executors.unit_executors import unit_executor
 from excite.design.formulation import formulate

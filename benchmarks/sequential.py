@@ -198,7 +198,7 @@ def sequential(policy, arm, first, period, rng):
 
 def again(policy, asked, results, first):
     """The first motion once more, with as many runs as are expected to be enough."""
-    from excite.information.precision_forecast import RunInformation
+    from excite.information.half_widths import RunInformation
 
     _, half_widths, allowed = stated(results, policy.of)
     if np.all(half_widths <= policy.factor * allowed):

@@ -11,11 +11,9 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.robot.columns import COULOMB, VISCOUS, drive_column
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.tables import TableFriction
-from regressors.robot.friction.temperature import Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Warm
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

@@ -15,8 +15,7 @@ from constraints.geometry import Box, HalfSpace, Obstacle, Part, Shape, Vector, 
 from constraints.shapes import lowest_point, urdf_shape
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.readers.documents import Document, read_document, validate
-from regressors.readers.sized_numbers import Angles, Length, Point
+from regressors.readers.documents import Angles, Document, Length, Point, read_document, validate
 from regressors.readers.urdf import read_urdf
 from regressors.readers.urdf_elements import URDF, xml_kind
 from regressors.robot.shapes import Capsule

@@ -24,9 +24,8 @@ from excite.tasks.further_settings import (
     StudySettings,
 )
 from excite.tasks.limit_choice import OF_JOINTS
-from excite.tasks.option import Option, options_of
+from excite.tasks.option import EXPECTED, Option, options_of
 from excite.tasks.task import PARTS
-from excite.tasks.values import EXPECTED
 from excite.verification.tolerances import Tolerances
 
 OTHERS = {

@@ -19,8 +19,8 @@ from excite.own_packages import check_packages
 if TYPE_CHECKING:
     from constraints.collision_limits import Collisions as Collisions
     from constraints.nonlinear import Limit, NonlinearConstraint
-    from constraints.tool import ToolBox as ToolBox
-    from constraints.tool import ToolSpeed as ToolSpeed
+    from constraints.power import ToolBox as ToolBox
+    from constraints.power import ToolSpeed as ToolSpeed
     from constraints.torque import PlausibleTorqueLimit as PlausibleTorqueLimit
     from constraints.torque import TorqueLimit as TorqueLimit
     from constraints.world_file import read_world
@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from excite.design.sweeps.run_sweep import run_sweep
     from excite.design.sweeps.sweep_table import SweepTable
     from excite.export.models.export_ensemble import export_ensemble
-    from excite.export.models.export_model import export_model
-    from excite.export.models.model_format import ModelFormat
+    from excite.export.models.export_model import ModelFormat, export_model
     from excite.export.motions.export_motion import export_motion
     from excite.export.motions.motion_format import MotionFormat
     from excite.friction.fit.fit_friction import fit_friction
@@ -72,22 +71,20 @@ if TYPE_CHECKING:
     from excite.study.torque_noise import TorqueNoise, measured_noise
     from excite.tasks.criteria import Criterion, SpectralCriterion
     from excite.tasks.friction_file import read_friction
-    from excite.tasks.installation import Installation
+    from excite.tasks.installation import Installation, Payload
     from excite.tasks.limit_choice import LimitChoice
     from excite.tasks.model_choice import ModelChoice
     from excite.tasks.objective import Belief, Objective
-    from excite.tasks.output import Output
-    from excite.tasks.payload import Payload
     from excite.tasks.precision_target import PrecisionTarget, TaskTorques
-    from excite.tasks.search import Search
+    from excite.tasks.search import Output, Search
     from excite.tasks.stored_files import EarlierInformation, TaskMotion
     from excite.tasks.task import Task
     from excite.tasks.trajectory_choice import TrajectoryChoice
     from excite.trajectories.bspline import BSpline as BSpline
-    from excite.trajectories.cosine import Cosine as Cosine
     from excite.trajectories.family import Family
+    from excite.trajectories.fourier import Cosine as Cosine
     from excite.trajectories.fourier import Fourier as Fourier
-    from excite.trajectories.fourier_quintic import FourierQuintic as FourierQuintic
+    from excite.trajectories.fourier import FourierQuintic as FourierQuintic
     from excite.trajectories.linear import LinearFamily
     from excite.trajectories.sines import Sines as Sines
     from excite.trajectories.waypoints import Waypoints as Waypoints
@@ -136,15 +133,15 @@ _PLACES = {
     "LinearFamily": "excite.trajectories.linear",
     "Log": "excite.logs.log",
     "ModelChoice": "excite.tasks.model_choice",
-    "ModelFormat": "excite.export.models.model_format",
+    "ModelFormat": "excite.export.models.export_model",
     "MotionFormat": "excite.export.motions.motion_format",
     "NextMotion": "excite.study.next_motion",
     "NonlinearConstraint": "constraints.nonlinear",
     "NumericalError": "regressors.errors",
     "Objective": "excite.tasks.objective",
-    "Output": "excite.tasks.output",
+    "Output": "excite.tasks.search",
     "PrecisionInHand": "excite.study.next_motion",
-    "Payload": "excite.tasks.payload",
+    "Payload": "excite.tasks.installation",
     "PrecisionTarget": "excite.tasks.precision_target",
     "PosteriorSamples": "excite.study.posterior_samples",
     "Recipe": "excite.identification.recipe",

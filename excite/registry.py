@@ -30,8 +30,8 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     "trajectory": {
         "fourier": "excite.trajectories.fourier:Fourier",
-        "fourier-quintic": "excite.trajectories.fourier_quintic:FourierQuintic",
-        "cosine": "excite.trajectories.cosine:Cosine",
+        "fourier-quintic": "excite.trajectories.fourier:FourierQuintic",
+        "cosine": "excite.trajectories.fourier:Cosine",
         "bspline": "excite.trajectories.bspline:BSpline",
         "waypoints": "excite.trajectories.waypoints:Waypoints",
         "sines": "excite.trajectories.sines:Sines",
@@ -60,8 +60,8 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "torque": "constraints.torque:TorqueLimit",
         "plausible-torque": "constraints.torque:PlausibleTorqueLimit",
         "power": "constraints.power:PowerLimit",
-        "tool-box": "constraints.tool:ToolBox",
-        "tool-speed": "constraints.tool:ToolSpeed",
+        "tool-box": "constraints.power:ToolBox",
+        "tool-speed": "constraints.power:ToolSpeed",
         "collision": "constraints.collision_limits:Collisions",
     },
     "signals": {
@@ -88,9 +88,9 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "isaac": "excite.export.models.plain_models:IsaacFormat",
         "yaml": "excite.export.models.plain_models:YamlFormat",
         "npz": "excite.export.models.plain_models:NpzFormat",
-        "csv": "excite.export.models.parameter_table:CsvTable",
-        "md": "excite.export.models.parameter_table:MarkdownTable",
-        "tex": "excite.export.models.parameter_table:LatexTable",
+        "csv": "excite.export.models.plain_models:CsvTable",
+        "md": "excite.export.models.plain_models:MarkdownTable",
+        "tex": "excite.export.models.plain_models:LatexTable",
     },
     "motion format": {
         "ros2-yaml": "excite.export.motions.ros2:Ros2Yaml",
@@ -124,7 +124,7 @@ INTERFACES: Mapping[str, str] = {
     "constraint": "constraints.nonlinear:Limit",
     "estimator": "excite.identification.estimator:Estimator",
     "solver": "excite.design.solvers.solver:Solver",
-    "model format": "excite.export.models.model_format:ModelFormat",
+    "model format": "excite.export.models.export_model:ModelFormat",
     "motion format": "excite.export.motions.motion_format:MotionFormat",
 }
 _FUNCTIONS = ("executor", "signals")
@@ -132,9 +132,9 @@ _FUNCTIONS = ("executor", "signals")
 # parts whose names go on with an address, by how the names begin: they are called with the whole name
 ADDRESSED: Mapping[str, Mapping[str, str]] = {
     "executor": {
-        "dask://": "excite.design.executors.dask_starts:DaskStarts",
-        "dask-file:": "excite.design.executors.dask_starts:DaskStarts",
-        "dask-local": "excite.design.executors.dask_starts:DaskStarts",
+        "dask://": "excite.design.executors.dask_cluster:DaskStarts",
+        "dask-file:": "excite.design.executors.dask_cluster:DaskStarts",
+        "dask-local": "excite.design.executors.dask_cluster:DaskStarts",
     },
 }
 ADDRESS_FORMS = {"executor": ("dask://HOST:PORT", "dask-file:PATH", "dask-local[:N]")}

@@ -1,10 +1,8 @@
-"""Errors that a caller can act on: bad input, with what was given, what was expected and what is available."""
+"""Errors that a caller can act on, and text of others in their messages."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-
-from regressors.quoting import listed_names, shortened
 
 
 class ExciteError(Exception):
@@ -39,3 +37,56 @@ class UnknownName(InputError):
     def __init__(self, what: str, given: str, available: Iterable[str], near: Sequence[str] = ()) -> None:
         meant = f"did you mean {' or '.join(map(shortened, near))}? " if near else ""
         super().__init__(f"no {what} named {shortened(given)}; {meant}available: {listed_names(available)}")
+
+
+LONGEST = 60  # characters of one quoted thing
+LONGEST_LINE = 500  # characters of a whole message
+LONGEST_NAME = 200  # characters of a joint, a link or another part of a robot
+_TAIL = 120  # characters of its end, where the remedy is
+_LISTED = 30  # names of a list
+
+
+def printable(text: str) -> str:
+    r"""Text whose control characters, directions of writing and lone surrogates are escaped, ``\x1b`` for ESC."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def cut(text: str, most: int = LONGEST) -> str:
+    """Printable text of at most ``most`` characters; the middle of a longer one is an ellipsis."""
+    text = printable(text if len(text) <= 2 * most else f"{text[:most]}{text[-most:]}")
+    return text if len(text) <= most else f"{text[: most - 8]}...{text[-5:]}"
+
+
+def shortened(value: object) -> str:
+    """``repr`` of a value, its middle left out where it is long."""
+    try:
+        text = repr(value[: 2 * LONGEST] + value[-LONGEST:] if isinstance(value, str) and _long(value) else value)
+    except ValueError:  # Python refuses to print integers of thousands of digits
+        return "a very long number"
+    return cut(text)
+
+
+def _long(text: str) -> bool:
+    return len(text) > 4 * LONGEST
+
+
+def long_name(name: str) -> str | None:
+    """What is wrong with a name that would fill a table or a figure, as a clause; None if nothing."""
+    if len(name) <= LONGEST_NAME:
+        return None
+    return f"a name has at most {LONGEST_NAME} characters, given {len(name)}: {shortened(name)}"
+
+
+def one_line(message: str) -> str:
+    """A message as one printable line of at most `LONGEST_LINE` characters; its end, with the remedy, is kept."""
+    line = printable(" ".join(message.split()))
+    if len(line) <= LONGEST_LINE:
+        return line
+    return f"{line[: LONGEST_LINE - _TAIL - 5]} ... {line[-_TAIL:]}"
+
+
+def listed_names(names: Iterable[str]) -> str:
+    """Names separated by commas, each cut, the last of many only counted; ``none`` if there are none."""
+    names = list(names)
+    more = len(names) - _LISTED
+    return ", ".join(map(cut, names[:_LISTED])) + (f" and {more} more" if more > 0 else "") if names else "none"

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import os
 
-from regressors.errors import InputError, TooLargeError
+from regressors.errors import InputError, TooLargeError, shortened
 from regressors.input_files import in_bytes
-from regressors.quoting import shortened
 
 MEMORY_CAP = 4.0  # GB
 CAP_VARIABLE = "EXCITE_MEMORY_CAP"

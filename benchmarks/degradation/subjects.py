@@ -15,12 +15,12 @@ from excite.simulation.sensors import sensor_of
 from excite.simulation.settings import AUTO, ImpactPulse, SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
-from excite.tasks.payload import Payload
+from excite.tasks.installation import Payload
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.readers.library import load_robot
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.joint_rotors import with_joint_rotors
+from regressors.robot.locked_joints import with_joint_rotors
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

@@ -17,7 +17,7 @@ import click
 from excite.cli.lazy import CONTEXT
 from excite.cli.streams import form_options, loudness_options
 from excite.tasks.task import PLACE
-from regressors.quoting import shortened
+from regressors.errors import shortened
 
 LINES = 60  # of a help
 _WIDEST = 27  # characters of an option before its text begins on the next line

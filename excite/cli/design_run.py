@@ -12,7 +12,6 @@ from excite.cli.options import FigureChoice
 from excite.cli.progress import progress_of_starts
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark, verbosity
-from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
 from excite.design.design_folder import (
     check_no_design,
@@ -27,6 +26,7 @@ from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.multistart import ready_workers
 from excite.design.optimisation import announce_search, solve, starts_left
 from excite.design.resumed_search import holds_unfinished_design, resume_search
+from excite.design.search_rounds import design_with_harmonics
 from excite.storage.atomic import writing
 from excite.storage.result_folder import result_folder
 from excite.study.design_for_precision import search_for_precision

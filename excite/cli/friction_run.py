@@ -19,9 +19,8 @@ from excite.friction.fit.friction_fit import FIGURE, FRICTION, check_no_fit
 from excite.friction.plan.friction_plan import FIGURE as RUNS
 from excite.friction.plan.friction_plan import check_no_plan
 from excite.friction.plan.schedule import Schedule
-from excite.storage.figure_names import figure_names
 from excite.storage.records import json_of
-from excite.storage.result_folder import result_folder
+from excite.storage.result_folder import figure_names, result_folder
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import PARTS
 from excite.views.friction_fit_view import friction_fit_view

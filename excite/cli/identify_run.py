@@ -23,8 +23,7 @@ from excite.identification.recipe import Recipe, not_repeated
 from excite.identification.result_json import CURVES, FIGURES, REPETITIONS, check_free, result_content
 from excite.logs.mapping import read_mapping
 from excite.registry import CHOSEN, is_own
-from excite.storage.figure_names import figure_names
-from excite.storage.result_folder import result_folder
+from excite.storage.result_folder import figure_names, result_folder
 from excite.views.identification_view import identification_view
 
 _LEFT_OUT = (

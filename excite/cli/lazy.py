@@ -11,7 +11,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from excite.cli.streams import loudness_options, remark
-from regressors.quoting import shortened
+from regressors.errors import shortened
 
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 

@@ -14,7 +14,7 @@ from excite.cli.option_types import RobotName
 from excite.cli.options import robot_file_of, robot_file_options
 from excite.cli.sign_of_life import tell
 from excite.cli.summary import Summary, show
-from regressors.quoting import printable
+from regressors.errors import printable
 
 if TYPE_CHECKING:
     from excite.logs.guess.log_guess import LogGuess

@@ -16,8 +16,7 @@ from excite.cli.messages import in_options
 from excite.cli.sign_of_life import be_quiet, sign_of_life
 from excite.cli.streams import open_streams, printed_warnings, say
 from excite.design.interruption import answered_signals, repeat_lost_signal
-from regressors.errors import ExciteError, InputError, NumericalError
-from regressors.quoting import one_line
+from regressors.errors import ExciteError, InputError, NumericalError, one_line
 
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from regressors.quoting import printable
+from regressors.errors import printable
 
 _TYPED: Mapping[str, str] = {
     "position": "--position-limit",

@@ -12,7 +12,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from excite.registry import ADDRESS_FORMS, FIGURE_FORMATS, is_addressed, is_own
-from excite.tasks.values import AUTO, MARGINS, MOUNTS, NONE, share_of
+from excite.tasks.option import AUTO, MARGINS, MOUNTS, NONE, share_of
 from regressors.errors import InputError
 from regressors.quantities import QUANTITIES, fault, number_of, shown, whole_number_of
 
@@ -242,7 +242,7 @@ def _prior(value: Any, _: str) -> Any:
     try:
         number = number_of(value)
     except ValueError:
-        from excite.tasks.prior_file import read_prior
+        from excite.tasks.stored_files import read_prior
 
         return read_prior(Path(value))
     if not (math.isfinite(number) and number > 0.0):

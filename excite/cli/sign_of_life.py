@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from excite.cli.terminal import can_move
 from excite.design.interruption import repeat_lost_signal
 from excite.operating_system import ForkSafeThread
-from regressors.quoting import one_line
+from regressors.errors import one_line
 
 SECONDS = 1.5
 _BETWEEN = 0.2  # seconds between two drawings of the line

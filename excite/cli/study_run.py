@@ -13,9 +13,8 @@ from excite.cli.sign_of_life import tell
 from excite.cli.view_text import brief_table, show_view
 from excite.optimality.design_bound import NAME, stored_bound
 from excite.optimality.sensitivity import sensitivity
-from excite.storage.figure_names import figure_names
 from excite.storage.records import json_of
-from excite.storage.result_folder import result_folder
+from excite.storage.result_folder import figure_names, result_folder
 from excite.study.time_study import FIGURE, check_free
 from excite.views.accuracy_view import accuracy_view
 from excite.views.bound_view import bound_view

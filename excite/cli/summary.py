@@ -22,7 +22,7 @@ from excite.cli.literal_console import LiteralConsole, console
 from excite.cli.messages import in_options
 from excite.cli.sign_of_life import something_is_shown
 from excite.cli.streams import verbosity
-from regressors.quoting import one_line
+from regressors.errors import one_line
 
 _LINES, _COLUMNS = 24, 100
 _FIGURE, _ALIKE = "figure", 4

@@ -14,8 +14,7 @@ from excite.cli.progress import progress_of_cells
 from excite.cli.sign_of_life import tell
 from excite.cli.streams import remark, say
 from excite.cli.view_text import brief_table, show_view
-from excite.design.sweeps.run_sweep import CellsLeft, run_sweep
-from excite.design.sweeps.sweep_file import read_sweep_file
+from excite.design.sweeps.run_sweep import CellsLeft, read_sweep_file, run_sweep
 from excite.design.sweeps.sweep_table import JSON, TABLE, SweepTable, load_sweep
 from excite.storage.records import json_of
 from excite.storage.result_folder import result_folder

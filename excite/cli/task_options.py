@@ -28,9 +28,8 @@ from excite.cli.option_types import (
     Size,
 )
 from excite.registry import BUILT_IN
-from excite.tasks.option import Kind, Option, options_of
+from excite.tasks.option import AUTO, Kind, Option, options_of
 from excite.tasks.task import PARTS
-from excite.tasks.values import AUTO
 
 Command = Callable[..., Any]
 _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {

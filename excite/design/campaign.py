@@ -10,8 +10,7 @@ from itertools import combinations
 from math import comb
 from typing import Any
 
-from excite.information.identifiability import Identifiability, partial_motions
-from excite.information.target import model_of
+from excite.information.target import Identifiability, model_of, partial_motions
 from excite.registry import name_of
 from excite.storage.work_prediction import BASE, FLOAT, MemoryPart, WorkPrediction, announce
 from excite.tasks.robot_of_task import first_argument, moving_robot, robot_and_task

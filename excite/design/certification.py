@@ -15,7 +15,7 @@ from excite.design.start_results import BestStarts, StartResult
 from excite.design.stated_limits import remedy
 from excite.design.task_checks import unidentifiable
 from excite.errors import NoFeasibleMotionError
-from excite.information.metrics import MotionMeasures, noise_per_row, noise_text
+from excite.information.matrix import MotionMeasures, noise_per_row, noise_text
 from excite.information.nearly_unidentifiable import (
     hardly_excited_note,
     nearly_unidentifiable,

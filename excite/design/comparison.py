@@ -10,7 +10,7 @@ import numpy as np
 from constraints.certificate import LimitUse
 from excite.design.design import Design
 from excite.information.goal import goal_of
-from excite.information.metrics import MotionMeasures, noise_per_row
+from excite.information.matrix import MotionMeasures, noise_per_row
 from excite.information.target import IdentificationTarget, target_of
 from excite.information.weighting import minimised_text, weighting_of
 from excite.registry import instance, name_of
@@ -53,7 +53,7 @@ class Judgement:
     goal : float or None
         Value of the criterion that the first design minimised; None if it does not apply.
     criteria : dict of str to float
-        See `excite.information.metrics.CONVENTIONS`; at 100 Hz whatever rate the design was written at.
+        See `excite.information.matrix.CONVENTIONS`; at 100 Hz whatever rate the design was written at.
     tightest : LimitUse or None
         The limit with the least margin relative to its range.
     feasible : bool

@@ -22,9 +22,9 @@ from excite.design.approach import ApproachAndReturn, stated_on_transfers
 from excite.design.start_results import HarmonicsTrial, SearchSummary, StartResult, read_starts
 from excite.design.stated_limits import StatedWorld, Unchecked, nonlinear_limits, stated_limits
 from excite.information.earlier_precision import information_in_hand
-from excite.information.metrics import CONVENTIONS, MotionMeasures, PredictedAccuracy, noise_per_row
+from excite.information.half_widths import PrecisionForecast, RunInformation
+from excite.information.matrix import CONVENTIONS, MotionMeasures, PredictedAccuracy, noise_per_row
 from excite.information.nearly_unidentifiable import NearlyUnidentifiable
-from excite.information.precision_forecast import PrecisionForecast, RunInformation
 from excite.information.target import IdentificationTarget, target_of
 from excite.information.weighting import PriorAndPosterior, minimised_text
 from excite.registry import name_of
@@ -235,7 +235,7 @@ class Design:
 
     @property
     def criteria(self) -> Mapping[str, float]:
-        """Metrics by name, see `excite.information.metrics.CONVENTIONS`."""
+        """Metrics by name, see `excite.information.matrix.CONVENTIONS`."""
         return self.measures.criteria
 
     @property

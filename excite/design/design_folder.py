@@ -15,18 +15,16 @@ from excite.design.design import Design
 from excite.design.kept_starts import remove_starts, remove_temporary
 from excite.design.start_results import write_start
 from excite.design.task_file import task_content
-from excite.information.metrics import noise_per_row
-from excite.storage.atomic import replacing, write_json, writing
+from excite.information.matrix import noise_per_row
+from excite.storage.atomic import NEXT, replacing, write_json, writing
 from excite.storage.codec import content_of
-from excite.storage.destination import NEXT
-from excite.storage.figure_names import figure_names
 from excite.storage.manifest import sha256_of
 from excite.storage.migrations import schema_of
-from excite.storage.result_folder import check_not_taken, replace_result, result_folder
+from excite.storage.result_folder import check_not_taken, figure_names, replace_result, result_folder
 from excite.storage.sampled_motion import motion_columns, write_motion_table
+from excite.tasks.option import NONE
 from excite.tasks.stored_files import EarlierInformation, InitialDesign
 from excite.tasks.task import Task
-from excite.tasks.values import NONE
 from regressors.samples import Array
 
 KIND = "design"

@@ -16,9 +16,8 @@ from excite.design.design import Design
 from excite.design.design_folder import DESIGN, HASHES, KIND, TRAJECTORY
 from excite.design.task_file import task_from_options
 from excite.registry import OwnPart, is_own
-from excite.storage.atomic import read_json
+from excite.storage.atomic import Destination, read_json
 from excite.storage.commit import read_settled
-from excite.storage.destination import Destination
 from excite.storage.manifest import check_files, entry_sha256, sha256_of
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import complete, read_record

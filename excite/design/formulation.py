@@ -13,9 +13,8 @@ from constraints.diagnosis import ContradictionError, interior_pose, smallest_re
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
-from excite.design.blueprint import Blueprint, restricted_limits
+from excite.design.blueprint import Blueprint, check_richness, design_prediction, restricted_limits
 from excite.design.design import Design
-from excite.design.design_memory import check_richness, design_prediction
 from excite.design.initial_guesses import initial_motion, with_initial_design
 from excite.design.problem import Problem
 from excite.design.problem_identity import ProblemIdentity, problem_identity
@@ -41,7 +40,7 @@ from excite.design.task_checks import (
 )
 from excite.information.earlier_precision import check_earlier, noise_in_hand
 from excite.information.goal import goal_of
-from excite.information.metrics import noise_per_row
+from excite.information.matrix import noise_per_row
 from excite.information.target import IdentificationTarget, model_of, motion_of, target_of
 from excite.information.weighting import weighting_of
 from excite.registry import built_in
@@ -50,7 +49,7 @@ from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
 from regressors.numerical import numerical_work
-from regressors.readers.joint_ranges import refuse_missing_ranges
+from regressors.readers.description import refuse_missing_ranges
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 

@@ -12,9 +12,8 @@ from excite.design.design import Design
 from excite.design.problem import Problem
 from excite.information.target import IdentificationTarget
 from excite.registry import OwnPart, is_own
-from excite.storage.atomic import read_json
+from excite.storage.atomic import Destination, read_json
 from excite.storage.commit import settle
-from excite.storage.destination import Destination
 from excite.tasks.stored_files import InitialDesign, UnopenedFile
 from excite.tasks.task import Task
 from excite.trajectories import stored_trajectory

@@ -18,26 +18,24 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from constraints.nonlinear import Limit
+from excite.design.blueprint import TYPICAL_STARTS, search_seconds
 from excite.design.certification import certify
-from excite.design.continuation import design_with_harmonics
 from excite.design.design import Design
-from excite.design.design_memory import TYPICAL_STARTS, search_seconds
 from excite.design.formulation import Formulation, formulate
 from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
-from excite.design.search_rounds import Rounds, RunningRounds
+from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
 from excite.design.start_results import StartResult, best_starts
 from excite.design.task_checks import suspecting
 from excite.errors import NoFeasibleMotionError
 from excite.registry import part
-from excite.storage.destination import Destination
+from excite.storage.atomic import Destination
 from excite.storage.lock import locked
 from excite.storage.work_prediction import announce
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
-from excite.tasks.output import Output
 from excite.tasks.robot_of_task import check_robot, first_argument, robot_and_task
-from excite.tasks.search import Search
+from excite.tasks.search import Output, Search
 from excite.tasks.task import Task
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from regressors.arguments import checked

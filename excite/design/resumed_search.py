@@ -12,8 +12,7 @@ from excite.design.formulation import Formulation
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.start_results import RUNNING, read_start, start_files
 from excite.registry import FIGURE_FORMATS
-from excite.storage.atomic import read_json, replacing, writing
-from excite.storage.destination import shown
+from excite.storage.atomic import read_json, replacing, shown, writing
 from excite.storage.manifest import read_manifest
 from excite.tasks.search import Search
 from regressors.errors import InputError

@@ -17,9 +17,9 @@ from constraints.torque import why_no_torques
 from constraints.world_file import urdf_capsules, urdf_lowest
 from excite.registry import name_of, part
 from excite.tasks.limit_choice import TORQUE_MARGIN
+from excite.tasks.option import MOUNTS, NONE
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
-from excite.tasks.values import MOUNTS, NONE
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.readers.library import built_in_names, load_robot

@@ -16,9 +16,14 @@ from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
 from excite.errors import NoFeasibleMotionError
 from excite.information.goal import SEED, STATES, named_parameter
-from excite.information.identifiability import Identifiability, identifying_motion
 from excite.information.nearly_unidentifiable import left_out_by_rounding, rounded_angles
-from excite.information.target import IdentificationTarget, left_out_notes, turning_drives
+from excite.information.target import (
+    Identifiability,
+    IdentificationTarget,
+    identifying_motion,
+    left_out_notes,
+    turning_drives,
+)
 from excite.registry import CRITERIA, instance, name_of, part
 from excite.tasks.criteria import Criterion, TorqueCriterion
 from excite.tasks.task import Task
@@ -27,8 +32,7 @@ from regressors.models.base import Base
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion
 from regressors.robot.columns import COULOMB
-from regressors.robot.friction.load_share import moving_drive_numbers
-from regressors.robot.friction.temperature import Warm, warm_part
+from regressors.robot.friction.load_and_temperature import Warm, moving_drive_numbers, warm_part
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

@@ -16,15 +16,12 @@ from excite.tasks.friction_file import friction_content, friction_of_content, re
 from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
 from excite.tasks.model_options import options_of_model
 from excite.tasks.objective import Belief
-from excite.tasks.option import Kind, options_of
+from excite.tasks.option import COUNTS, EXPECTED, MARGINS, MOUNTS, NONE, Kind, options_of
 from excite.tasks.precision_target import PrecisionTarget
-from excite.tasks.prior_file import known_beforehand
-from excite.tasks.stored_files import TaskMotion, UnopenedFile
+from excite.tasks.stored_files import TaskMotion, UnopenedFile, known_beforehand
 from excite.tasks.task import PARTS, Task
-from excite.tasks.values import COUNTS, EXPECTED, MARGINS, MOUNTS, NONE
 from regressors.quantities import QUANTITIES
-from regressors.readers.documents import described, read_document, validate
-from regressors.readers.sized_numbers import within
+from regressors.readers.documents import described, read_document, validate, within
 from regressors.robot.friction.curves import FrictionCurves
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)

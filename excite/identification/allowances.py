@@ -43,7 +43,7 @@ from excite.identification.recipe import Recipe, Sizes
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_share import drives_with_friction
+from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.friction.uncertainty import changed, multiplied
 from regressors.samples import Array, Index
 

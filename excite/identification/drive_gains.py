@@ -18,7 +18,7 @@ from excite.identification.recipe import Factors
 from excite.logs.log import Log
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import triangular_factor
-from regressors.robot.friction.load_share import drives_with_friction, torques_at_drives
+from regressors.robot.friction.load_and_temperature import drives_with_friction, torques_at_drives
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
 

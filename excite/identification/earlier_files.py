@@ -17,7 +17,7 @@ from excite.identification.result_json import RESULT as RESULT_FILE
 from excite.identification.result_json import load_result
 from excite.information.earlier_precision import geometry, payload_text
 from excite.information.half_widths import residual_degrees_of_freedom
-from excite.information.metrics import noise_per_row
+from excite.information.matrix import noise_per_row
 from excite.information.target import IdentificationTarget, target_of
 from excite.storage.manifest import sha256_of
 from excite.tasks.stored_files import DESIGN, RESULT, EarlierInformation, UnopenedFile

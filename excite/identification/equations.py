@@ -20,7 +20,7 @@ from excite.identification.streamed_rows import HELD, DecimatedRows, Decimation,
 from excite.information.target import IdentificationTarget
 from excite.logs.saturation import within
 from regressors.errors import InputError
-from regressors.robot.friction.load_share import drives_with_friction
+from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 

@@ -16,7 +16,7 @@ from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.trajectories import Trajectory
-from regressors.models.independence import independent_columns
+from regressors.numerical import independent_columns
 from regressors.samples import Array
 
 

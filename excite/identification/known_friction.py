@@ -18,13 +18,13 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.robot.columns import COULOMB, VISCOUS
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_share import (
+from regressors.robot.friction.load_and_temperature import (
     carried_along,
     drive_temperatures,
     drives_with_friction,
     moving_drive_numbers,
+    temperature_notes,
 )
-from regressors.robot.friction.temperature import temperature_notes
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 

@@ -14,10 +14,9 @@ from excite.design.design_json import stored_robot, stored_task
 from excite.design.task_file import stored_part, task_content
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
-from excite.storage.atomic import write_json
+from excite.storage.atomic import Destination, write_json
 from excite.storage.codec import content_of
 from excite.storage.commit import read_settled
-from excite.storage.destination import Destination
 from excite.storage.migrations import schema_of
 from excite.storage.records import complete, curves_file, read_record, write_record
 from excite.storage.result_folder import amend_result, check_not_taken, result_folder

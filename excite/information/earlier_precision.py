@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from excite.information.metrics import noise_per_row
+from excite.information.matrix import noise_per_row
 from excite.information.target import IdentificationTarget
 from excite.registry import name_of
 from excite.tasks.stored_files import DESIGN, RESULT, EarlierInformation

@@ -17,10 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.information.identifiability import FACTOR, inverse_half
-from excite.information.metrics import noise_per_row
+from excite.information.matrix import noise_per_row
 from excite.information.prior import base_sizes
-from excite.information.target import IdentificationTarget
+from excite.information.target import FACTOR, IdentificationTarget, inverse_half
 from regressors.models.base import Base
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values

@@ -18,7 +18,7 @@ import numpy as np
 
 from excite.information.earlier_precision import deviations_of, earlier_root
 from excite.information.half_widths import allowed_half_widths, torque_precision
-from excite.information.metrics import noise_per_row
+from excite.information.matrix import noise_per_row
 from excite.information.prior import Prior, prior_of
 from excite.information.target import IdentificationTarget
 from excite.registry import name_of

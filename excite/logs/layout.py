@@ -9,8 +9,7 @@ import numpy as np
 
 from excite.logs.log import WRENCH
 from excite.storage.sampled_motion import header_names
-from regressors.errors import InputError, UnknownName
-from regressors.quoting import cut, shortened
+from regressors.errors import InputError, UnknownName, cut, shortened
 from regressors.samples import Array
 
 CHANNELS = {"q": "position", "dq": "velocity", "effort": "effort", "temperature": "temperature"}

@@ -56,8 +56,7 @@ from excite.logs.table import MOST
 from excite.storage.result_folder import settle_files
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
-from regressors.readers.documents import read_document, validate
-from regressors.readers.sized_numbers import within
+from regressors.readers.documents import read_document, validate, within
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

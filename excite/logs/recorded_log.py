@@ -23,8 +23,7 @@ from excite.logs.recordings.formats import binary_format, recording_sha256
 from excite.logs.recordings.recording import Contents, Numbers, RecordingFormat, StreamContents
 from excite.logs.table import Table, table_of
 from excite.logs.text import text_of
-from regressors.errors import InputError, UnknownName
-from regressors.quoting import cut
+from regressors.errors import InputError, UnknownName, cut
 from regressors.samples import Array, Index
 
 

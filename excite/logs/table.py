@@ -14,8 +14,7 @@ from excite.logs.layout import Layout, cells, is_number
 from excite.logs.log import Removed
 from excite.logs.text import Lines, Text
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
-from regressors.errors import InputError
-from regressors.quoting import cut, shortened
+from regressors.errors import InputError, cut, shortened
 from regressors.samples import Array, Index
 
 _AT_ONCE = 50_000  # rows

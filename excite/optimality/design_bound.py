@@ -27,9 +27,8 @@ from excite.optimality.moment_conditions import MomentConditions
 from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
 from excite.registry import instance, is_own, name_of
-from excite.storage.atomic import read_json
+from excite.storage.atomic import Destination, read_json
 from excite.storage.commit import read_settled
-from excite.storage.destination import Destination
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import check_replaceable, read_record, write_record
 from excite.storage.result_folder import result_folder

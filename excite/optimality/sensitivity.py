@@ -13,9 +13,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from constraints.certificate import LimitUse, limit_uses
-from excite.design.blueprint import grid_instants, restricted_limits
+from excite.design.blueprint import check_richness, grid_instants, restricted_limits
 from excite.design.design import Design
-from excite.design.design_memory import check_richness
 from excite.design.formulation import Formulation, formulate
 from excite.design.grid_limits import GridConstraint
 from excite.design.initial_guesses import shrunk

@@ -20,7 +20,7 @@ import numpy as np
 from excite.simulation.plant import Plant
 from excite.tasks.reference import GivenTorque
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.load_share import drives_with_friction, smooth_direction
+from regressors.robot.friction.load_and_temperature import drives_with_friction, smooth_direction
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array

@@ -14,14 +14,14 @@ from excite.design.design_folder import KIND as OF_DESIGN
 from excite.design.design_json import load_design
 from excite.friction.plan.friction_plan import KIND as OF_PLAN
 from excite.friction.plan.friction_plan import PLAN, load_friction_plan
+from excite.storage.atomic import Destination
 from excite.storage.commit import read_settled
-from excite.storage.destination import Destination
 from excite.storage.manifest import check_files, sha256_of
 from excite.storage.sampled_motion import SEGMENT, read_table
 from excite.tasks.reference import GivenTorque, MotionSource, SampledMotion
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.load_share import drives_with_friction
+from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 

@@ -16,14 +16,13 @@ import numpy as np
 
 from regressors.errors import InputError
 from regressors.models.base import Base
-from regressors.models.carried_torque import RIGID
-from regressors.models.differential import inertial_regressor
+from regressors.models.differential import RIGID, inertial_regressor
 from regressors.models.drives import drive_motions, drive_rows, rotor_torque
 from regressors.models.energy import body_energy
 from regressors.models.model import RegressorModel
 from regressors.robot.columns import LOAD_SHARE
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_share import (
+from regressors.robot.friction.load_and_temperature import (
     carried_along,
     carried_expression,
     drives_with_friction,

@@ -11,14 +11,13 @@ from scipy.signal import lfilter
 from excite.logs.log import Log
 from excite.simulation.integration import SimulatedRun
 from excite.simulation.settings import SimulationSettings, one_each
-from excite.tasks.payload import Payload
+from excite.tasks.installation import Payload
 from excite.tasks.reference import SampledMotion
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.load import EQUATIONS, Sensor
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_share import drive_temperatures, drives_with_friction
-from regressors.robot.friction.temperature import temperature_notes
+from regressors.robot.friction.load_and_temperature import drive_temperatures, drives_with_friction, temperature_notes
 from regressors.robot.gears import GearFunction
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.vectorised import VectorisedFunction

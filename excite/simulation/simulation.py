@@ -19,7 +19,7 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.robot.columns import COULOMB, OFFSET, ROTOR, VISCOUS, drive_column
 from regressors.robot.friction.curve import CoulombViscous
-from regressors.robot.friction.load_share import moving_drive_numbers
+from regressors.robot.friction.load_and_temperature import moving_drive_numbers
 from regressors.robot.robot import Limits, Robot
 from regressors.samples import Array, Samples
 

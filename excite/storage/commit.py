@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from excite.operating_system import replace_file, sync_folder
-from excite.storage.atomic import read_json, write_json, writing
-from excite.storage.destination import JOURNAL, MANIFEST, NEXT, Destination, plain_name
+from excite.storage.atomic import JOURNAL, MANIFEST, NEXT, Destination, plain_name, read_json, write_json, writing
 from excite.storage.lock import InUseError, is_noted, locked
 from regressors.errors import InputError
 

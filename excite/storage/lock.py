@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from excite.operating_system import is_running
-from excite.storage.atomic import read_json, write_json, writing
-from excite.storage.destination import Destination
+from excite.storage.atomic import Destination, read_json, write_json, writing
 from regressors.errors import InputError
 
 if TYPE_CHECKING:

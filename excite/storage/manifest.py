@@ -15,8 +15,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from excite.storage.atomic import check_content, read_json, write_json
-from excite.storage.destination import MANIFEST, plain_name
+from excite.storage.atomic import MANIFEST, check_content, plain_name, read_json, write_json
 from regressors.errors import InputError
 
 SCHEMA = "excite.manifest/1"

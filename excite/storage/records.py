@@ -13,14 +13,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from excite.storage.atomic import read_json, replacing, write_json
+from excite.storage.atomic import Destination, read_json, replacing, write_json
 from excite.storage.codec import Arrays, content_of, record_of
 from excite.storage.commit import read_settled
-from excite.storage.destination import Destination
-from excite.storage.figure_names import figure_names
 from excite.storage.manifest import check_files, read_manifest
 from excite.storage.migrations import is_of_kind, migrated, schema_of
-from excite.storage.result_folder import replace_result, result_folder
+from excite.storage.result_folder import figure_names, replace_result, result_folder
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.samples import Array, Index

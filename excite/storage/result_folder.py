@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace as changed
 from functools import partial
 from pathlib import Path
 from uuid import uuid4
 
-from excite.storage.atomic import writing
+from excite.registry import FIGURE_FORMATS
+from excite.storage.atomic import MANIFEST, NEXT, Destination, writing
 from excite.storage.commit import Read, clear, commit, read_settled, settle, staging
-from excite.storage.destination import MANIFEST, NEXT, Destination
 from excite.storage.lock import locked
 from excite.storage.manifest import (
     Entry,
@@ -24,6 +24,7 @@ from excite.storage.manifest import (
     write_manifest,
 )
 from regressors.errors import InputError, TakenError
+from regressors.quantities import shown
 
 LISTED = 1000  # files of a folder that a manifest lists; more have one hash
 
@@ -181,3 +182,19 @@ def read_settled_files(path: Path, read: Callable[[], Read]) -> Read:
 def _writers(path: Path) -> set[Destination]:
     """What is locked by whoever writes a file: itself, or the joint log that a wrench log belongs to."""
     return {Destination(path.parent, name) for name in (path.name, path.name.replace(".wrench.", "."))}
+
+
+def figure_names(stems: Iterable[str], formats: Iterable[str] = FIGURE_FORMATS) -> list[str]:
+    """File of every figure in every format, such as ``motion.pdf``."""
+    kinds = list(formats)
+    return [f"{stem}.{kind}" for stem in stems for kind in kinds]
+
+
+def check_formats(formats: str | Sequence[str]) -> tuple[str, ...]:
+    """Formats as a tuple, each once; one name alone will do."""
+    given = (formats,) if isinstance(formats, str) else tuple(formats)
+    wrong = [each for each in given if each not in FIGURE_FORMATS]
+    if wrong or not given:
+        what = shown(wrong[0]) if wrong else "none"
+        raise InputError(f"expected `formats` to be some of {', '.join(FIGURE_FORMATS)}; given {what}")
+    return tuple(dict.fromkeys(given))

@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from excite.storage.atomic import check_table, replacing
-from regressors.errors import InputError
+from regressors.errors import InputError, shortened
 from regressors.input_files import LOG, opened
-from regressors.quoting import shortened
 from regressors.samples import Array, Samples
 
 

@@ -16,7 +16,7 @@ from excite.design.optimisation import Progress, solve
 from excite.information.target import target_of
 from excite.information.weighting import weighting_of
 from excite.registry import name_of
-from excite.storage.destination import Destination
+from excite.storage.atomic import Destination
 from excite.storage.lock import locked
 from excite.study.out_of_reach import OutOfReach, out_of_reach
 from excite.study.period_search import PeriodSearch, PrecisionSearch, pareto_front

@@ -18,9 +18,8 @@ from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver
-from excite.information.identifiability import inverse_half
-from excite.information.precision_forecast import ParameterPrecision, RunInformation
-from excite.information.target import target_of
+from excite.information.half_widths import ParameterPrecision, RunInformation
+from excite.information.target import inverse_half, target_of
 from excite.optimality.sensitivity import best_of, loosened, same_motion
 from excite.registry import instance
 from excite.tasks.installation import Installation

@@ -19,7 +19,7 @@ import numpy as np
 from excite.design.design import Design
 from excite.design.formulation import Formulation
 from excite.errors import NoFeasibleMotionError
-from excite.information.precision_forecast import RunInformation
+from excite.information.half_widths import RunInformation
 from excite.study.out_of_reach import OutOfReach
 from excite.tasks.stored_files import InitialDesign
 from excite.tasks.task import Task

@@ -19,8 +19,7 @@ import numpy as np
 import scipy.stats
 from threadpoolctl import threadpool_limits
 
-from excite.design.executors.dask_cluster import DaskCluster
-from excite.design.executors.dask_starts import check_versions
+from excite.design.executors.dask_cluster import DaskCluster, check_versions
 from excite.design.executors.unit_executor import SHORT, InProcesses, InThisProcess, LostUnit, UnitExecutor, Work
 from excite.design.executors.unit_executors import unit_executor
 from excite.design.interruption import current_interruption

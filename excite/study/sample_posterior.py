@@ -31,11 +31,10 @@ from excite.study.chains import (
 )
 from excite.study.posterior_samples import LEVEL, PosteriorSamples
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, shortened
 from regressors.models.nominal import standard_values
 from regressors.numerical import numerical_work
 from regressors.quantities import check
-from regressors.quoting import shortened
 from regressors.robot.columns import BODY_KINDS
 from regressors.samples import Array
 

@@ -12,19 +12,25 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from excite.storage.atomic import replacing
+from excite.storage.atomic import Destination, replacing
 from excite.storage.commit import settle
-from excite.storage.destination import Destination
 from regressors.arguments import checked
 from regressors.errors import InputError, NumericalError
 from regressors.quantities import shown
-from regressors.readers.documents import Document, FieldPath, parse_document, read_document, validate, yaml_float
-from regressors.readers.sized_numbers import Celsius, Exponent, Friction
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
+from regressors.readers.documents import (
+    Celsius,
+    Document,
+    Exponent,
+    FieldPath,
+    Friction,
+    parse_document,
+    read_document,
+    validate,
+    yaml_float,
+)
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, FunctionFriction, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.tables import FunctionFriction, TableFriction
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 from regressors.robot.friction.uncertainty import CurveUncertainty, curve_parameters
 
 SCHEMA = "excite.friction/1"

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import built_in, check_part, instance
-from excite.tasks.option import essential, option
+from excite.tasks.option import AUTO, NONE, essential, option, strict
 from excite.tasks.stored_files import UnopenedFile
-from excite.tasks.values import AUTO, NONE, strict
 from regressors.errors import InputError
 
 if TYPE_CHECKING:  # what describes options must be imported in no time

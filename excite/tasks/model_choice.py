@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from excite.registry import WINDOWS, OwnPart, check_part, part
 from excite.tasks.model_options import FURTHER_TERMS, DriveChoice, check_choice, numbers_of, options_of_model
-from excite.tasks.option import essential, option
+from excite.tasks.option import essential, option, strict
 from excite.tasks.stored_files import UnopenedFile
-from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
 
 if TYPE_CHECKING:  # modules that describe options must import quickly

@@ -40,7 +40,7 @@ def without_curve(chosen: DriveChoice, robot: Robot, curves: FrictionCurves | No
     """A choice without the drives whose friction is known: what a task without the curves has to ask for."""
     if curves is None or chosen is False:
         return chosen
-    from regressors.robot.friction.load_share import moving_drive_numbers
+    from regressors.robot.friction.load_and_temperature import moving_drive_numbers
 
     moving = moving_drive_numbers(robot)
     known = {number for name, number in moving.items() if curves.curve(name) is not None}

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import CONVENTIONS, NEARLY, SCALES, check_part
-from excite.tasks.option import essential, option
+from excite.tasks.option import essential, option, strict
 from excite.tasks.precision_target import PrecisionTarget
-from excite.tasks.values import strict
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check

@@ -7,12 +7,18 @@ the quantity of its name in `regressors.quantities.QUANTITIES`.
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, Literal
 
-from regressors.quantities import QUANTITIES
+from excite.tasks.precision_target import PrecisionTarget
+from excite.tasks.stored_files import UnopenedFile
+from regressors.errors import InputError, UnknownName
+from regressors.quantities import QUANTITIES, check, number_of, shown
 
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
@@ -79,3 +85,233 @@ def options_of(part: type) -> Iterator[tuple[dataclasses.Field[Any], Option]]:
 
 
 Check = Callable[[Any], None]
+
+
+MOUNTS: dict[str, tuple[float, float, float]] = {  # roll, pitch and yaw of the base [rad]
+    "floor": (0.0, 0.0, 0.0),
+    "wall": (0.0, math.pi / 2, 0.0),
+    "ceiling": (math.pi, 0.0, 0.0),
+}
+
+
+AUTO, NONE, ALL = "auto", "none", "all"
+MARGINS = (AUTO, NONE)
+COUNTS = (AUTO,)
+_NUMBERS = frozenset(
+    ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "mount", "payload", "parameters")
+)
+
+
+def strict(part: Any) -> None:
+    """Convert every option of a part to its type, in place: numbers to float, lists to tuples."""
+    for field, option in options_of(type(part)):
+        value = getattr(part, field.name)
+        if value is None or value is field.default:
+            if value is None and field.default is not None and option.kind != "margin":
+                raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given nothing")
+            continue
+        try:
+            plain = _KINDS[option.kind][0](value)
+            if option.kind == "name" and option.part is None and not isinstance(plain, str):
+                raise _Unfit
+        except _Unfit as error:
+            raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
+        if (option.kind in _NUMBERS and not isinstance(plain, UnopenedFile)) or (
+            option.kind in ("prior", "margin", "count") and isinstance(plain, Real)
+        ):
+            check(field.name, plain)
+        object.__setattr__(part, field.name, plain)
+
+
+class _Unfit(TypeError):
+    """A value of another type."""
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise _Unfit
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise _Unfit from error
+
+
+def _integer(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise _Unfit
+    return int(value)
+
+
+def _flag(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise _Unfit
+    return value
+
+
+def _sequence(value: Any) -> Sequence[Any]:
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
+        raise _Unfit
+    return list(value)
+
+
+def _numbers(value: object) -> tuple[float, ...]:
+    if isinstance(value, Real):
+        return (_number(value),)
+    return tuple(_number(x) for x in _sequence(value))
+
+
+def _ranges(value: object) -> tuple[tuple[float, float], ...]:
+    pairs = [_numbers(pair) for pair in _sequence(value)]
+    if any(len(pair) != 2 for pair in pairs):
+        raise _Unfit
+    return tuple((pair[0], pair[1]) for pair in pairs)
+
+
+def _box(value: object) -> tuple[tuple[float | None, ...], ...]:
+    return tuple(tuple(None if x is None else _number(x) for x in _sequence(side)) for side in _sequence(value))
+
+
+def _triple(value: object) -> tuple[float, ...]:
+    return tuple(_number(x) for x in _sequence(value))
+
+
+def _pose(value: object) -> str | tuple[float, ...]:
+    return value if isinstance(value, str) else _numbers(value)
+
+
+def _poses(value: object) -> tuple[tuple[float, ...], ...]:
+    return tuple(_numbers(pose) for pose in _sequence(value))
+
+
+def _name(value: object) -> object:
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return str(value)  # of a joint
+    if isinstance(value, bool | Real | None):
+        raise _Unfit
+    return value
+
+
+def _names(value: object) -> tuple[object, ...]:
+    return (value,) if isinstance(value, str) else tuple(_name(x) for x in _sequence(value))
+
+
+def _drives(value: object) -> object:
+    """All, none, or names and numbers of drives as text."""
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, str) and value in (ALL, NONE):
+        return value == ALL
+    names = (_name(value),) if isinstance(value, str | Integral) else tuple(_name(x) for x in _sequence(value))
+    if not all(isinstance(name, str) and name for name in names):
+        raise _Unfit
+    return tuple(dict.fromkeys(names)) or False
+
+
+def _parameters(value: object) -> dict[str, float]:
+    if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
+        raise _Unfit
+    return {name: _finite(number) for name, number in value.items()}
+
+
+def _finite(value: object) -> float:
+    number = _number(value)
+    if not math.isfinite(number):
+        raise _Unfit
+    return number
+
+
+def _any(value: object) -> object:
+    return value
+
+
+def _folders(value: object) -> tuple[object, ...]:
+    """Folders, or objects that were read from them; one alone too."""
+    several = hasattr(value, "__iter__") and not isinstance(value, str | bytes | Mapping)
+    if hasattr(value, "dtype"):
+        raise _Unfit
+    folders = tuple(value) if several else (value,)  # type: ignore[arg-type]
+    if any(each is None or isinstance(each, bool | Real | bytes | Mapping) or each == "" for each in folders):
+        raise _Unfit
+    return tuple(str(each) if isinstance(each, Path) else each for each in folders)
+
+
+def _margin(value: object) -> float | str:
+    return value if isinstance(value, str) and value in MARGINS else _number(value)
+
+
+def _count(value: object) -> int | str:
+    return value if isinstance(value, str) and value in COUNTS else _integer(value)
+
+
+def _mount(value: object) -> str | tuple[float, ...]:
+    if isinstance(value, str) and value in MOUNTS:
+        return value
+    angles = _numbers(value)
+    if len(angles) != 3:
+        raise _Unfit
+    return angles
+
+
+def _payload(value: object) -> object:
+    if isinstance(value, UnopenedFile):
+        return value
+    return str(value) if isinstance(value, str | Path) else _numbers(value)
+
+
+def _prior(value: object) -> object:
+    return _number(value) if isinstance(value, Real) else value
+
+
+def _precision(value: object) -> PrecisionTarget:
+    if isinstance(value, PrecisionTarget):
+        return value
+    if isinstance(value, Mapping):
+        unknown = [str(name) for name in value if name not in PrecisionTarget.__dataclass_fields__]
+        if unknown:
+            raise UnknownName("entry of `precision`", unknown[0], tuple(PrecisionTarget.__dataclass_fields__))
+        return PrecisionTarget(**value)
+    if not isinstance(value, str):
+        return PrecisionTarget(_number(value))
+    try:
+        return PrecisionTarget(share_of(value))
+    except ValueError as error:
+        raise error if isinstance(error, InputError) else _Unfit from error
+
+
+def share_of(text: str) -> float:
+    """A share from text: ``5%`` or ``0.05``."""
+    return number_of(text.removesuffix("%").rstrip()) / 100.0 if text.endswith("%") else number_of(text)
+
+
+_KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what is expected
+    "flag": (_flag, "true or false"),
+    "integer": (_integer, "a whole number"),
+    "number": (_number, "a number"),
+    "numbers": (_numbers, "a number, or a list of numbers"),
+    "frame": (_any, "three numbers, or six"),
+    "sides": (_any, "one side, three, or a pair [lower, upper] for each of x, y, z"),
+    "ranges": (_ranges, "a list of pairs [lower, upper]"),
+    "box": (_box, "a pair [lower, upper] for each of x, y, z"),
+    "triple": (_triple, "three numbers"),
+    "pose": (_pose, "a list of numbers, one per joint"),
+    "poses": (_poses, "a list of poses"),
+    "names": (_names, "a list of names"),
+    "name": (_name, "a name"),
+    "text": (_name, "a name"),
+    "file": (_any, "the name of a file, or its content"),
+    "prior": (_prior, "a relative uncertainty, or parameters with value and deviation"),
+    "margin": (_margin, f"a number, {' or '.join(MARGINS)}"),
+    "count": (_count, f"a whole number, or {AUTO}"),
+    "mount": (_mount, f"{', '.join(MOUNTS)}, or roll, pitch and yaw"),
+    "payload": (_payload, "a list of numbers, or the name of a file"),
+    "drives": (_drives, "all, none, or names or numbers of drives"),
+    "parameters": (_parameters, "standard parameters, each with a finite number"),
+    "folders": (_folders, "results or designs, or their folders"),
+    "precision": (_precision, "a share such as 0.05, or a precision target"),
+    "size": (_any, f"{AUTO}, a number, or a list of numbers"),
+    "time": (_any, f"{AUTO}, or a number"),
+    "distance": (_any, f"{AUTO}, or a number"),
+    "impacts": (_any, "a list of impacts"),
+    "percent": (_any, "a share, on the command line in per cent"),
+}
+EXPECTED: dict[Kind, str] = {kind: expected for kind, (_, expected) in _KINDS.items()}

@@ -12,8 +12,7 @@ from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.readers.library import built_in_names, load_robot
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.joint_rotors import with_joint_rotors
-from regressors.robot.locked_joints import with_locked_joints
+from regressors.robot.locked_joints import with_joint_rotors, with_locked_joints
 from regressors.robot.robot import Robot
 
 _OF_NAMED = (

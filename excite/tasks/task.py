@@ -12,8 +12,7 @@ from excite.tasks.installation import Installation
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.model_choice import ModelChoice
 from excite.tasks.objective import Objective
-from excite.tasks.output import Output
-from excite.tasks.search import Search
+from excite.tasks.search import Output, Search
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from regressors.arguments import checked

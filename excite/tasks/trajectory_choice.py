@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import OwnPart, check_part, part
-from excite.tasks.option import essential, option
-from excite.tasks.values import AUTO, strict
+from excite.tasks.option import AUTO, essential, option, strict
 from regressors.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ class TrajectoryChoice:
         Duration of the motion [s].
     harmonics : int or "auto"
         Number of harmonics of the Fourier and cosine series; number of free sines. ``"auto"`` raises it until that
-        does not pay, see `excite.design.continuation`.
+        does not pay, see `excite.design.search_rounds`.
     bandwidth : float, optional
         Highest frequency that the robot's controller follows; ``"auto"`` takes no harmonic beyond it [Hz].
     intervals, order : int

@@ -15,7 +15,7 @@ import numpy as np
 from constraints.certificate import Extrema
 from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points
 from excite.trajectories.family import check_size
-from excite.trajectories.fourier_quintic import WavesAndQuintic
+from excite.trajectories.fourier import WavesAndQuintic
 from excite.trajectories.nonlinear import NonlinearFamily
 from excite.trajectories.polynomial import quintic_hermite
 from regressors.arguments import checked

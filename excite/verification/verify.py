@@ -36,10 +36,9 @@ from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import corrected_errors, corrected_total, torque_errors, verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, cut
 from regressors.numerical import numerical_work
 from regressors.quantities import check
-from regressors.quoting import cut
 from regressors.samples import Array
 
 HORIZON = 0.5

@@ -11,7 +11,7 @@ import numpy as np
 from excite.design.comparison import Judgement
 from excite.design.stated_limits import kept_headline
 from excite.identification.identification import Identification
-from excite.information.metrics import CONVENTIONS
+from excite.information.matrix import CONVENTIONS
 from excite.optimality.design_bound import DesignBound
 from excite.views.view import UNIT, Column, Format, View, ViewTable, numbers, percents, texts
 

@@ -8,8 +8,8 @@ from typing import Any
 from excite.design.design import Design, between_samples_text
 from excite.design.design_folder import design_content
 from excite.design.stated_limits import collisions_unchecked, kept_headline, kept_text
-from excite.information.metrics import CONVENTIONS
-from excite.information.precision_forecast import ParameterPrecision
+from excite.information.half_widths import ParameterPrecision
+from excite.information.matrix import CONVENTIONS
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
 from excite.views.view import (

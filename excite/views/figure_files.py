@@ -16,12 +16,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from excite.storage.atomic import replacing
-from excite.storage.figure_names import check_formats, figure_names
 from excite.storage.manifest import read_manifest
-from excite.storage.result_folder import amend_result, result_folder
+from excite.storage.result_folder import amend_result, check_formats, figure_names, result_folder
 from excite.views.style import DPI, drawing_style, literal, size_of, take_sizes
-from regressors.errors import InputError
-from regressors.quoting import printable
+from regressors.errors import InputError, printable
 
 _UNDATED: dict[str, dict[str, Any]] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None, "Creator": None}}
 _PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files that are little smaller

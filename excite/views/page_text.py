@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from excite.views.drawings import PageFigure, dark_rules
 from excite.views.view import Column, Format, View, ViewTable, text_of
-from regressors.quoting import printable
+from regressors.errors import printable
 
 _PAGE = Path(__file__).parent / "page"
 _CODE = re.compile(r"`([^`]+)`")

@@ -14,8 +14,8 @@ from matplotlib.ticker import MaxNLocator
 
 from excite.design.design import Design
 from excite.design.start_results import RUNNING, StartResult
-from excite.information.metrics import CONVENTIONS
-from excite.information.precision_forecast import PrecisionForecast
+from excite.information.half_widths import PrecisionForecast
+from excite.information.matrix import CONVENTIONS
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
 from excite.study.period_search import PeriodTrial, PrecisionSearch

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from excite.design.design import Design
-from excite.information.metrics import CONVENTIONS, PredictedAccuracy, noise_text
+from excite.information.matrix import CONVENTIONS, PredictedAccuracy, noise_text
 from excite.information.prior import base_sizes
 from excite.views.bars import bar_panel, beside_names, parameter_label, row_places, unit_patches, unit_style
 from excite.views.panels import legend_below

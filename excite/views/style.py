@@ -31,9 +31,8 @@ from matplotlib.text import Annotation, Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from excite.registry import FIGURE_WIDTHS
-from regressors.errors import InputError
+from regressors.errors import InputError, printable
 from regressors.quantities import shown
-from regressors.quoting import printable
 
 STYLES = Path(__file__).parent / "styles"
 SCREEN: dict[str, Any] = dict(rc_params_from_file(STYLES / "screen.mplstyle", use_default_template=False).items())

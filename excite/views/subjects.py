@@ -26,10 +26,9 @@ from excite.optimality.design_bound import KIND as BOUND
 from excite.optimality.design_bound import DesignBound
 from excite.payload.payload_result import KIND as PAYLOAD_KIND
 from excite.payload.payload_result import PAYLOAD, load_payload
-from excite.storage.atomic import read_json
+from excite.storage.atomic import Destination, read_json
 from excite.storage.codec import record_of
 from excite.storage.commit import settle
-from excite.storage.destination import Destination
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import read_record
 from excite.study.posterior_samples import load_posterior

@@ -1,4 +1,4 @@
-"""The JAX form of a model, and its parts."""
+"""The JAX form of a model: the differential, the energy and the load model."""
 
 from __future__ import annotations
 
@@ -11,9 +11,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.jax_models.jax_drives import running_integral
-from regressors.models.model import RegressorModel
+from regressors.jax_models.jax_bodies import effort, energy_regressor, momentum, torque_regressor, tree_motion, tree_of
+from regressors.jax_models.jax_drives import cross, drives_of, path_lengths, running_integral
+from regressors.models.differential import DifferentialModel, carried_rotors
+from regressors.models.energy import EnergyModel
+from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
+from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.windows import Window
+from regressors.robot.columns import COULOMB
+from regressors.robot.friction.load_and_temperature import torques_at_drives
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
 
 
@@ -148,3 +155,152 @@ def reduced(Y: jax.Array, S: Array) -> jax.Array:
         return Y[:, np.argmax(S, axis=0)]
     used = np.flatnonzero(np.any(S != 0.0, axis=1))
     return jnp.moveaxis(jnp.tensordot(jnp.asarray(S[used]), Y[:, used], axes=(0, 1)), 0, 1)
+
+
+class DifferentialPart(RegressorBlock):
+    """Joint torques per parameter."""  # columns (p,)
+
+    def __init__(self, model: DifferentialModel, columns: Index) -> None:
+        self._tree = tree_of(model.robot)
+        self._drives = drives_of(model.robot, model.terms, model.sign_width)
+        self._S = model.reduction.matrix[:, columns]
+        self._bodies = None
+        if model.carried_bodies is not None:
+            self._bodies = model.carried_bodies.reshape(-1)
+            self._to_drives = torques_at_drives(model.robot)
+            inertias = carried_rotors(model.robot, model.carried)
+            self._rotors = np.array([inertias[self._drives.numbers[k]] for k in self._drives.rotors])
+
+    def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
+        """``tau = Y p``, shape (n, p, L)."""
+        inertial = torque_regressor(self._tree, tree_motion(self._tree, q, dq, ddq))
+        drives = self._drives.torque_columns(q, dq, ddq, self._carried(inertial, q, dq, ddq))
+        return reduced(jnp.concatenate([inertial, *drives], axis=1), self._S)
+
+    def _carried(self, inertial: jax.Array, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array | None:
+        """Torque that each drive carries, shape (m, L); None where no load share is a parameter."""
+        if self._bodies is None:
+            return None
+        of_bodies = jnp.einsum("npl,p->nl", inertial, jnp.asarray(self._bodies))
+        carried = jnp.asarray(self._to_drives) @ of_bodies
+        if not self._drives.rotors.size:
+            return carried
+        rotors = self._rotors[:, None] * self._drives.rotor_torques(q, dq, ddq)
+        return carried.at[self._drives.rotors].add(rotors)
+
+
+class ProjectedPart(RegressorBlock):
+    """Linear combinations of another model's rows, ``N' Y``."""  # columns (p,)
+
+    def __init__(self, model: PartialModel, columns: Index) -> None:
+        self._whole = part_of(model.model, columns)
+        self._projection = model.torque_equations().directions.T
+
+    def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
+        """Rows of the moving coordinates, shape (r, p, L)."""
+        return jnp.tensordot(jnp.asarray(self._projection), self._whole.rows(q, dq, ddq), axes=1)
+
+
+class EnergyPart(WindowPart):
+    """Work of the joint torques per parameter."""  # columns (p,)
+
+    def __init__(self, model: EnergyModel, columns: Index) -> None:
+        self.window = model.window
+        self._tree = tree_of(model.robot)
+        self._drives = drives_of(model.robot, model.terms, model.sign_width)
+        self._S = model.reduction.matrix[:, columns]
+        self._inertial = 10 * len(self._tree.parent)
+        place = self._drives.coulomb_columns
+        self._spread = self._S[self._inertial + place.start : self._inertial + place.stop]
+
+    def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:
+        """Energy, shape (1, p, L)."""
+        links = energy_regressor(self._tree, tree_motion(self._tree, q, dq, jnp.zeros_like(q)))
+        return reduced(jnp.concatenate([links, *self._drives.energy_columns(q, dq)], axis=1), self._S)
+
+    def density(self, q: jax.Array, dq: jax.Array) -> jax.Array:
+        """Power lost by friction, shape (1, p, L)."""
+        links = jnp.zeros((1, self._inertial, q.shape[-1]))
+        return reduced(jnp.concatenate([links, *self._drives.loss_columns(dq)], axis=1), self._S)
+
+    def measured_density(self, dq: jax.Array, measured: jax.Array) -> jax.Array:
+        """Power of the joint torques, ``tau' dq``, shape (N, 1) [W]; `measured` has shape (N, n)."""
+        return jnp.sum(measured * dq.T, axis=1, keepdims=True)
+
+    def cumulated(self, time: Array, q: jax.Array, dq: jax.Array) -> jax.Array:
+        """As for any window model, but Coulomb losses of exact sign come from the drives' path lengths."""
+        cumulated = super().cumulated(time, q, dq)
+        columns = np.flatnonzero(np.any(self._spread != 0.0, axis=0))
+        if self._drives.sign_width > 0.0 or not columns.size:
+            return cumulated
+        C = jnp.asarray(self._drives.coupling[self._drives.of_kind(COULOMB)])
+        paths = path_lengths((C @ q).T, (C @ dq).T, spacing(time)) @ jnp.asarray(self._spread[:, columns])
+        return cumulated.at[:, 0, columns].set(paths)
+
+
+class _SensorFrame:
+    """Motion of the sensor's frame, and the directions of the equations."""
+
+    def __init__(self, robot: Robot, sensor: Sensor) -> None:
+        self._tree, self._link = tree_of(robot), sensor.place(robot)
+        self._Rt, self._p = np.asarray(sensor.rotation).T, np.asarray(sensor.translation)[:, None]
+        directions = np.eye(6)[[EQUATIONS.index(name) for name in sensor.equations]]
+        self.l: Array = directions[:, :3, None]
+        self.s: Array = directions[:, 3:, None]
+
+    def motion(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> tuple[jax.Array, ...]:
+        """``omega, domega, v, a, up`` in the sensor's axes, shape (3, L) each, as in `TreeMotion`."""
+        m, k = tree_motion(self._tree, q, dq, ddq), self._link
+        w, dw, p = m.omega[k], m.domega[k], jnp.broadcast_to(self._p, m.omega[k].shape)
+        v, a = m.v[k] + cross(w, p), m.a[k] + cross(dw, p) + cross(w, cross(w, p))
+        return tuple(jnp.asarray(self._Rt) @ x for x in (w, dw, v, a, m.up[k]))
+
+
+class LoadPart(RegressorBlock):
+    """Wrench at the sensor per parameter."""  # columns (p,)
+
+    def __init__(self, model: LoadModel, columns: Index) -> None:
+        self._frame, self._S = _SensorFrame(model.robot, model.sensor), np.eye(len(model.columns))[:, columns]
+        self._equations = [EQUATIONS.index(name) for name in model.sensor.equations]
+
+    def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
+        """Selected rows of K, shape (r, p, L)."""
+        w, dw, _, a, _ = self._frame.motion(q, dq, ddq)
+        return reduced(effort(*_directed(self._frame, w, dw, a)), self._S)
+
+    def right_side(self, time: Array, q: jax.Array, dq: jax.Array, measured: jax.Array) -> jax.Array:
+        """The wrench, selected equations, shape (N, r); `measured` has shape (N, 6) or (N, r)."""
+        return _selected(measured, self._equations)
+
+
+class LoadIntegralPart(WindowPart):
+    """Integrals of the wrench over time windows per parameter."""  # columns (p,)
+
+    def __init__(self, model: LoadIntegralModel, columns: Index) -> None:
+        self.window = model.window
+        self._frame, self._S = _SensorFrame(model.robot, model.sensor), np.eye(len(model.columns))[:, columns]
+        self._equations = [EQUATIONS.index(name) for name in model.sensor.equations]
+
+    def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:
+        """Momentum, shape (r, p, L)."""
+        w, _, v, _, _ = self._frame.motion(q, dq, jnp.zeros_like(q))
+        return reduced(momentum(*_directed(self._frame, w, v)), self._S)
+
+    def density(self, q: jax.Array, dq: jax.Array) -> jax.Array:
+        """Effort at the acceleration ``omega x v - g`` without angular acceleration, shape (r, p, L)."""
+        w, _, v, _, up = self._frame.motion(q, dq, jnp.zeros_like(q))
+        return reduced(effort(*_directed(self._frame, w, jnp.zeros_like(w), cross(w, v) - up)), self._S)
+
+    def measured_density(self, dq: jax.Array, measured: jax.Array) -> jax.Array:
+        """The wrench itself, selected equations, shape (N, r); `measured` has shape (N, 6) or (N, r)."""
+        return _selected(measured, self._equations)
+
+
+def _selected(measured: jax.Array, equations: list[int]) -> jax.Array:
+    return measured[:, equations] if measured.shape[1] == len(EQUATIONS) else measured
+
+
+def _directed(frame: _SensorFrame, *motion: jax.Array) -> tuple[jax.Array, ...]:
+    """Directions of the equations and the same motion for each, shape (r, 3, L)."""
+    shape = (len(frame.l), *motion[0].shape)
+    return tuple(jnp.broadcast_to(jnp.asarray(x), shape) for x in (frame.l, frame.s, *motion))

@@ -14,14 +14,14 @@ import numpy as np
 
 from regressors.arguments import checked
 from regressors.errors import UnknownName
-from regressors.models.independence import (
+from regressors.models.model import RegressorModel
+from regressors.numerical import (
     ROUNDING,
     TOLERANCE,
     explained_columns,
     independent_columns,
     pivoted_columns,
 )
-from regressors.models.model import RegressorModel
 from regressors.robot.columns import BODY_KINDS, Column
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples

@@ -64,7 +64,7 @@ class EnergyModel(WindowModel):
 
     row_labels = (("work", "J"),)
     equations_can_be_chosen = False
-    jax_form = "regressors.jax_models.jax_equations:EnergyPart"
+    jax_form = "regressors.jax_models.jax_model:EnergyPart"
     reduction: Reduction
 
     def __init__(

@@ -118,7 +118,7 @@ class LoadModel(RegressorModel):
 
     channel = "wrench"
     keeps_all_links = True
-    jax_form = "regressors.jax_models.jax_equations:LoadPart"
+    jax_form = "regressors.jax_models.jax_model:LoadPart"
 
     def __init__(self, robot: Robot, sensor: Sensor | None = None) -> None:
         self.robot = robot
@@ -165,7 +165,7 @@ class LoadIntegralModel(WindowModel):
 
     channel = "wrench"
     keeps_all_links = True
-    jax_form = "regressors.jax_models.jax_equations:LoadIntegralPart"
+    jax_form = "regressors.jax_models.jax_model:LoadIntegralPart"
 
     def __init__(self, robot: Robot, sensor: Sensor | None = None, window: Window | None = None) -> None:
         self.robot = robot

@@ -437,7 +437,7 @@ class PartialModel(RegressorModel):
     Held joints and drives are left out: at rest, static friction hides the torque they carry.
     """
 
-    jax_form = "regressors.jax_models.jax_equations:ProjectedPart"
+    jax_form = "regressors.jax_models.jax_model:ProjectedPart"
 
     def __init__(self, model: RegressorModel, motion: PartialMotion, equations: Sequence[str] | None = None) -> None:
         if not model.rows_are_joint_torques or len(model.row_labels) != len(motion.offset):

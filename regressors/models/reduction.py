@@ -15,7 +15,7 @@ import scipy.linalg
 
 from regressors.errors import UnknownName
 from regressors.models.drives import check_drives, column_list, drive_motions, drive_rows, reflections
-from regressors.models.independence import independent_columns
+from regressors.numerical import independent_columns
 from regressors.robot.columns import (
     COMBINATION,
     DIRECTED_KINDS,

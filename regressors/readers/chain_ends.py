@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
-from regressors.readers.joint_ranges import range_of
+from regressors.readers.description import range_of
 from regressors.readers.urdf_tree import MOVING, TreeJoint, UrdfTree, listing
 from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array

@@ -24,8 +24,7 @@ from pydantic import (
     model_validator,
 )
 
-from regressors.errors import InputError, UnknownName
-from regressors.quoting import long_name, shortened
+from regressors.errors import InputError, UnknownName, long_name, shortened
 from regressors.readers.documents import described
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, rotation_from_rpy, transport

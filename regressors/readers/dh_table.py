@@ -14,9 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import LONGEST_NAME, InputError, UnknownName, shortened
 from regressors.input_files import read_text
-from regressors.quoting import LONGEST_NAME, shortened
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import Array, from_centre_of_mass, transport
 from regressors.robot.robot import Drive, Joint, JointKind, Limits, Link, Robot, Transmission

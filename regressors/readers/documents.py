@@ -8,22 +8,22 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from regressors.errors import InputError
+from regressors.errors import InputError, shortened
 from regressors.input_files import read_text
-from regressors.quoting import shortened
+from regressors.quantities import fault
 
 FieldPath = tuple[str | int, ...]
 Schema = TypeVar("Schema", bound=BaseModel)
@@ -234,3 +234,34 @@ def described(value: object) -> str:
     if value is None:
         return "nothing"
     return shortened(value)
+
+
+def within(quantity: str) -> Callable[[object], object]:
+    """Validator of numbers, or lists of these, which leaves them as they are."""
+
+    def validated(value: object) -> object:
+        if (wrong := fault(quantity, value)) is not None:
+            raise ValueError(wrong)
+        return value
+
+    return validated
+
+
+def _not_text(value: object) -> object:
+    if isinstance(value, str):
+        raise ValueError(f"must be a number, given the text {value[:40]!r}")
+    return value
+
+
+def _number(quantity: str) -> tuple[object, ...]:
+    return BeforeValidator(within(quantity)), BeforeValidator(_not_text)
+
+
+Length = Annotated[float, *_number("length")]
+Angle = Annotated[float, *_number("angle")]
+Friction = Annotated[float, *_number("friction_parameter")]
+Load = Annotated[float, *_number("load")]
+Celsius = Annotated[float, *_number("temperature")]
+Exponent = Annotated[float, *_number("exponent")]
+Point = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]

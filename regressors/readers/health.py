@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from regressors.readers.chain_ends import Chain, carried, resting_rotation
-from regressors.readers.joint_ranges import range_findings, range_of
+from regressors.readers.description import range_findings, range_of
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, listing
 from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array

@@ -10,8 +10,8 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.readers.chain_ends import carried, chain_of, kind_of, resting_rotation
+from regressors.readers.description import range_of
 from regressors.readers.health import health
-from regressors.readers.joint_ranges import range_of
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
 from regressors.robot.inertia import Array, transport
 from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission

@@ -17,9 +17,8 @@ from xml.parsers import expat
 
 import numpy as np
 
-from regressors.errors import InputError, TooLargeError
+from regressors.errors import InputError, TooLargeError, long_name, shortened
 from regressors.input_files import read_bytes
-from regressors.quoting import long_name, shortened
 from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array
 

@@ -1,4 +1,4 @@
-"""The process that expands one xacro file, which `regressors.readers.xacro_file` starts.
+"""The process that expands one xacro file, which `regressors.readers.library` starts.
 
 It has caps on its CPU time and memory and no network, opens nothing but the files that the description may name, writes
 none, and starts no other process. Its own expressions replace those of xacro. It reads its order as JSON from standard

@@ -108,8 +108,8 @@ class Terms:
         else the motors' own, ``Ia``, whose columns are n^2 times as large as those of links.
     load_share : bool or tuple of int
         ``F.l``, friction per torque that the drive carries [Nm/Nm], see
-        `regressors.robot.friction.load_share.Loaded`. The carried torque is that of bodies and rotors with known
-        parameters, see `DifferentialModel`.
+        `regressors.robot.friction.load_and_temperature.Loaded`. The carried torque is that of bodies and rotors with
+        known parameters, see `DifferentialModel`.
     root : bool or tuple of int
         ``F.r``, friction that grows with the root of the speed, as that of lubricants [Nm (s/rad)^0.5].
     asymmetry : bool or tuple of int

@@ -16,8 +16,7 @@ from excite.design.design import Design
 from excite.design.design_folder import design_content
 from excite.design.formulation import formulate
 from excite.design.optimisation import solve
-from excite.design.sweeps.cell import Cell, cell_identities
-from excite.design.sweeps.cell_folder import CELLS
+from excite.design.sweeps.cell import CELLS, Cell, cell_identities
 from excite.storage.migrations import schema_of
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot

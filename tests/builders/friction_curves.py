@@ -6,8 +6,7 @@ import numpy as np
 
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
 from regressors.robot.friction.curves import Side
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 from regressors.robot.friction.uncertainty import CurveUncertainty
 
 TUSTIN = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0), Side(9.0, 20.0, 10.6, 0.08, 2.0), 0.4)

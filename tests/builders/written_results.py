@@ -44,9 +44,8 @@ from excite.logs.sidecar import read_sidecar
 from excite.payload.held_body import Frame
 from excite.payload.known_gains import read_gains
 from excite.payload.load_estimate import LoadEstimate
-from excite.storage.atomic import read_json
+from excite.storage.atomic import Destination, read_json
 from excite.storage.commit import settle
-from excite.storage.destination import Destination
 from excite.storage.result_folder import settle_files
 from excite.study.time_study import TimeCourse, TimeStudy
 from excite.tasks.friction_file import read_friction

@@ -19,7 +19,7 @@ from constraints.certificate import ENCLOSED, EXACT, Extrema, LimitUse, limit_us
 from constraints.enclosure import _mean_value, enclose
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
-from constraints.tool import tool_box, tool_speed
+from constraints.power import tool_box, tool_speed
 from constraints.torque import torque_limits
 from excite.design.grid_limits import GridConstraint, GridJoints
 from excite.tasks.task import Task

@@ -9,7 +9,7 @@ import numpy as np
 from constraints.collision_limits import collision_limits
 from constraints.geometry import HalfSpace, Obstacle, Part, World
 from constraints.nonlinear import NonlinearConstraint, StackedConstraint
-from constraints.tool import tool_box, tool_speed
+from constraints.power import tool_box, tool_speed
 from constraints.torque import torque_limits
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints

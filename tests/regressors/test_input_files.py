@@ -9,7 +9,7 @@ import pytest
 
 from constraints.shapes import MeshError, mesh_corners, urdf_meshes, urdf_shape
 from constraints.world_file import read_world
-from excite.design.sweeps.sweep_file import read_sweep_file
+from excite.design.sweeps.run_sweep import read_sweep_file
 from excite.design.task_file import read_task_file
 from excite.design.task_motion_file import read_precision_target
 from excite.logs.log_reading import read_log
@@ -19,18 +19,17 @@ from excite.simulation.motion_source import read_motion
 from excite.storage.atomic import read_json
 from excite.study.posterior_samples import load_posterior
 from excite.tasks.friction_file import read_friction
-from excite.tasks.payload import read_load
-from excite.tasks.prior_file import read_prior
+from excite.tasks.installation import read_load
+from excite.tasks.stored_files import read_prior
 from regressors import input_files
 from regressors.errors import InputError
 from regressors.input_files import UnreadableFile, in_bytes, read_bytes, read_text, regular_size
 from regressors.readers.description import read_description
 from regressors.readers.dh_table import read_dh_table
-from regressors.readers.library import built_in
+from regressors.readers.library import built_in, read_xacro
 from regressors.readers.mjcf import read_mjcf
 from regressors.readers.urdf import read_urdf
 from regressors.readers.urdf_elements import xml_kind
-from regressors.readers.xacro_file import read_xacro
 
 READERS = {
     "robot": read_description,

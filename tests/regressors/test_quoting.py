@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regressors.errors import UnknownName
-from regressors.quoting import LONGEST, LONGEST_LINE, cut, listed_names, one_line, printable, shortened
+from regressors.errors import LONGEST, LONGEST_LINE, UnknownName, cut, listed_names, one_line, printable, shortened
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.design.problem import ObjectivePoint, Problem
-from excite.design.solvers.descent import Descent, DescentStep, SqpOptions
-from excite.design.solvers.programmes import Programmes
+from excite.design.solvers.descent import Descent, DescentStep, Programmes, SqpOptions
 from excite.design.solvers.solver import Attempt, Solver, SolverResult, Status, Watcher
 from regressors.samples import Array
 

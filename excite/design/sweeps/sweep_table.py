@@ -13,8 +13,7 @@ from typing import Any
 from constraints.certificate import LimitUse
 from excite.design.design import RecomputedLimits, recomputed_limits
 from excite.design.design_json import load_design
-from excite.design.sweeps.cell import Cell
-from excite.design.sweeps.cell_folder import CELLS, read_cell, stored_design
+from excite.design.sweeps.cell import CELLS, Cell, read_cell, stored_design
 from excite.registry import name_of
 from excite.storage.atomic import replacing
 from excite.storage.records import read_record, write_record
@@ -59,7 +58,7 @@ class SweepRow:
         Rows of the same group have the same robot, model, moving joints and base parameters, so that their numbers are
         comparable; 0 without a design.
     criteria : mapping of str to float
-        Of ``design.json``, see `excite.information.metrics.CONVENTIONS`; each at the rate and noise of its own task.
+        Of ``design.json``, see `excite.information.matrix.CONVENTIONS`; each at the rate and noise of its own task.
     facts : CellFacts, optional
         Of the design.
     reason : str

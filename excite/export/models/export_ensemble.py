@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from excite.export.exported import Exported
-from excite.export.models.export_model import chosen_format, chosen_result, comment_of
+from excite.export.models.export_model import ModelFormat, chosen_format, chosen_result, comment_of
 from excite.export.models.exported_model import model_of_result, model_of_sample
 from excite.export.models.identified_model import IdentifiedModel
-from excite.export.models.model_format import ModelFormat
 from excite.export.models.robot_yaml import ranges_text
 from excite.identification.identification import Identification
 from excite.registry import name_of

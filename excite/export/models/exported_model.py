@@ -36,8 +36,7 @@ from regressors.robot.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import inertia_tensor, parameter_names, skew
-from regressors.robot.joint_rotors import with_joint_rotors
-from regressors.robot.locked_joints import carriers
+from regressors.robot.locked_joints import carriers, with_joint_rotors
 from regressors.robot.robot import Link, Robot, Structure
 from regressors.samples import Array
 

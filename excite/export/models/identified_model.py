@@ -27,8 +27,7 @@ from regressors.robot.columns import (
     drive_column,
 )
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.temperature import Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Warm
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Robot

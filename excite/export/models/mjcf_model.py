@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, quaternion_of, stated
 from excite.export.models.identified_model import COUPLED, IdentifiedModel
-from excite.export.models.model_format import ModelFormat, ModelText
 from excite.export.models.xml_copy import (
     XmlDocument,
     XmlSpan,
@@ -50,7 +50,7 @@ class MjcfFormat(ModelFormat):
     template_suffixes = (".xml", ".mjcf")
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
-        """See `excite.export.models.model_format.ModelFormat.text`."""
+        """See `excite.export.models.export_model.ModelFormat.text`."""
         zone = (_ZONE,) if any(feature.kind == COULOMB for feature in model.features) else ()
         if robot_file is not None:
             document, notes = mjcf_copy(model, robot_file)

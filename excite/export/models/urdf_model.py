@@ -11,9 +11,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, rpy_of, stated, upper
 from excite.export.models.identified_model import IdentifiedModel
-from excite.export.models.model_format import ModelFormat, ModelText
 from excite.export.models.xml_copy import (
     XmlDocument,
     XmlSpan,
@@ -42,7 +42,7 @@ class UrdfFormat(ModelFormat):
     further: ClassVar[tuple[str, ...]] = ()  # notes
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
-        """See `excite.export.models.model_format.ModelFormat.text`."""
+        """See `excite.export.models.export_model.ModelFormat.text`."""
         if robot_file is not None:
             document, notes = urdf_copy(model, robot_file)
             self.add_drives(document, model)

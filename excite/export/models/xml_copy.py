@@ -16,8 +16,7 @@ import numpy as np
 
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.nearest_bodies import held_note, own_part
-from regressors.errors import InputError
-from regressors.quoting import shortened
+from regressors.errors import InputError, shortened
 from regressors.readers.chain_ends import carried, kind_of
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree
 from regressors.robot.robot import Joint, Robot

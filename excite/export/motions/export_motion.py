@@ -8,15 +8,15 @@ from excite.design.design import Design
 from excite.design.design_json import load_design
 from excite.errors import BrokenLimitError
 from excite.export.exported import Exported
-from excite.export.motions.certificate import (
+from excite.export.motions.motion_format import (
     Certificate,
     Interpolation,
+    MotionFormat,
     certify,
     check_formula,
     check_interpolated,
     deviation,
 )
-from excite.export.motions.motion_format import MotionFormat
 from excite.export.motions.sampled_design import SampledDesign
 from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of

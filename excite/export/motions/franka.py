@@ -11,8 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.errors import BrokenLimitError
-from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder, channels, rows_of
+from excite.export.motions.motion_format import Interpolation, MotionFile, MotionFormat, Recorder, channels, rows_of
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.robot.robot import Robot
 from regressors.samples import Array

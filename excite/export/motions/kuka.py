@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.export.motions.certificate import Interpolation
 from excite.export.motions.motion_format import (
+    Interpolation,
     MotionFile,
     MotionFormat,
     Recorder,

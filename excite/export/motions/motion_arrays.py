@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.io import savemat
 
-from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder, house_recorder
+from excite.export.motions.motion_format import Interpolation, MotionFile, MotionFormat, Recorder, house_recorder
 from excite.export.motions.sampled_design import SEGMENTS, SampledDesign
 
 ARRAY_SAMPLES = 500_000

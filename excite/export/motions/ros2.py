@@ -16,11 +16,9 @@ from typing import Any
 import numpy as np
 
 from excite.errors import BrokenLimitError
-from excite.export.motions.certificate import Interpolation
-from excite.export.motions.motion_format import MotionFile, MotionFormat, Recorder, channels
+from excite.export.motions.motion_format import Interpolation, MotionFile, MotionFormat, Recorder, channels
 from excite.export.motions.sampled_design import SampledDesign
-from regressors.errors import InputError
-from regressors.quoting import printable
+from regressors.errors import InputError, printable
 from regressors.readers.documents import yaml_float
 
 CONTROLLER = "/joint_trajectory_controller"

@@ -12,8 +12,7 @@ from excite.design.design import Design
 from excite.trajectories import Trajectory
 from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
 from excite.trajectories.transfer import Transfer
-from regressors.errors import InputError, NumericalError
-from regressors.quoting import printable
+from regressors.errors import InputError, NumericalError, printable
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 

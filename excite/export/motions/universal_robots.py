@@ -12,8 +12,8 @@ from itertools import groupby
 
 import numpy as np
 
-from excite.export.motions.certificate import Interpolation
 from excite.export.motions.motion_format import (
+    Interpolation,
     MotionFile,
     MotionFormat,
     Recorder,

@@ -16,8 +16,7 @@ import scipy.stats
 from excite.friction.fit.friction_equations import Conditions, Form
 from excite.friction.fit.points import Point
 from regressors.errors import InputError
-from regressors.robot.friction.curve import FrictionCurve
-from regressors.robot.friction.tables import TableFriction
+from regressors.robot.friction.curve import FrictionCurve, TableFriction
 from regressors.robot.friction.uncertainty import CurveUncertainty
 from regressors.samples import Array, Index
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
 from regressors.robot.friction.curves import Side
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 from regressors.samples import Array, Index
 
 

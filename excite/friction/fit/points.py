@@ -17,7 +17,7 @@ from regressors.errors import InputError
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.robot.columns import ROTOR, Terms, drive_column
-from regressors.robot.friction.load_share import drives_with_friction
+from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples

@@ -38,7 +38,7 @@ from regressors.errors import InputError
 from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
 from regressors.numerical import numerical_work
 from regressors.quantities import check
-from regressors.readers.joint_ranges import refuse_missing_ranges
+from regressors.readers.description import refuse_missing_ranges
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
 from regressors.samples import Array

@@ -34,7 +34,7 @@ from excite.tasks.model_options import without_curve
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.models.carried_torque import standard_of
+from regressors.models.differential import standard_of
 from regressors.models.nominal import standard_values
 from regressors.robot.columns import ASYMMETRY, LOAD_SHARE, OFFSET, ROOT, ROTOR, STRIBECK
 from regressors.robot.friction.curves import FrictionCurves

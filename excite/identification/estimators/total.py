@@ -10,7 +10,7 @@ from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import GroupWeights, weighting
 from excite.identification.observations import Observations
 from regressors.errors import InputError
-from regressors.models.independence import independent_columns
+from regressors.numerical import independent_columns
 from regressors.samples import Array
 
 

@@ -32,7 +32,7 @@ from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.models.nominal import standard_values
-from regressors.robot.friction.load_share import drives_with_friction
+from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.plausibility import implausible_inertias
 from regressors.samples import Array, Samples
 

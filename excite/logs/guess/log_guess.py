@@ -36,8 +36,7 @@ from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording, R
 from excite.storage.atomic import replacing
 from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
-from regressors.errors import InputError
-from regressors.quoting import printable
+from regressors.errors import InputError, printable
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

@@ -33,9 +33,8 @@ from excite.logs.recordings.recording import (
     numbers_of,
     optional_package,
 )
-from regressors.errors import InputError
+from regressors.errors import InputError, cut, listed_names
 from regressors.input_files import LOG, in_bytes, opened
-from regressors.quoting import cut, listed_names
 
 _SHORTEST = 2  # rows of a stream
 _Group: TypeAlias = tuple[str, ...]  # groups or structs that something is in, the outermost first

@@ -20,9 +20,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
 
 from excite.logs.recordings.recording import check_bytes, foreign_reader, optional_package
-from regressors.errors import InputError
+from regressors.errors import InputError, cut
 from regressors.input_files import LOG, opened
-from regressors.quoting import cut
 
 MCAP = b"\x89MCAP0\r\n"
 _LATEST = 2**63 - 1  # [ns]

@@ -29,10 +29,9 @@ from excite.logs.recordings.recording import (
     numbers_of,
     optional_package,
 )
-from regressors.errors import InputError
+from regressors.errors import InputError, cut, listed_names
 from regressors.input_files import LOG, opened, read_text
 from regressors.memory_cap import value_cap
-from regressors.quoting import cut, listed_names
 
 _MAGIC, _ENCRYPTED = b"PAR1", b"PARE"
 _INFO = "meta/info.json"

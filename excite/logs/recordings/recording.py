@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
-from regressors.errors import ExciteError, InputError
+from regressors.errors import ExciteError, InputError, cut, one_line
 from regressors.input_files import LOG, opened
-from regressors.quoting import cut, one_line
 
 HEAD = 4096  # bytes by which a file is recognised
 LARGEST_ARRAY = 100  # elements of one row; what has more, such as an image, is no measurement of joints

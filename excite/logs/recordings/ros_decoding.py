@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.recordings.recording import LARGEST_ARRAY, Meaning, optional_package
-from regressors.quoting import cut
+from regressors.errors import cut
 
 Fields: TypeAlias = list[tuple[str, Any]]
 Definitions: TypeAlias = Mapping[str, Fields]

@@ -37,8 +37,7 @@ from excite.logs.recordings.ros_decoding import (
     layout_columns,
     message_layout,
 )
-from regressors.errors import InputError
-from regressors.quoting import cut, listed_names
+from regressors.errors import InputError, cut, listed_names
 from regressors.samples import Index
 
 Bytes: TypeAlias = NDArray[np.uint8]

@@ -15,9 +15,19 @@ import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck
-from regressors.robot.friction.load_share import (
+from regressors.robot.friction.curve import (
+    CoulombViscous,
+    FrictionCurve,
+    FunctionFriction,
+    Scaled,
+    Side,
+    Stribeck,
+    TableFriction,
+)
+from regressors.robot.friction.load_and_temperature import (
     Loaded,
+    Slope,
+    Warm,
     carried,
     carried_along,
     carried_expression,
@@ -26,10 +36,9 @@ from regressors.robot.friction.load_share import (
     loading,
     scaled,
     smooth_direction,
+    table_part,
     torques_at_drives,
 )
-from regressors.robot.friction.tables import FunctionFriction, TableFriction
-from regressors.robot.friction.temperature import Slope, Warm, table_part
 from regressors.robot.friction.uncertainty import CurveUncertainty, changed, curve_parameters, uncertainty_at
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
@@ -127,7 +136,7 @@ class FrictionCurves:
     def scaled(self, factors: Mapping[str, float]) -> FrictionCurves:
         """Return the curves multiplied by one factor each, taken as exact; the factor is 1 where none is given.
 
-        Load shares are limited to 0.99, see `regressors.robot.friction.load_share.scaled`.
+        Load shares are limited to 0.99, see `regressors.robot.friction.load_and_temperature.scaled`.
 
         Parameters
         ----------
@@ -152,7 +161,7 @@ class FrictionCurves:
             A temperature of a drive that has no curve.
         InputError
             A temperature that is not finite, or at which friction would be negative, see
-            `regressors.robot.friction.temperature.Warm.at`.
+            `regressors.robot.friction.load_and_temperature.Warm.at`.
         """
         each = temperature if isinstance(temperature, Mapping) else dict.fromkeys(self.curves, temperature)
         for name in each:

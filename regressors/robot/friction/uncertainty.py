@@ -13,10 +13,16 @@ from typing import TypeVar
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck
-from regressors.robot.friction.load_share import Loaded, scaled_shares
-from regressors.robot.friction.tables import FunctionFriction, TableFriction
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.curve import (
+    CoulombViscous,
+    FrictionCurve,
+    FunctionFriction,
+    Scaled,
+    Side,
+    Stribeck,
+    TableFriction,
+)
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm, scaled_shares
 from regressors.samples import Array
 
 Part = TypeVar("Part", CoulombViscous, Side, Slope)

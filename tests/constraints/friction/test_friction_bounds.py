@@ -19,11 +19,16 @@ from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.curve import (
+    CoulombViscous,
+    FrictionCurve,
+    FunctionFriction,
+    Scaled,
+    Stribeck,
+    TableFriction,
+)
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.tables import FunctionFriction, TableFriction
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
 

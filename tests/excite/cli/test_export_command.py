@@ -19,7 +19,7 @@ from excite.views import figures
 
 OWN = """\
 import excite
-from excite.export.motions.certificate import Interpolation
+from excite.export.motions.motion_format import Interpolation
 from excite.export.motions.motion_format import MotionFile
 from excite.export.motions.motion_format import house_recorder
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.design import continuation
+from excite.design import search_rounds as continuation
 from excite.design.solvers.descent import SqpOptions
 from excite.design.solvers.sqp import SequentialQuadratic
 from excite.design.start_results import read_starts

@@ -25,17 +25,15 @@ from excite.design.optimisation import design_trajectory
 from excite.design.task_file import read_task_file, task_content, task_from_options
 from excite.identification.estimation import estimate_parameters
 from excite.identification.result_json import load_result, result_content
-from excite.information.metrics import MotionMeasures
+from excite.information.matrix import MotionMeasures
 from excite.information.target import target_of
 from excite.tasks.friction_file import read_friction, write_friction
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
-from regressors.robot.friction.curve import CoulombViscous, Scaled, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, FunctionFriction, Scaled, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.tables import FunctionFriction, TableFriction
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from constraints.linear import LinearConstraint
-from constraints.tool import tool_speed
+from constraints.power import tool_speed
 from excite.design import formulation
 from excite.design.formulation import formulate
 from excite.design.grid_limits import GridConstraint, GridJoints

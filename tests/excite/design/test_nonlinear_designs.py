@@ -15,7 +15,7 @@ from constraints.certificate import ENCLOSED, EXACT
 from constraints.diagnosis import ContradictionError, interior_pose
 from constraints.enclosure import enclose
 from constraints.linear import linear_limits
-from constraints.tool import tool_box
+from constraints.power import tool_box
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate, roomy_pose
 from excite.design.initial_guesses import candidates

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from constraints.nonlinear import NonlinearConstraint
-from constraints.tool import tool_box, tool_speed
+from constraints.power import tool_box, tool_speed
 from constraints.torque import torque_limits
 from excite.design.formulation import formulate
 from excite.design.grid_limits import GridConstraint, GridJoints

@@ -26,7 +26,7 @@ from excite.registry import instance
 from excite.tasks.friction_file import friction_of
 from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.load_and_temperature import Loaded
 from regressors.robot.friction.uncertainty import CurveUncertainty, changed
 from regressors.samples import Array
 

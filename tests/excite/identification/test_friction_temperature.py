@@ -30,11 +30,9 @@ from excite.tasks.friction_file import read_friction, write_friction
 from excite.tasks.reference import SampledMotion
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, TableFriction
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.tables import TableFriction
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 from regressors.samples import Array, Samples
 
 RATE = 250.0

@@ -17,11 +17,9 @@ from excite.logs.log import Log
 from excite.study.repetitions import repetitions
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.robot.friction.curve import CoulombViscous, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.tables import TableFriction
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 from regressors.samples import Array, Samples
 
 CURVES = FrictionCurves(curves())

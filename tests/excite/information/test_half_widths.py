@@ -5,7 +5,7 @@ import pytest
 import scipy.stats
 
 from excite.information.half_widths import half_width_factor, residual_degrees_of_freedom
-from excite.information.identifiability import inverse_half
+from excite.information.target import inverse_half
 
 ROWS, COLUMNS, REPEATS = 40, 3, 4000
 

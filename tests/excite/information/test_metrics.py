@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from excite.information.metrics import CONVENTIONS, MotionMeasures, noise_per_row
+from excite.information.matrix import CONVENTIONS, MotionMeasures, noise_per_row
 from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory

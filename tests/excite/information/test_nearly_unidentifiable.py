@@ -15,8 +15,7 @@ import excite
 from excite.cli.view_text import print_view
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
-from excite.information.identifiability import FACTOR
-from excite.information.metrics import MotionMeasures
+from excite.information.matrix import MotionMeasures
 from excite.information.nearly_unidentifiable import (
     NearlyUnidentifiable,
     hardly_excited_note,
@@ -24,7 +23,7 @@ from excite.information.nearly_unidentifiable import (
     rounded_angles,
 )
 from excite.information.prior import standard_sizes
-from excite.information.target import IdentificationTarget, target_of
+from excite.information.target import FACTOR, IdentificationTarget, target_of
 from excite.tasks.task import Task
 from excite.views.design_view import design_view
 from regressors.errors import UnknownName

@@ -22,7 +22,7 @@ from excite.trajectories import Fourier, Trajectory
 from regressors.readers.library import built_in
 from regressors.robot.friction.curve import CoulombViscous, Stribeck
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.load_and_temperature import Loaded
 from regressors.samples import Array
 
 CURVES = FrictionCurves(

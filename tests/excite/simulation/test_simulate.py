@@ -28,8 +28,8 @@ from excite.simulation.sensors import motor_angle, quantised
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
+from excite.tasks.installation import Payload
 from excite.tasks.limit_choice import LimitChoice
-from excite.tasks.payload import Payload
 from excite.tasks.reference import Repeated, SampledMotion
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
@@ -41,10 +41,9 @@ from regressors.models.nominal import parameter_values
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
 from regressors.robot.columns import Terms
-from regressors.robot.friction.curve import CoulombViscous, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import smooth_direction
-from regressors.robot.friction.tables import TableFriction
+from regressors.robot.friction.load_and_temperature import smooth_direction
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.locked_joints import with_locked_joints

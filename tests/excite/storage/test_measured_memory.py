@@ -63,7 +63,7 @@ HEAD = """
 import json, sys
 from pathlib import Path
 import numpy as np
-from excite.design.design_memory import design_prediction
+from excite.design.blueprint import design_prediction
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import candidates
 from excite.design.optimisation import design_trajectory

@@ -13,9 +13,8 @@ from commands import ENVIRONMENT, Here, files_below
 from written_results import COMMANDS, design, simulation
 
 import excite
-from excite.storage.atomic import write_json
+from excite.storage.atomic import MANIFEST, Destination, shown, write_json
 from excite.storage.commit import settle
-from excite.storage.destination import MANIFEST, Destination, shown
 from excite.storage.manifest import Entry, FileHash, read_manifest
 from excite.storage.result_folder import amend_result, replace_result, result_folder
 from regressors.errors import InputError, NumericalError, TakenError

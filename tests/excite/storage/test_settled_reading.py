@@ -18,8 +18,8 @@ from excite.design.start_results import read_start, start_file
 from excite.export.models.robot_yaml import write_robot
 from excite.identification.given_logs import log_of
 from excite.storage import commit as committing
+from excite.storage.atomic import Destination
 from excite.storage.commit import read_settled
-from excite.storage.destination import Destination
 from excite.storage.lock import locked, write_holder
 from excite.storage.manifest import check_files, read_manifest
 from excite.storage.result_folder import replace_result, result_folder

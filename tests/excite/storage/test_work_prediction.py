@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from excite.design.blueprint import check_richness, design_prediction, search_seconds
 from excite.design.campaign import campaign_prediction
-from excite.design.design_memory import check_richness, design_prediction, search_seconds
 from excite.friction.plan.schedule import Schedule, plan_prediction
 from excite.identification.identify import rows_prediction
 from excite.identification.recipe import repetition_prediction

@@ -27,8 +27,7 @@ from excite.design.initial_guesses import candidates
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, LinearFamily, Trajectory, stored_trajectory
 from excite.trajectories.bspline import BSpline
-from excite.trajectories.cosine import Cosine
-from excite.trajectories.fourier_quintic import FourierQuintic
+from excite.trajectories.fourier import Cosine, FourierQuintic
 from excite.trajectories.polynomial import Polynomial
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import load_robot

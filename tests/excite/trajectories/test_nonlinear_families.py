@@ -21,7 +21,7 @@ from excite.design.solvers.descent import SqpOptions
 from excite.design.solvers.sqp import SequentialQuadratic
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory, stored_trajectory
-from excite.trajectories.fourier_quintic import FourierQuintic
+from excite.trajectories.fourier import FourierQuintic
 from excite.trajectories.nonlinear import NonlinearFamily
 from excite.trajectories.sines import Sines
 from excite.trajectories.waypoints import Waypoints

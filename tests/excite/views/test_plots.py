@@ -24,7 +24,7 @@ from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
 from excite.design.start_results import RUNNING, StartResult
 from excite.design.stated_limits import Unchecked
-from excite.information.metrics import PredictedAccuracy
+from excite.information.matrix import PredictedAccuracy
 from excite.information.prior import base_sizes
 from excite.information.target import target_of
 from excite.tasks.limit_choice import LimitChoice

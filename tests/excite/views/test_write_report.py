@@ -18,7 +18,7 @@ from written_results import result, verification
 
 import excite
 from excite.design.task_file import read_task_file, task_content, task_from_options
-from excite.information.metrics import CONVENTIONS
+from excite.information.matrix import CONVENTIONS
 from excite.views.page_text import page_text
 from excite.views.sections import commands_of, comparison_section, parameters_section
 from excite.views.write_report import report_text

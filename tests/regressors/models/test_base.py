@@ -17,7 +17,7 @@ from slow_dynamics import general, three_axes
 from regressors.errors import UnknownName
 from regressors.models.base import CHOICES, base_parameters, random_states
 from regressors.models.differential import DifferentialModel
-from regressors.models.independence import independent_columns, pivoted_columns
+from regressors.numerical import independent_columns, pivoted_columns
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
 from regressors.robot.columns import Terms

@@ -11,8 +11,7 @@ from pinocchio_chains import drive_torques, joint_torques
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
-from regressors.models.carried_torque import standard_of
-from regressors.models.differential import DifferentialModel
+from regressors.models.differential import DifferentialModel, standard_of
 from regressors.models.energy import EnergyModel
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values

@@ -39,7 +39,7 @@ READ_BY_PATTERNS = {
     "excite/logs/recordings/array_streams.py",
     "excite/logs/recordings/column_name.py",
     "excite/logs/recordings/text_table.py",
-    "excite/storage/destination.py",
+    "excite/storage/atomic.py",
     "excite/storage/migrations.py",
     "excite/tasks/friction_file.py",
     "excite/tasks/option.py",

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 import excite
-from regressors.errors import InputError
-from regressors.quoting import LONGEST_LINE, LONGEST_NAME
+from regressors.errors import LONGEST_LINE, LONGEST_NAME, InputError
 
 LONG = "x" * 1_000_000
 BODY = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'

@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 
 from regressors.errors import InputError, TooLargeError
-from regressors.readers import mjcf_size
+from regressors.readers import mjcf as mjcf_size
 from regressors.readers.library import load_robot
-from regressors.readers.mjcf_size import check_mjcf_size
+from regressors.readers.mjcf import check_mjcf_size
 
 pytest.importorskip("mujoco", reason="mujoco is not installed (pip install mujoco)")
 

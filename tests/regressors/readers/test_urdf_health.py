@@ -14,8 +14,8 @@ from public_arms import ARMS, Arm
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters
 from regressors.models.differential import DifferentialModel
+from regressors.readers.description import refuse_missing_ranges
 from regressors.readers.health import Body, inertia_findings
-from regressors.readers.joint_ranges import refuse_missing_ranges
 from regressors.readers.library import built_in, built_in_names
 from regressors.readers.urdf import parse_urdf, read_urdf
 from regressors.readers.urdf_elements import edits, nearest

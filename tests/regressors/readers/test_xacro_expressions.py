@@ -16,10 +16,9 @@ from typing import Any
 import pytest
 
 from regressors.errors import InputError
-from regressors.readers import xacro_file
-from regressors.readers.library import load_robot
+from regressors.readers import library as xacro_file
+from regressors.readers.library import expand_xacro, load_robot
 from regressors.readers.xacro_expressions import LARGEST, LONGEST, Function, Names, Refused, evaluate, known_names
-from regressors.readers.xacro_file import expand_xacro
 from tests.builders.public_arms import robots_folder
 
 xacro = pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")

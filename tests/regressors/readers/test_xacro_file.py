@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from regressors.errors import InputError
-from regressors.readers.library import load_robot
+from regressors.readers.library import load_robot, read_xacro
 from regressors.readers.urdf import parse_urdf
-from regressors.readers.xacro_file import read_xacro
 
 pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")
 

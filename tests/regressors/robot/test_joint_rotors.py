@@ -13,7 +13,7 @@ from regressors.models.base import random_states
 from regressors.models.differential import DifferentialModel
 from regressors.readers.library import load_robot
 from regressors.robot.columns import Terms
-from regressors.robot.joint_rotors import with_joint_rotors
+from regressors.robot.locked_joints import with_joint_rotors
 
 INERTIA = Terms(coulomb=False, viscous=False)
 

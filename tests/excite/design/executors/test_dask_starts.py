@@ -11,8 +11,7 @@ import pytest
 from commands import Here, content_of
 from processes import DaskProcesses, kill
 
-from excite.design.executors.dask_cluster import DaskCluster
-from excite.design.executors.dask_starts import DaskStarts, check_versions
+from excite.design.executors.dask_cluster import DaskCluster, DaskStarts, check_versions
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import keep_starts
 from excite.design.multistart import serial

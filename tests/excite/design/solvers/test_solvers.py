@@ -240,8 +240,8 @@ def test_sqp_stays_inside_even_if_its_programme_misses_limits(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A single programme that starts without any row: its steps leave the limits, the iterates must not."""
-    monkeypatch.setattr("excite.design.solvers.programmes._NEAR", 10.0)
-    monkeypatch.setattr("excite.design.solvers.programmes._ROUNDS", 1)
+    monkeypatch.setattr("excite.design.solvers.descent._NEAR", 10.0)
+    monkeypatch.setattr("excite.design.solvers.descent._ROUNDS", 1)
     x = start(problem, 1)
     found, seen = watched(SequentialQuadratic(SqpOptions(iterations=10)), problem, x)
     assert max(excess(problem, point) for point, _ in seen) <= 1e-12

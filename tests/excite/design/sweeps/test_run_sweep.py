@@ -15,7 +15,7 @@ from commands import ENVIRONMENT, Here
 from processes import DaskProcesses, alive, kill, stderr_of, until, workers
 
 import excite
-from excite.design.sweeps.cell_folder import clear_cells, packed, place
+from excite.design.sweeps.cell import clear_cells, packed, place
 from excite.design.sweeps.run_sweep import CellProgress, run_sweep
 from excite.design.sweeps.sweep_table import load_sweep
 from regressors.errors import InputError

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from excite.design.sweeps.cell import cell_name, value_name
-from excite.design.sweeps.sweep_file import read_sweep_file
+from excite.design.sweeps.run_sweep import read_sweep_file
 from regressors.errors import InputError
 
 

@@ -15,7 +15,7 @@ from excite.design.executors.unit_executor import InThisProcess
 from excite.design.kept_starts import KeptStarts
 from excite.design.problem_identity import ProblemIdentity
 from excite.design.start_results import write_start
-from excite.design.sweeps.cell_folder import stored_design
+from excite.design.sweeps.cell import stored_design
 from excite.design.sweeps.run_sweep import run_sweep
 from excite.design.sweeps.sweep_table import load_sweep
 
@@ -47,8 +47,8 @@ def _no_search(monkeypatch: pytest.MonkeyPatch) -> None:
             write_start(kept.folder, start, formulation.identity.origin)
         return formulation.made
 
-    monkeypatch.setattr("excite.design.sweeps.cell_folder.formulate", formulate)
-    monkeypatch.setattr("excite.design.sweeps.cell_folder.solve", solve)
+    monkeypatch.setattr("excite.design.sweeps.cell.formulate", formulate)
+    monkeypatch.setattr("excite.design.sweeps.cell.solve", solve)
 
 
 @pytest.mark.slow

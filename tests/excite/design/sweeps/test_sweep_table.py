@@ -14,8 +14,7 @@ from designed import copies
 
 import excite
 from excite.cli.sweep_run import show_sweep
-from excite.design.sweeps.cell import Cell
-from excite.design.sweeps.cell_folder import CELLS, read_cell, write_cell
+from excite.design.sweeps.cell import CELLS, Cell, read_cell, write_cell
 from excite.design.sweeps.run_sweep import cells_left
 from excite.design.sweeps.sweep_table import SweepTable, load_sweep, sweep_table
 from excite.design.task_file import task_content

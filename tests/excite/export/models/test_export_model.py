@@ -25,11 +25,9 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.registry import BUILT_IN
 from excite.tasks.task import Task
-from regressors.robot.friction.curve import CoulombViscous, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.tables import TableFriction
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 
 FORMATS = tuple(BUILT_IN["model format"])
 SIMULATORS = ("urdf", "mjcf", "drake", "isaac", "yaml", "npz")
@@ -197,7 +195,7 @@ class OwnFormat(excite.ModelFormat):
     expresses = frozenset()
 
     def text(self, model: Any, comment: tuple[str, ...], robot_file: Path | None = None) -> Any:
-        from excite.export.models.model_format import ModelText
+        from excite.export.models.export_model import ModelText
 
         return ModelText(" ".join(model.moving), ("in order",))
 
@@ -207,7 +205,7 @@ def test_a_format_of_ones_own(result: Identification, tmp_path: Path, monkeypatc
     assert (tmp_path / "names.txt").read_text() == "shoulder_lift_joint elbow_joint wrist_2_joint"
     assert exported.notes[-1] == "in order"
     assert any("names cannot express Coulomb friction" in note for note in exported.notes)
-    (tmp_path / "my_format.py").write_text("from excite.export.models.parameter_table import CsvTable as Mine\n")
+    (tmp_path / "my_format.py").write_text("from excite.export.models.plain_models import CsvTable as Mine\n")
     monkeypatch.chdir(tmp_path)
     assert excite.export_model(result, "my_format:Mine", tmp_path / "t.csv").files == (tmp_path / "t.csv",)
 

@@ -13,8 +13,7 @@ from regressors.errors import InputError
 from regressors.readers.description import parse_description
 from regressors.readers.library import built_in, built_in_names, load_robot
 from regressors.readers.urdf import read_urdf
-from regressors.robot.joint_rotors import with_joint_rotors
-from regressors.robot.locked_joints import with_locked_joints
+from regressors.robot.locked_joints import with_joint_rotors, with_locked_joints
 from regressors.robot.robot import Robot
 
 SOME_ARMS = [arm for arm in ARMS if arm.id in ("panda-hand", "kinova", "tiago-torso-arm", "g1-thumb", "two-dofs")]

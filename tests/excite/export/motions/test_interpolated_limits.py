@@ -12,9 +12,9 @@ from scipy.interpolate import BPoly
 
 import excite
 from constraints.interpolation import Curve, curve_pieces
-from excite.export.motions.certificate import Interpolation, certify, deviation
 from excite.export.motions.export_motion import export_motion
 from excite.export.motions.franka import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
+from excite.export.motions.motion_format import Interpolation, certify, deviation
 from excite.export.motions.ros2 import Ros2Yaml
 from excite.export.motions.sampled_design import SampledDesign, breaks_of, sampled_design
 from excite.trajectories import Fourier, Trajectory

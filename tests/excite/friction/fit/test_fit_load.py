@@ -20,7 +20,7 @@ from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
 from regressors.robot.friction.curves import Side
-from regressors.robot.friction.load_share import Loaded
+from regressors.robot.friction.load_and_temperature import Loaded
 
 SPEEDS = np.concatenate([np.linspace(0.05, 0.8, 8), -np.linspace(0.05, 0.8, 8)])
 CANDIDATES = tuple(form for load in (False, True) for form in forms("auto", None, offset=True, load=load))

@@ -33,8 +33,7 @@ from ros_bags import (
 )
 
 from excite.logs.recordings.formats import format_of
-from regressors.errors import InputError
-from regressors.quoting import LONGEST_LINE
+from regressors.errors import LONGEST_LINE, InputError
 
 for package in ("rosbags", "h5py", "pyarrow", "mcap_ros2"):
     pytest.importorskip(package, reason=f"{package} is not installed")

@@ -21,10 +21,9 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 from regressors.robot.columns import Terms
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, FunctionFriction, Scaled, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import smooth_direction
-from regressors.robot.friction.tables import FunctionFriction, TableFriction
+from regressors.robot.friction.load_and_temperature import smooth_direction
 from regressors.robot.locked_joints import with_locked_joints
 
 # the second joint of [KD96] section 5.2: break-away torques 16.8 and 10.6 Nm

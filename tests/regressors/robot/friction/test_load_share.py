@@ -20,11 +20,9 @@ from excite.tasks.friction_file import friction_of, read_friction, write_frictio
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.readers.library import built_in
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, TableFriction
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_share import Loaded, scaled, torques_at_drives
-from regressors.robot.friction.tables import TableFriction
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm, scaled, torques_at_drives
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.samples import Array
 

@@ -17,11 +17,16 @@ from played import irp6
 from excite.tasks.friction_file import read_friction, write_friction
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.curve import (
+    CoulombViscous,
+    FrictionCurve,
+    FunctionFriction,
+    Scaled,
+    Stribeck,
+    TableFriction,
+)
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import Loaded, drive_temperatures
-from regressors.robot.friction.tables import FunctionFriction, TableFriction
-from regressors.robot.friction.temperature import Slope, Warm, temperature_notes
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm, drive_temperatures, temperature_notes
 from regressors.robot.locked_joints import with_locked_joints
 
 ALIKE, AHEAD, BEHIND = Slope(-0.11, -0.3), Slope(-0.1, -0.25), Slope(0.05, -0.4)

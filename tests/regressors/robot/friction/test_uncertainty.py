@@ -17,11 +17,9 @@ from excite.friction.fit.friction_equations import Form
 from excite.friction.fit.points import Point
 from excite.tasks.friction_file import friction_content, friction_of, friction_of_content, friction_text
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck
+from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_share import Loaded
-from regressors.robot.friction.tables import TableFriction
-from regressors.robot.friction.temperature import Slope, Warm
+from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 from regressors.robot.friction.uncertainty import CurveUncertainty, changed, curve_parameters
 from regressors.samples import Array
 
