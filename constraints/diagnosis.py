@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linprog, minimize
 
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
@@ -43,8 +44,6 @@ class _Rows:
         middle = _middle(A, lower, upper)
         if middle is not None:
             return middle, 1.0
-        from scipy.optimize import linprog
-
         n = A.shape[1]
         result = linprog(
             np.concatenate([np.zeros(n), [-1.0]]),
@@ -57,8 +56,6 @@ class _Rows:
 
     def least_widening(self) -> Array:
         """Widenings with the least sum, relative to the half ranges, that leave a pose; one number per row [-]."""
-        from scipy.optimize import linprog
-
         half = 0.5 * (self.upper - self.lower)
         k, n = self.A.shape
         slack = -np.diag(half)
@@ -146,8 +143,6 @@ def smallest_relaxation(
     ``min sum e`` over poses s and ``e >= 0`` with ``lower + (room - e) scale <= g(s) <= upper - (room - e) scale`` and
     the linear position limits as they are; by sequential quadratic programming from each of the given poses.
     """  # poses (m, k); result (k,)
-    from scipy.optimize import minimize
-
     sides = _Sides(nonlinear, motion)
     k, m = poses.shape[1], sides.count
     rows, least, most = _positions(linear, k)

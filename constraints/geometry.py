@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize, minimize_scalar
 
 from regressors.errors import InputError, UnknownName
 from regressors.robot.inertia import rotation_from_rpy
@@ -222,8 +223,6 @@ def enclosing_capsule(points: Array) -> Capsule:
     outermost points, from each of their principal axes: the smallest of three local minima, which need not be the
     global one.
     """  # points (N, 3)
-    from scipy.optimize import minimize
-
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[0] == 0 or not np.all(np.isfinite(points)):
         raise InputError("a capsule needs one point or more, all of them finite")
@@ -249,8 +248,6 @@ def enclosing_cylinder(radius: float, length: float) -> Capsule:
 
     With the line's ends a <= length / 2 from the middle, ``R^2 = radius^2 + (length / 2 - a)^2``.
     """
-    from scipy.optimize import minimize_scalar
-
     if not (np.isfinite(radius + length) and radius > 0 and length > 0):
         raise InputError(f"a cylinder needs a radius and a length greater than zero, given {radius:g} and {length:g}")
 

@@ -71,10 +71,11 @@ if TYPE_CHECKING:
     from excite.study.torque_noise import TorqueNoise, measured_noise
     from excite.tasks.criteria import Criterion, SpectralCriterion
     from excite.tasks.friction_file import read_friction
-    from excite.tasks.installation import Installation, Payload
+    from excite.tasks.installation import Installation
     from excite.tasks.limit_choice import LimitChoice
     from excite.tasks.model_choice import ModelChoice
     from excite.tasks.objective import Belief, Objective
+    from excite.tasks.payload import Payload
     from excite.tasks.precision_target import PrecisionTarget, TaskTorques
     from excite.tasks.search import Output, Search
     from excite.tasks.stored_files import EarlierInformation, TaskMotion
@@ -141,7 +142,7 @@ _PLACES = {
     "Objective": "excite.tasks.objective",
     "Output": "excite.tasks.search",
     "PrecisionInHand": "excite.study.next_motion",
-    "Payload": "excite.tasks.installation",
+    "Payload": "excite.tasks.payload",
     "PrecisionTarget": "excite.tasks.precision_target",
     "PosteriorSamples": "excite.study.posterior_samples",
     "Recipe": "excite.identification.recipe",

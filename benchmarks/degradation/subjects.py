@@ -15,7 +15,7 @@ from excite.simulation.sensors import sensor_of
 from excite.simulation.settings import AUTO, ImpactPulse, SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
-from excite.tasks.installation import Payload
+from excite.tasks.payload import Payload
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.readers.library import load_robot

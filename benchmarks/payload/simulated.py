@@ -27,7 +27,7 @@ from excite.payload.known_gains import stated_gains
 from excite.payload.load_estimate import LoadEquations, estimate_load
 from excite.payload.load_rows import LogChoice, described, drives_of, loaded_parts, paired_equations, without_load
 from excite.payload.payload_result import PayloadResult
-from excite.tasks.installation import Payload
+from excite.tasks.payload import Payload
 from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.inertia import from_centre_of_mass

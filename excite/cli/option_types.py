@@ -242,7 +242,7 @@ def _prior(value: Any, _: str) -> Any:
     try:
         number = number_of(value)
     except ValueError:
-        from excite.tasks.stored_files import read_prior
+        from excite.tasks.prior_file import read_prior
 
         return read_prior(Path(value))
     if not (math.isfinite(number) and number > 0.0):

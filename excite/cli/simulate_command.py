@@ -185,7 +185,7 @@ def command(
 
 def _payload(text: str) -> Any:
     """Load from ten numbers, or the name of a file."""
-    from excite.tasks.installation import Payload
+    from excite.tasks.payload import Payload
 
     try:
         numbers = [number_of(part) for part in text.split(",")]

@@ -18,7 +18,8 @@ from excite.tasks.model_options import options_of_model
 from excite.tasks.objective import Belief
 from excite.tasks.option import COUNTS, EXPECTED, MARGINS, MOUNTS, NONE, Kind, options_of
 from excite.tasks.precision_target import PrecisionTarget
-from excite.tasks.stored_files import TaskMotion, UnopenedFile, known_beforehand
+from excite.tasks.prior_file import known_beforehand
+from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import PARTS, Task
 from regressors.quantities import QUANTITIES
 from regressors.readers.documents import described, read_document, validate, within

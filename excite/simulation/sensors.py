@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from excite.logs.log import Log
 from excite.simulation.integration import SimulatedRun
 from excite.simulation.settings import SimulationSettings, one_each
-from excite.tasks.installation import Payload
+from excite.tasks.payload import Payload
 from excite.tasks.reference import SampledMotion
 from excite.tasks.task import Task
 from regressors.errors import InputError

@@ -22,7 +22,7 @@ from excite.simulation.settings import AUTO, Impacts, SimulationSettings, one_ea
 from excite.simulation.simulation import Simulation, TorqueUse, simulation_outcome, true_parameters
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
 from excite.tasks.friction_file import read_friction
-from excite.tasks.installation import Payload, read_load
+from excite.tasks.payload import Payload, read_load
 from excite.tasks.reference import GivenTorque, MotionSource, Reference, Repeated, check_played
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task

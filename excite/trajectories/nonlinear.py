@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from excite.trajectories.family import Family, GridMotion, JointMotion, MotionTangent, Trajectory
 from regressors.errors import InputError
@@ -120,8 +121,6 @@ class NonlinearFamily(Family):
 
     def nearest(self, time: Array, q: Array) -> Array:
         """Nearest motion by nonlinear least squares, starting from the most regular shape."""
-        from scipy.optimize import least_squares
-
         few = slice(None, None, max(1, time.size // _INSTANTS))
         time, q = time[few], q[few]
         start = self.resting(np.zeros(q.shape[1]))

@@ -19,8 +19,8 @@ from excite.simulation.motion_source import read_motion
 from excite.storage.atomic import read_json
 from excite.study.posterior_samples import load_posterior
 from excite.tasks.friction_file import read_friction
-from excite.tasks.installation import read_load
-from excite.tasks.stored_files import read_prior
+from excite.tasks.payload import read_load
+from excite.tasks.prior_file import read_prior
 from regressors import input_files
 from regressors.errors import InputError
 from regressors.input_files import UnreadableFile, in_bytes, read_bytes, read_text, regular_size

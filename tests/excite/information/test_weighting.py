@@ -23,7 +23,7 @@ from excite.information.target import target_of
 from excite.information.weighting import known_with, minimised_text
 from excite.registry import instance
 from excite.tasks.objective import Belief
-from excite.tasks.stored_files import read_prior
+from excite.tasks.prior_file import read_prior
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError, UnknownName

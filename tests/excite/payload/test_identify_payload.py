@@ -17,7 +17,7 @@ import excite
 from excite.payload.known_gains import read_gains, save_gains
 from excite.payload.load_estimate import estimate_load
 from excite.payload.payload_result import load_payload
-from excite.tasks.installation import Payload
+from excite.tasks.payload import Payload
 from regressors.errors import InputError, TakenError
 from regressors.models.load import PayloadModel
 from regressors.readers.library import load_robot

@@ -28,8 +28,8 @@ from excite.simulation.sensors import motor_angle, quantised
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
-from excite.tasks.installation import Payload
 from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.payload import Payload
 from excite.tasks.reference import Repeated, SampledMotion
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory

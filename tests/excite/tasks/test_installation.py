@@ -9,7 +9,8 @@ import pytest
 from commands import run
 
 import excite
-from excite.tasks.installation import Installation, payload_parameters
+from excite.tasks.installation import Installation
+from excite.tasks.payload import payload_parameters
 from excite.tasks.robot_of_task import installed_robot
 from regressors.errors import InputError
 from regressors.models.differential import DifferentialModel
