@@ -14,10 +14,9 @@ from record import load, save, table
 
 import excite
 from excite.design.formulation import formulate
-from excite.optimality.bounded_criteria import BOUNDED
-from excite.optimality.cutting_planes import CuttingPlanes
+from excite.optimality.cutting_planes import BOUNDED, CuttingPlanes
 from excite.optimality.design_bound import cutting_planes
-from excite.optimality.moment_conditions import MomentConditions
+from excite.optimality.limited_states import MomentConditions
 
 STARTS, ROUNDS = 12, 8
 

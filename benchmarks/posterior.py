@@ -29,9 +29,9 @@ import scipy.stats
 from noise import NOISES
 
 from excite.design.optimisation import design_trajectory
-from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.logs.log import Log

@@ -19,7 +19,7 @@ import scipy.stats
 from measure import HERE
 
 import excite
-from excite.identification.earlier_files import earlier_information
+from excite.identification.result_json import earlier_information
 from excite.information.earlier_precision import deviations_of, information_in_hand
 from excite.information.half_widths import ABOUT_ZERO, allowed_half_widths
 from excite.information.prior import base_sizes
@@ -198,7 +198,7 @@ def sequential(policy, arm, first, period, rng):
 
 def again(policy, asked, results, first):
     """The first motion once more, with as many runs as are expected to be enough."""
-    from excite.information.half_widths import RunInformation
+    from excite.information.precision_forecast import RunInformation
 
     _, half_widths, allowed = stated(results, policy.of)
     if np.all(half_widths <= policy.factor * allowed):

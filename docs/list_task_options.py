@@ -5,31 +5,37 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from excite.cli.task_options import flag_of
-from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.plan.schedule import Schedule
+from excite.cli.options import flag_of
+from excite.design.friction_runs.schedule import Schedule
+from excite.friction.constant_speed_windows import FitSettings
 from excite.identification.recipe import Recipe
 from excite.registry import ADDRESS_FORMS, BUILT_IN
 from excite.simulation.settings import SimulationSettings
 from excite.tasks.further_settings import (
+    BoundSettings,
+    CalibrationSettings,
     CampaignSettings,
     EnsembleSettings,
     Extents,
     FrictionPoses,
     GainSettings,
     LoadFrame,
+    MotionSettings,
     PayloadMotionSettings,
     PayloadSettings,
     RepeatSettings,
     StudySettings,
+    UnloadedRows,
 )
 from excite.tasks.limit_choice import OF_JOINTS
 from excite.tasks.option import EXPECTED, Option, options_of
 from excite.tasks.task import PARTS
-from excite.verification.tolerances import Tolerances
+from excite.verification.simulated_motion import Tolerances
 
 OTHERS = {
     SimulationSettings: "excite simulate",
+    MotionSettings: "excite simulate",
+    BoundSettings: "excite bound",
     Recipe: "excite identify",
     Tolerances: "excite verify",
     Schedule: "excite friction plan",
@@ -44,6 +50,8 @@ OTHERS = {
     PayloadMotionSettings: "excite payload design",
     LoadFrame: "excite payload design, excite payload identify",
     PayloadSettings: "excite payload identify",
+    CalibrationSettings: "excite payload gains",
+    UnloadedRows: "excite payload gains, excite payload identify",
 }
 
 HEAD = """# Options of a task

@@ -1,12 +1,15 @@
 """Measure how large the house is: ``python docs/measure_house.py`` writes the table into docs/architecture.md.
 
-Code is what is neither blank, a comment, a docstring nor an import. Bounds only fall: what is added replaces something.
+Code is what is neither blank, a comment, a docstring nor an import at the top; a room is a folder of a package. Bounds
+only fall: what is added replaces something.
 """
 
 from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -22,6 +25,9 @@ BOUNDS = {
     "imports inside functions": 141,
     "look-ups of built-in parts by name": 17,
     "lines of code of tests": 42_456,
+    "rooms": 22,
+    "floors of rooms": 11,
+    "arrows between rooms": 170,
 }
 _TABLE = re.compile(r"(<!-- size -->\n).*?(<!-- end of size -->)", re.DOTALL)
 
@@ -43,6 +49,7 @@ def measured() -> dict[str, int]:
         sum(map(_deferred, trees)),
         sum(isinstance(node, ast.Call) and ast.unparse(node.func) == "built_in" for node in nodes),
         sum(map(_code, tests)),
+        *_rooms(files, trees),
     )
     return dict(zip(BOUNDS, counts, strict=True))
 
@@ -70,6 +77,32 @@ def _deferred(tree: ast.Module) -> int:
     """Imports inside functions."""
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     return len({id(part) for f in functions for part in ast.walk(f) if isinstance(part, ast.Import | ast.ImportFrom)})
+
+
+def _rooms(files: list[Path], trees: list[ast.Module]) -> tuple[int, int, int]:
+    """Rooms, the length of the longest chain of them, and pairs of rooms of which one imports the other."""
+    arrows = {room: set[str]() for file in files if (room := _room(file.relative_to(ROOT).with_suffix("").parts))}
+    for file, tree in zip(files, trees, strict=True):
+        room = _room(file.relative_to(ROOT).with_suffix("").parts)
+        arrows.get(room, set()).update({_room(tuple(name.split("."))) for name in _imported(tree)} - {room, ""})
+    floors: dict[str, int] = {}
+    for room in TopologicalSorter(arrows).static_order():
+        floors[room] = 1 + max((floors[below] for below in arrows[room]), default=0)
+    return len(arrows), max(floors.values()), sum(map(len, arrows.values()))
+
+
+def _room(parts: tuple[str, ...]) -> str:
+    """Folder of a package that a module is in; a package without folders is a room, modules beside folders are none."""
+    if parts[0] == "constraints":
+        return parts[0]
+    return ".".join(parts[:2]) if len(parts) > 1 and (ROOT / parts[0] / parts[1]).is_dir() else ""
+
+
+def _imported(tree: ast.Module) -> Iterator[str]:
+    """Modules that are imported anywhere in a module, also inside functions and for annotations only."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module is not None and node.module.split(".")[0] in PRODUCT:
+            yield from (f"{node.module}.{part.name}" for part in node.names)
 
 
 def _public_names() -> int:

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from excite.design.comparison import compare
     from excite.design.design import Design
     from excite.design.design_json import load_design
+    from excite.design.friction_runs.plan_friction import plan_friction
+    from excite.design.friction_runs.schedule import Schedule
     from excite.design.optimisation import design_trajectory
     from excite.design.solvers.solver import Solver
     from excite.design.sweeps.run_sweep import run_sweep
@@ -36,12 +38,9 @@ if TYPE_CHECKING:
     from excite.export.models.export_model import ModelFormat, export_model
     from excite.export.motions.export_motion import export_motion
     from excite.export.motions.motion_format import MotionFormat
-    from excite.friction.fit.fit_friction import fit_friction
-    from excite.friction.fit.fit_settings import FitSettings
-    from excite.friction.plan.plan_friction import plan_friction
-    from excite.friction.plan.schedule import Schedule
-    from excite.identification.estimate import Estimate
-    from excite.identification.estimator import Estimator
+    from excite.friction.constant_speed_windows import FitSettings
+    from excite.friction.fit_friction import fit_friction
+    from excite.identification.estimator import Estimate, Estimator
     from excite.identification.identification import Identification
     from excite.identification.identify import identify
     from excite.identification.recipe import Recipe
@@ -65,10 +64,10 @@ if TYPE_CHECKING:
     from excite.study.next_motion import NextMotion, PrecisionInHand, next_motion
     from excite.study.posterior_samples import PosteriorSamples
     from excite.study.predict_accuracy import AccuracyPrediction, predict_accuracy
+    from excite.study.rehearsal import TorqueNoise, measured_noise
     from excite.study.sample_posterior import sample_posterior
     from excite.study.study_over_time import study_over_time
     from excite.study.time_study import TimeCourse, TimeStudy
-    from excite.study.torque_noise import TorqueNoise, measured_noise
     from excite.tasks.criteria import Criterion, SpectralCriterion
     from excite.tasks.friction_file import read_friction
     from excite.tasks.installation import Installation
@@ -89,7 +88,7 @@ if TYPE_CHECKING:
     from excite.trajectories.linear import LinearFamily
     from excite.trajectories.sines import Sines as Sines
     from excite.trajectories.waypoints import Waypoints as Waypoints
-    from excite.verification.tolerances import Tolerances
+    from excite.verification.simulated_motion import Tolerances
     from excite.verification.verification import Verification
     from excite.verification.verify import verify
     from excite.views.figures import draw, write_figures
@@ -120,11 +119,11 @@ _PLACES = {
     "Design": "excite.design.design",
     "DesignBound": "excite.optimality.design_bound",
     "EarlierInformation": "excite.tasks.stored_files",
-    "Estimate": "excite.identification.estimate",
+    "Estimate": "excite.identification.estimator",
     "Estimator": "excite.identification.estimator",
     "ExciteError": "regressors.errors",
     "Family": "excite.trajectories.family",
-    "FitSettings": "excite.friction.fit.fit_settings",
+    "FitSettings": "excite.friction.constant_speed_windows",
     "Identification": "excite.identification.identification",
     "ImpactPulse": "excite.simulation.settings",
     "InputError": "regressors.errors",
@@ -149,7 +148,7 @@ _PLACES = {
     "RegressorModel": "regressors.models.model",
     "Robot": "regressors.robot.robot",
     "Samples": "regressors.samples",
-    "Schedule": "excite.friction.plan.schedule",
+    "Schedule": "excite.design.friction_runs.schedule",
     "Search": "excite.tasks.search",
     "Sensor": "regressors.models.load",
     "Simulation": "excite.simulation.simulation",
@@ -161,8 +160,8 @@ _PLACES = {
     "TaskTorques": "excite.tasks.precision_target",
     "TimeCourse": "excite.study.time_study",
     "TimeStudy": "excite.study.time_study",
-    "Tolerances": "excite.verification.tolerances",
-    "TorqueNoise": "excite.study.torque_noise",
+    "Tolerances": "excite.verification.simulated_motion",
+    "TorqueNoise": "excite.study.rehearsal",
     "TrajectoryChoice": "excite.tasks.trajectory_choice",
     "Verification": "excite.verification.verification",
     "base_parameters": "regressors.models.base",
@@ -175,7 +174,7 @@ _PLACES = {
     "export_ensemble": "excite.export.models.export_ensemble",
     "export_model": "excite.export.models.export_model",
     "export_motion": "excite.export.motions.export_motion",
-    "fit_friction": "excite.friction.fit.fit_friction",
+    "fit_friction": "excite.friction.fit_friction",
     "guess_mapping": "excite.logs.guess.log_guess",
     "identify": "excite.identification.identify",
     "load": "excite.views.subjects",
@@ -183,9 +182,9 @@ _PLACES = {
     "load_result": "excite.identification.result_json",
     "load_robot": "regressors.readers.library",
     "next_motion": "excite.study.next_motion",
-    "measured_noise": "excite.study.torque_noise",
+    "measured_noise": "excite.study.rehearsal",
     "plan_campaign": "excite.design.campaign",
-    "plan_friction": "excite.friction.plan.plan_friction",
+    "plan_friction": "excite.design.friction_runs.plan_friction",
     "predict_accuracy": "excite.study.predict_accuracy",
     "read_friction": "excite.tasks.friction_file",
     "read_log": "excite.logs.log_reading",

@@ -65,20 +65,20 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "collision": "constraints.collision_limits:Collisions",
     },
     "signals": {
-        "butterworth": "excite.logs.signals.butterworth:Butterworth",
-        "differences": "excite.logs.signals.butterworth:Differences",
-        "fourier": "excite.logs.signals.fourier_fit:FourierFit",
-        "savitzky-golay": "excite.logs.signals.savitzky_golay:SavitzkyGolay",
-        "spline": "excite.logs.signals.smoothing_spline:SmoothingSpline",
+        "butterworth": "excite.logs.signals.filters:Butterworth",
+        "differences": "excite.logs.signals.filters:Differences",
+        "fourier": "excite.logs.signals.series:FourierFit",
+        "savitzky-golay": "excite.logs.signals.filters:SavitzkyGolay",
+        "spline": "excite.logs.signals.series:SmoothingSpline",
     },
     "estimator": {
-        "huber": "excite.identification.estimators.huber:Huber",
-        "instrumental": "excite.identification.estimators.instrumental:Instrumental",
+        "huber": "excite.identification.estimators.robust:Huber",
+        "instrumental": "excite.identification.estimators.robust:Instrumental",
         "least-squares": "excite.identification.estimators.least_squares:LeastSquares",
         "physical": "excite.identification.estimators.physical:Physical",
-        "recursive": "excite.identification.estimators.recursive:Recursive",
-        "ridge": "excite.identification.estimators.ridge:Ridge",
-        "total": "excite.identification.estimators.total:Total",
+        "recursive": "excite.identification.estimators.least_squares:Recursive",
+        "ridge": "excite.identification.estimators.least_squares:Ridge",
+        "total": "excite.identification.estimators.robust:Total",
         "weighted": "excite.identification.estimators.least_squares:Weighted",
     },
     "model format": {
@@ -113,7 +113,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "motion": "excite.export.motions.export_motion:export_motion",
     },
     # of a folder that a task names: a design, or a result of the room above
-    "reader": {"earlier": "excite.identification.earlier_files:earlier_information"},
+    "reader": {"earlier": "excite.identification.result_json:earlier_information"},
 }
 
 # what a part of a user's own is a subclass of

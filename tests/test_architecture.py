@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PACKAGES = ("regressors", "constraints", "excite")
-DIVIDED = ("excite/export", "excite/friction")  # into rooms of its own
+DIVIDED = ("excite/export",)  # into rooms of its own
 UPWARD = "#d00000"
 ENVIRONMENT = {**os.environ, "MPLBACKEND": "Agg"}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -96,13 +97,19 @@ def written_files(page: Path, folder: Path) -> None:
         (folder / "arm.urdf").write_text(ARM, encoding="utf-8")
 
 
+def with_few_starts(command: Any) -> Any:
+    """The command with one start, where it is a design whose search would last until more starts do not pay."""
+    searches = command.words[:2] == ("excite", "design") and not {"--starts", "auto"} & {*command.words}
+    return replace(command, words=(*command.words, "--starts", "1")) if searches else command
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: str(page.relative_to(ROOT)))
 def test_commands_run_as_printed(page: Path, tmp_path: Path) -> None:
     written_files(page, tmp_path)
     for command in commands_of(page):
         if command.runs(tmp_path):
-            status, printed = OUTPUTS.run(command, tmp_path)
+            status, printed = OUTPUTS.run(with_few_starts(command), tmp_path)
             assert status == command.status, f"{command.printed}\n{printed[-2000:]}"
             stale = beginnings(command.shown) - beginnings(printed.splitlines())
             assert not stale, (

@@ -87,12 +87,6 @@ def test_scripts_print_and_draw_what_their_pages_show(name: str, tmp_path: Path)
     assert files == [Path("out", f"{name[:-3]}.png")]
 
 
-@pytest.mark.slow
-def test_scripts_without_a_folder_write_nothing(tmp_path: Path) -> None:
-    ended([sys.executable, str(EXAMPLES / "own_solver.py")], tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_the_gallery_shows_every_script_with_a_small_figure() -> None:
     pytest.importorskip("sphinx", reason="the site needs Sphinx")
     shown = gallery().names_in((DOCS / "examples.md").read_text(encoding="utf-8"))
@@ -221,18 +215,11 @@ def typed(code: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "way",
-    [
-        "script",
-        *(pytest.param(way, marks=pytest.mark.slow) for way in ("standard input", "interactive session", "argument")),
-    ],
-)
+@pytest.mark.parametrize("way", ["script", "interactive session", "argument"])
 def test_classes_of_the_main_module_reach_other_processes(way: str, tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(OWN_CRITERION, encoding="utf-8")
     options, text = {
         "script": (["script.py"], None),
-        "standard input": (["-"], OWN_CRITERION),
         "interactive session": (["-i"], typed(OWN_CRITERION)),
         "argument": (["-c", OWN_CRITERION], None),
     }[way]
@@ -271,28 +258,21 @@ JUDGED: Use = lambda design: excite.compare([design])  # noqa: E731
 DESIGNED: Use = lambda design: excite.design_trajectory(design.task)  # noqa: E731
 
 
+OWN_PARTS: dict[str, tuple[str, str, tuple[Any, ...], str, Use]] = {
+    "criterion": ("own_criterion", "FirstThree", (), "criterion=FirstThree", JUDGED),
+    "solver": ("own_solver", "RandomWalk", (5,), "solver=RandomWalk", DESIGNED),
+    "trajectory": ("own_trajectory", "OddFourier", (10, 3), "trajectory=OddFourier", JUDGED),
+    "constraints": ("own_constraint", "ShortHose", (), r"constraints=\[ShortHose\]", DESIGNED),
+    "model": ("own_model", "DragModel", ("robot",), "model=DragModel", JUDGED),
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("example", "attribute", "arguments", "option", "remedy", "use"),
-    [
-        ("own_criterion", "FirstThree", (), "criterion", "criterion=FirstThree", JUDGED),
-        ("own_solver", "RandomWalk", (5,), "solver", "solver=RandomWalk", DESIGNED),
-        ("own_trajectory", "OddFourier", (10, 3), "trajectory", "trajectory=OddFourier", JUDGED),
-        ("own_constraint", "ShortHose", (), "constraints", r"constraints=\[ShortHose\]", DESIGNED),
-        ("own_model", "DragModel", ("robot",), "model", "model=DragModel", JUDGED),
-    ],
-    ids=["criterion", "solver", "trajectory", "constraint", "model"],
-)
+@pytest.mark.parametrize("option", OWN_PARTS)
 def test_designs_with_own_parts_are_loaded_with_the_objects_themselves(
-    example: str,
-    attribute: str,
-    arguments: tuple[Any, ...],
-    option: str,
-    remedy: str,
-    use: Use,
-    examples: Callable[[str], Any],
-    tmp_path: Path,
+    option: str, examples: Callable[[str], Any], tmp_path: Path
 ) -> None:
+    example, attribute, arguments, remedy, use = OWN_PARTS[option]
     robot = excite.load_robot("irp6")
     part = getattr(examples(example), attribute)(*(robot if given == "robot" else given for given in arguments))
     given = {option: [part] if option == "constraints" else part}

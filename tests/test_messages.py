@@ -10,8 +10,8 @@ import pytest
 from messages import Message, messages
 
 from excite.cli.main import cli
-from excite.cli.messages import in_options
-from excite.cli.task_options import flag_of
+from excite.cli.options import flag_of
+from excite.cli.streams import in_options
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS
 
@@ -95,17 +95,14 @@ def test_every_option_of_a_task_is_typed_as_its_message_says() -> None:
     assert {name: in_options(f"`{name}`") for name, _ in options} == {name: flag_of(name, o) for name, o in options}
 
 
-@pytest.mark.parametrize(
-    ("message", "typed"),
-    [
-        ("give `torque_margin`", "give --torque-margin"),
-        ("`drop='nan'` leaves it out", "--drop nan leaves it out"),
-        ("`approach_and_return=False` leaves it out", "--no-approach-and-return leaves it out"),
-        ("`friction=True` fits it", "--friction fits it"),
-        ("lower `percent` of `plan_friction`", "lower --speeds of 'excite friction plan'"),
-        ("`replace` replaces it", "--force replaces it"),
-        ("call it within `with jax.enable_x64(True):`", "call it within `with jax.enable_x64(True):`"),
-    ],
-)
-def test_options_and_calls_are_typed(message: str, typed: str) -> None:
-    assert in_options(message) == typed
+def test_options_and_calls_are_typed() -> None:
+    typed = {
+        "give `torque_margin`": "give --torque-margin",
+        "`drop='nan'` leaves it out": "--drop nan leaves it out",
+        "`approach_and_return=False` leaves it out": "--no-approach-and-return leaves it out",
+        "`friction=True` fits it": "--friction fits it",
+        "lower `percent` of `plan_friction`": "lower --speeds of 'excite friction plan'",
+        "`replace` replaces it": "--force replaces it",
+        "call it within `with jax.enable_x64(True):`": "call it within `with jax.enable_x64(True):`",
+    }
+    assert {message: in_options(message) for message in typed} == typed

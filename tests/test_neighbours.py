@@ -78,7 +78,10 @@ CASES = [
     pytest.param({"regressors/stats.py": OTHER}, "regressors", MIXED.format("regressors"), id="beside ours"),
     pytest.param({"regressors/__init__.py": ""}, None, LOST.format("regressors"), id="no metadata"),
     pytest.param(
-        {"constraints/__init__.py": None, "constraints/power.py": ""}, None, LOST.format("constraints"), id="removed"
+        {"constraints/__init__.py": None, "constraints/nonlinear.py": ""},
+        None,
+        LOST.format("constraints"),
+        id="removed",
     ),
     pytest.param({"regressors/__init__.py": None}, None, LOST.format("regressors"), id="removed below"),
 ]

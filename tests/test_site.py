@@ -1,4 +1,4 @@
-"""The site: its numbers are those of the results, what it names exists, and links lead where they should."""
+"""The site and the page of claims: numbers are those of the results, what is named exists, links lead somewhere."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from commands import module_of
 
 import excite
 from excite.cli.main import cli
+
+# The site: its numbers are those of the results, what it names exists, and links lead where they should.
+
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -69,26 +72,23 @@ def test_every_public_name_has_a_page() -> None:
     assert listed == sorted(dir(excite))
 
 
-@pytest.mark.parametrize(
-    ("target", "expected"),
-    [
-        ("../../benchmarks/README.md#quality", "../benchmarks/index.md#quality"),
-        ("../../benchmarks/coverage/README.md", "../benchmarks/coverage.md"),
-        ("../examples", "../examples.md"),
-        ("../set-up.sh", "path:../set-up.sh"),
-        ("../../CITATION.cff", "path:../../CITATION.cff"),
-        ("../front.png", "../front.png"),
-        ("design.md#limits", "design.md#limits"),
-        ("#limits", "#limits"),
-        ("https://docs.python.org", "https://docs.python.org"),
-    ],
-)
-def test_links_lead_to_pages_where_there_are_some(target: str, expected: str) -> None:
+def test_links_lead_to_pages_where_there_are_some() -> None:
     pytest.importorskip("sphinx", reason="the site needs Sphinx")
-    page = DOCS / "how-to" / "identify.md"
-    text = f"see [this]({target})\n\n```sh\n[that]({target})\n```\n"
-    shown = module_of(DOCS / "extensions/repository_files.py").rewritten(text, page, page, DOCS)
-    assert shown == text.replace(f"[this]({target})", f"[this]({expected})")
+    page, known = (
+        DOCS / "how-to" / "identify.md",
+        {
+            "../../benchmarks/README.md#quality": "../benchmarks/index.md#quality",
+            "../../benchmarks/coverage/README.md": "../benchmarks/coverage.md",
+            "../examples": "../examples.md",
+            "../set-up.sh": "path:../set-up.sh",
+            "../../CITATION.cff": "path:../../CITATION.cff",
+            **{same: same for same in ("../front.png", "design.md#limits", "#limits", "https://docs.python.org")},
+        },
+    )
+    rewritten = module_of(DOCS / "extensions/repository_files.py").rewritten
+    for target, expected in known.items():
+        text = f"see [this]({target})\n\n```sh\n[that]({target})\n```\n"
+        assert rewritten(text, page, page, DOCS) == text.replace(f"[this]({target})", f"[this]({expected})")
 
 
 def test_links_that_lead_nowhere_are_refused() -> None:
@@ -107,3 +107,79 @@ def test_an_equation_is_drawn_in_the_size_of_the_text() -> None:
     assert 'aria-label="x"' in low
     with pytest.raises(ValueError, match="Unknown symbol"):
         drawing(r"\nonsense")
+
+
+# The page of claims: its tables are those of the results, and everything that is measured can be reached from it.
+
+
+BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
+PAGE = (BENCHMARKS / "README.md").read_text(encoding="utf-8")
+CLAIMS = [section for section in re.split(r"^## ", PAGE, flags=re.MULTILINE)[1:] if "<!--" in section]
+
+
+def test_tables_are_those_of_the_results() -> None:
+    assert module_of(BENCHMARKS / "claims.py").filled(PAGE) == PAGE  # benchmarks/record.py writes them anew
+
+
+def test_every_table_stands_on_the_page() -> None:
+    assert re.findall(r"<!-- (\w+) -->", PAGE) == list(module_of(BENCHMARKS / "claims.py").TABLES)
+
+
+def test_page_is_short() -> None:
+    assert len(PAGE.splitlines()) <= 150
+
+
+@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.partition("\n")[0])
+def test_a_claim_is_a_sentence_a_table_its_limitation_a_command_and_a_link(claim: str) -> None:
+    form = r"[^\n]+\n\n[^|]+\.\n\n<!-- (\w+) -->\n(\|[^\n]*\|\n)+<!-- end of \1 -->\n\nLimitation: [^|]+\n+"
+    assert re.fullmatch(form, claim)
+    scripts = re.findall(r"benchmarks/[\w/]+\.py", claim)
+    assert scripts
+    assert all((BENCHMARKS.parent / script).is_file() for script in scripts)
+    assert re.search(r"\]\([\w/]+\.md\)", claim)
+
+
+def test_tables_hold_no_prose() -> None:
+    cells = [cell.strip() for line in PAGE.splitlines() if line.startswith("|") for cell in line.split("|")]
+    assert [cell for cell in cells if len(cell) > 50 or re.search(r"\. |: ", cell)] == []
+
+
+def linked(page: Path) -> set[Path]:
+    """Pages that can be reached from one."""
+    reached, ahead = {page}, [page]
+    while ahead:
+        here = ahead.pop()
+        targets = re.findall(r"\]\(([\w./-]+\.md)(?:#[\w-]+)?\)", here.read_text(encoding="utf-8"))
+        new = {(here.parent / target).resolve() for target in targets} - reached
+        assert all(each.is_file() for each in new), here
+        reached |= new
+        ahead += new
+    return reached
+
+
+def test_every_page_and_result_can_be_reached() -> None:
+    expected = {*BENCHMARKS.rglob("README.md"), *(BENCHMARKS / "results").glob("*.md"), BENCHMARKS / "details.md"}
+    assert sorted(expected - linked(BENCHMARKS / "README.md")) == []
+
+
+# The house stays as small as it has become.
+
+
+HOUSE = ROOT / "docs" / "measure_house.py"
+
+
+@pytest.mark.slow
+def test_nothing_is_larger_than_its_bound() -> None:
+    module = module_of(HOUSE)
+    larger = {name: count for name, count in module.measured().items() if count > module.BOUNDS[name]}
+    assert larger == {}
+
+
+def test_the_page_has_the_bounds() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    missing = [
+        name
+        for name, bound in module_of(HOUSE).BOUNDS.items()
+        if f"| {name} |" not in page or f"| {bound:,} |" not in page
+    ]
+    assert missing == []

@@ -22,10 +22,10 @@ from threadpoolctl import threadpool_limits
 
 from excite.identification.between_logs import LogScatter
 from excite.identification.covariance import robust_covariance
-from excite.identification.estimate import CONFIDENCE
-from excite.identification.estimation import estimate_parameters
+from excite.identification.estimator import CONFIDENCE
 from excite.identification.estimators.least_squares import weighted
 from excite.identification.identification import Identification
+from excite.identification.procedure import estimate_parameters
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping

@@ -10,9 +10,9 @@ import numpy as np
 from experiments import Experiment
 from noise import NOISES
 
-from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from regressors.samples import Array

@@ -11,7 +11,7 @@ import record
 from experiments import Experiment
 from repetition import Case, noisy
 
-from excite.identification.estimation import estimate_parameters
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 

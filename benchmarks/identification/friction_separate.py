@@ -27,16 +27,16 @@ from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
 from excite.design.formulation import formulate
+from excite.design.friction_runs.friction_plan import CoordinatePlan
+from excite.design.friction_runs.plan_friction import plan_friction
+from excite.design.friction_runs.schedule import Schedule
 from excite.design.optimisation import design_trajectory
-from excite.friction.fit.constant_speed_windows import ConstantWindow
-from excite.friction.fit.curve_fit import CurveFit, chosen_fit, curve_uncertainty
-from excite.friction.fit.friction_equations import forms
-from excite.friction.fit.points import described_model, drive_log, points_of
-from excite.friction.plan.friction_plan import CoordinatePlan
-from excite.friction.plan.plan_friction import plan_friction
-from excite.friction.plan.schedule import Schedule
-from excite.identification.estimation import estimate_parameters
-from excite.identification.estimators.recursive import recursive
+from excite.friction.constant_speed_windows import ConstantWindow
+from excite.friction.curve_fit import CurveFit, chosen_fit, curve_uncertainty
+from excite.friction.friction_equations import forms
+from excite.friction.points import described_model, drive_log, points_of
+from excite.identification.estimators.least_squares import recursive
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.information.target import target_of
 from excite.logs.log import Log

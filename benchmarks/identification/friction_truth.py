@@ -25,7 +25,7 @@ from friction_truth_planned import CHOSEN, Measured, experiments, fitted, measur
 from friction_truth_text import LIMITATIONS, text
 from threadpoolctl import threadpool_limits
 
-from excite.friction.fit.friction_fit import Characteristic
+from excite.friction.friction_fit import Characteristic
 from excite.views.style import DPI
 
 __all__ = ["ROBOT", "TRUTH"]  # of this study, for others

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.friction.fit.friction_equations import Form
+from excite.friction.friction_equations import Form
 from regressors.readers.library import load_robot
 from regressors.robot.friction.curve import Stribeck
 from regressors.robot.friction.curves import Side

@@ -10,7 +10,7 @@ from friction_truth_case import TRUTH
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from excite.friction.fit.friction_fit import Characteristic
+from excite.friction.friction_fit import Characteristic
 from excite.views.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, tidy
 from regressors.samples import Array
 

@@ -16,20 +16,20 @@ from typing import Any
 import numpy as np
 from friction_truth_case import ENCODER, FORM, RATE, ROBOT, TRUTH, noise, shares, true_values
 
-from excite.friction.fit.breakaway_torque import mean_break_aways, rest_points
-from excite.friction.fit.curve_fit import CurveFit, fit
-from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.friction_fit import Characteristic, characteristics
-from excite.friction.fit.plan_match import PlannedRuns, planned_runs
-from excite.friction.fit.points import RigidModel, described_model
-from excite.friction.plan.friction_plan import load_friction_plan
-from excite.friction.plan.plan_friction import plan_friction
-from excite.friction.plan.schedule import Schedule
+from excite.design.friction_runs.friction_plan import load_friction_plan
+from excite.design.friction_runs.plan_friction import plan_friction
+from excite.design.friction_runs.schedule import Schedule
+from excite.friction.breakaway_torque import mean_break_aways, rest_points
+from excite.friction.constant_speed_windows import FitSettings
+from excite.friction.curve_fit import CurveFit, fit
+from excite.friction.friction_fit import Characteristic, characteristics
+from excite.friction.plan_match import PlannedRuns, planned_runs
+from excite.friction.points import RigidModel, described_model
 from excite.logs.log import Log
-from excite.simulation.motion_source import read_source
 from excite.simulation.sensors import joint_log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
+from excite.simulation.simulation_files import read_source
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 

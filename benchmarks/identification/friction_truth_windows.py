@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from friction_truth_case import ENCODER, EXPERIMENTS, FORM, NOISE, RATE, ROBOT, TRUTH, shares, true_values
 
-from excite.friction.fit.constant_speed_windows import WindowSearch
-from excite.friction.fit.curve_fit import fit
-from excite.friction.fit.points import Point, described_model, drive_log, points_of, windows_of
+from excite.friction.constant_speed_windows import WindowSearch
+from excite.friction.curve_fit import fit
+from excite.friction.points import Point, described_model, drive_log, points_of, windows_of
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.tasks.reference import SampledMotion

@@ -43,12 +43,12 @@ from load_figure import figure
 from load_text import text
 
 from excite.design.task_file import task_content
-from excite.logs.signals.butterworth import Butterworth, Differences, decimation
-from excite.logs.signals.fourier_fit import FourierFit
+from excite.logs.signals.filters import Butterworth, Differences, decimation
 from excite.logs.signals.method import Method
+from excite.logs.signals.series import FourierFit
 from excite.study.experiment import Experiment, Noise
 from excite.study.repetitions import Repetitions, repeat_experiment
-from excite.views.figure_files import write_figure_files
+from excite.views.figures import write_figure_files
 from regressors.models.base import base_parameters
 from regressors.robot.inertia import pseudo_inertia
 from regressors.samples import Array, Samples

@@ -19,7 +19,7 @@ from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
 from excite.design.optimisation import design_trajectory
-from excite.identification.estimation import estimate_parameters
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.simulation.settings import SimulationSettings

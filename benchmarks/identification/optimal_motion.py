@@ -24,11 +24,10 @@ from excite.design.certification import limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.optimisation import design_trajectory
-from excite.identification.estimate import Estimate
-from excite.identification.estimation import estimate_parameters
-from excite.identification.estimators.least_squares import weighted
-from excite.identification.estimators.recursive import recursive
+from excite.identification.estimator import Estimate
+from excite.identification.estimators.least_squares import recursive, weighted
 from excite.identification.identification import Identification
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion

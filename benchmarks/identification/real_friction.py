@@ -16,17 +16,17 @@ import numpy as np
 import real_ur10e as real
 import record
 
-from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.friction_fit import Characteristic, characteristics
-from excite.friction.fit.points import identified_model
-from excite.identification.estimation import estimate_parameters
+from excite.friction.constant_speed_windows import FitSettings
+from excite.friction.friction_fit import Characteristic, characteristics
+from excite.friction.points import identified_model
 from excite.identification.identification import Identification
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.verification.verify import verify
-from excite.views.figure_files import write_figure_files
+from excite.views.figures import write_figure_files
 from excite.views.friction_plots import friction_figure
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve
 from regressors.robot.friction.curves import FrictionCurves

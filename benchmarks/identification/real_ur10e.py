@@ -19,10 +19,10 @@ import record
 
 from excite.identification.drive_gains import drive_gains
 from excite.identification.equations import equations_of
-from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.least_squares import weighted
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import prepare
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log

@@ -76,7 +76,7 @@ def identification(path: str) -> dict[str, Any]:
     for module in ("identify.identification", "identify.choice", "identify.weighted", "logs.reading"):
         import_module(f"excite.{module}")
 
-    from excite.identification.estimation import estimate_parameters
+    from excite.identification.procedure import estimate_parameters
     from excite.identification.recipe import Recipe
     from excite.logs.log_reading import read_log
     from excite.tasks.task import Task
@@ -106,7 +106,7 @@ def recursion(path: str) -> dict[str, Any]:
     from excite.design.formulation import formulate
     from excite.design.initial_guesses import random_motion
     from excite.identification.equations import equations_of
-    from excite.identification.estimators.recursive import recursive
+    from excite.identification.estimators.least_squares import recursive
     from excite.identification.observations import Observations
     from excite.identification.preparation import prepare
     from excite.identification.recipe import Recipe

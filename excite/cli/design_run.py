@@ -1,42 +1,127 @@
-"""Execution of ``excite design``: find the motion, write its files."""
+"""Execution of ``excite design``, ``compare`` and ``sweep``: find motions, write their files, judge them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import asdict
 from pathlib import Path
 
-from excite.cli.interrupts import one_interrupt
-from excite.cli.messages import in_options
-from excite.cli.options import FigureChoice
-from excite.cli.progress import progress_of_starts
-from excite.cli.sign_of_life import tell
-from excite.cli.streams import remark, verbosity
+import click
+from click.core import ParameterSource
+
+import excite
+from excite.cli.main import NOT_HELD
+from excite.cli.options import FigureChoice, robot_file_typed, split_base, typed_options
+from excite.cli.progress import interrupted_status, one_interrupt, progress_of_cells, progress_of_starts
+from excite.cli.streams import in_options, remark, say, tell, verbosity
+from excite.cli.summary import show
+from excite.design.comparison import Judgement
 from excite.design.design import Design
 from excite.design.design_folder import (
     check_no_design,
     data_files,
     figure_files,
     seeks_precision,
+    shown_content,
     write_design,
     write_starts,
 )
+from excite.design.design_json import load_design
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.multistart import ready_workers
 from excite.design.optimisation import announce_search, solve, starts_left
 from excite.design.resumed_search import holds_unfinished_design, resume_search
 from excite.design.search_rounds import design_with_harmonics
+from excite.design.sweeps.run_sweep import CellsLeft, read_sweep_file, run_sweep
+from excite.design.sweeps.sweep_table import JSON, TABLE, SweepTable, load_sweep
+from excite.design.task_file import read_task_file, task_from_options
+from excite.optimality.design_bound import stored_bound
+from excite.registry import CONVENTIONS
 from excite.storage.atomic import writing
+from excite.storage.records import json_of
 from excite.storage.result_folder import result_folder
 from excite.study.design_for_precision import search_for_precision
+from excite.tasks.limit_choice import OF_JOINTS
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
+from excite.views.campaign_view import cells_view
+from excite.views.comparison_view import comparison_view, verdicts
+from excite.views.design_view import design_view
+from excite.views.figures import write_figures
 from regressors.errors import InputError
+from regressors.readers.library import has_tree
 from regressors.robot.robot import Robot
 
 _SearchUntil = Callable[[Callable[[], None]], Design]  # of what is called when only saving remains
 PERIODS = "periods"  # folder of the searches at each period that a precision takes
+
+
+_BASE_TOO = "--base-link names the first link of a chain; --base still takes it too"
+_NEXT = (
+    "play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and torques; "
+    "compare candidates with excite compare DIR..."
+)
+_NEXT_RUNS = "play trajectory.csv {} (rehearse it slowly first), and identify from that log"
+
+
+def design_from_options(
+    ctx: click.Context,
+    robot: str,
+    out: Path,
+    task_file: Path | None,
+    parts: tuple[str, ...],
+    *,
+    figures: FigureChoice,
+    force: bool,
+    fresh: bool,
+) -> None:
+    """Find the motion for the options of a command, write its files and show it; end with the exit status."""
+    task = _task(ctx, robot, task_file, parts)
+    notes = () if split_base(ctx.params["base"])[1] is None else (_BASE_TOO,)
+    design, files = design_and_write(task, out, notes, figures=figures, force=force, fresh=fresh)
+    runs = None if design.precision is None else design.precision.runs
+    step = _NEXT if runs is None else _NEXT_RUNS.format("once" if runs == 1 else f"{runs} times in one recording")
+    show(
+        design_view(design),
+        files,
+        content=lambda: {"out": str(out), **shown_content(design)},
+        next_steps=[step],
+        all_in="design.json",
+    )
+    sys.exit(_status(design))
+
+
+def _task(ctx: click.Context, robot: str, task_file: Path | None, parts: tuple[str, ...]) -> Task:
+    """The task of a file and of options, which win over it."""
+    filed = read_task_file(task_file) if task_file else {}
+    typed = {name: value for name, value in typed_options(ctx).items() if name != "base"}
+    typed |= robot_file_typed(ctx.params)
+    if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:
+        convention, link = split_base(ctx.params["base"])
+        typed |= {"base": convention} if convention else {}
+        typed |= {"base_link": link} if link else {}
+    limits = {name: typed.pop(name) for name in OF_JOINTS if name in typed}
+    options = {**filed, **typed, "limits": {**filed.get("limits", {}), **limits}, "robot": robot}
+    folder = options.get("begin")  # its parts may be imported where they are named; else the folder will do
+    task = task_from_options(options, begin=load_design(folder, parts) if folder is not None and parts else None)
+    if task.base_link is not None and not has_tree(robot):
+        raise click.UsageError(
+            f"--base {task.base_link!r}: expected one of {', '.join(CONVENTIONS)}, or the base link of a URDF, a xacro "
+            "or an MJCF"
+        )
+    return task
+
+
+def _status(design: Design) -> int:
+    if design.interrupted:
+        say("excite: interrupted; the best feasible motion so far is saved")
+        return interrupted_status()
+    met = design.precision is None or design.precision.met
+    return 0 if design.feasible and met else NOT_HELD
 
 
 def design_and_write(
@@ -64,8 +149,6 @@ def design_and_write(
             tell("writing and drawing")
             files = write_design(design, out, figures.formats)
             if figures:
-                from excite.views.figures import write_figures
-
                 files = [*write_figures(design, out, **figures.how), *files]
     return design, files
 
@@ -149,3 +232,80 @@ def _print_what_is_known(formulation: Formulation, kept: KeptStarts, notes: tupl
     for found in kept.notes:
         remark(f"excite: {found}")
     announce_search(formulation, kept)
+
+
+def compare_designs(folders: Sequence[Path], model: str | None, window: str | None, parts: tuple[str, ...]) -> None:
+    """Judge designs by the same metrics, and show them."""
+    read = []
+    for folder in folders:
+        tell(f"reading {folder}")
+        read.append(excite.load_design(folder, parts))
+    tell("comparing the designs")
+    judged = excite.compare(read, model, window)
+    known = [bound for each in read if (bound := stored_bound(each)) is not None]
+    show(
+        comparison_view(judged, known),
+        content=lambda: [{"verdict": text, **_plain(j)} for text, j in zip(verdicts(judged), judged, strict=True)],
+        next_steps=["--verbose shows every convention of the condition number, and every metric"],
+    )
+
+
+def _plain(judgement: Judgement) -> dict[str, object]:
+    criteria = {name: value if math.isfinite(value) else None for name, value in judgement.criteria.items()}
+    goal = judgement.goal if judgement.goal is not None and math.isfinite(judgement.goal) else None
+    return {**asdict(judgement), "goal": goal, "criteria": criteria}
+
+
+_PAGE = "campaign.html"
+
+
+def run_and_write(
+    file: Path, out: Path, *, executor: str, workers: int | None, figures: FigureChoice, report: bool, force: bool
+) -> None:
+    """Design the cells of a sweep file that are left; write the table, the figure and the page of all."""
+    tell("reading the sweep")
+    cells = read_sweep_file(file)
+    interrupted = False
+    with result_folder(out), one_interrupt() as interruption:
+        try:
+            with progress_of_cells() as (begin, progress):
+
+                def left(todo: CellsLeft) -> None:
+                    if todo.done:
+                        count = len(todo.done) + len(todo.work)
+                        remark(f"excite: {len(todo.done)} of {count} cells are already done in {out}")
+                    begin(len(todo.done), len(todo.work))
+
+                table = run_sweep(
+                    cells, out, executor=executor, workers=workers, replace=force, progress=progress, left=left
+                )
+        except KeyboardInterrupt:
+            interruption.caught()
+            if not (out / JSON).exists():
+                raise  # before there was any table
+            interrupted, table = True, load_sweep(out)
+            say("excite: interrupted; finished cells are saved, and the same command continues with the others")
+        files = [out / TABLE, out / JSON, *figures.write(table, out)]
+        if report and not interrupted:
+            tell("writing the page")
+            files.append(excite.write_report(table, out / _PAGE, replace=True))
+    show_sweep(table, files, out)
+    sys.exit(interrupted_status() if interrupted else 0 if table.holds else NOT_HELD)
+
+
+def show_sweep(table: SweepTable, files: Sequence[Path], out: Path) -> None:
+    """Show the best cells of every group, and the first reasons of those without a design; or every cell."""
+    show(
+        cells_view(table),
+        files,
+        content=lambda: {"out": str(out), "counts": table.counts, **json_of(table)},
+        next_steps=[_next(table, out)],
+        all_in=str(out / TABLE),
+    )
+
+
+def _next(table: SweepTable, out: Path) -> str:
+    best = next((row.cell for rows in table.groups.values() for row in rows), None)
+    if best is None:
+        return f"read the reasons in {out / TABLE}, and change the file"
+    return f"excite report {out} --out campaign.html; each cell is a design: {out / 'cells' / best}"

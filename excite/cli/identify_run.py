@@ -1,30 +1,45 @@
-"""An identification from the command line: reading, identifying, writing."""
+"""Execution of ``excite identify`` and ``verify``: reading, identifying, repeating, judging, writing."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import excite
-from excite.cli.interrupts import one_interrupt
-from excite.cli.literal_console import console
 from excite.cli.main import NOT_HELD
-from excite.cli.messages import in_options
 from excite.cli.options import FigureChoice
-from excite.cli.sign_of_life import tell
-from excite.cli.streams import remark
-from excite.cli.summary import show
-from excite.cli.view_text import print_view, view_summary
+from excite.cli.progress import deferred_interrupt, interrupted_status, one_interrupt, progress_of_repetitions
+from excite.cli.streams import in_options, remark, say, tell
+from excite.cli.summary import print_verdict, print_view, show
 from excite.design.design_json import find_design
+from excite.errors import LostWorkersError
+from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe, not_repeated
-from excite.identification.result_json import CURVES, FIGURES, REPETITIONS, check_free, result_content
+from excite.identification.result import RepeatedParameter, RepetitionSummary
+from excite.identification.result_json import (
+    CURVES,
+    FIGURES,
+    REPETITIONS,
+    SO_FAR,
+    amend_result_file,
+    check_free,
+    result_content,
+)
 from excite.logs.mapping import read_mapping
-from excite.registry import CHOSEN, is_own
+from excite.registry import CHOSEN, is_addressed, is_own
+from excite.storage.records import check_replaceable, json_of
 from excite.storage.result_folder import figure_names, result_folder
-from excite.views.identification_view import identification_view
+from excite.study.repetitions import Repetitions, repetitions
+from excite.verification.verification import KIND
+from excite.views.figures import write_view_figures
+from excite.views.identification_view import identification_view, repetitions_view
+from excite.views.verification_view import verification_view, verifications_view
+from excite.views.view import View
+from regressors.errors import InputError
 
 _LEFT_OUT = (
     "schema", "robot", "task", "measured_condition_number", "motor_sides", "curves", "scatter", "scale", "calibration",
@@ -62,7 +77,7 @@ def identify_and_write(
         if given["repeat"]:
             tell("repeating the experiment in simulation")
             where = {"executor": given["executor"], "workers": given["workers"]}
-            from excite.cli.repetition_run import repeat_and_write  # imports jax
+            from excite.cli.identify_run import repeat_and_write  # imports jax
 
             result, repeated = repeat_and_write(result, out, given["repeat"], given["seed"], figures, **where)
             status = repeated or status
@@ -73,25 +88,15 @@ def identify_and_write(
 
 
 def show_result(result: excite.Identification, files: Sequence[Path], out: Path) -> None:
-    """Print a result: reasons against it, its view, and what to do next: the cures of doubts, or else to verify."""
-    view = identification_view(result)
+    """Show a result, and what to do next: the cures of doubts, or else to verify."""
     cures = dict.fromkeys(in_options(doubt.cure) for doubt in result.doubts)
     steps = list(cures) or [f"excite verify {files[-1].parent} OTHER.csv, with a log that was not used here"]
-    summary = view_summary(view, files, steps, "result.json")
-    summary = replace(summary, holds=not result.doubts, facts=[*view.against, *summary.facts])
 
-    def details() -> None:
-        for text in view.against:
-            console().print(in_options(text), style="bold", soft_wrap=True)
-        print_view(view, files, steps)
+    def content() -> dict[str, Any]:  # the file without what stands there twice, and without the robot and the task
+        left_out = {*_LEFT_OUT, *(field.name for field in fields(result.estimate))} - _KEPT
+        return {"out": str(out), **{k: v for k, v in result_content(result).items() if k not in left_out}}
 
-    show(summary, lambda: _shown(result, out), details)
-
-
-def _shown(result: excite.Identification, out: Path) -> dict[str, Any]:
-    """What ``--json`` prints: the file without what stands there twice, and without the robot and the task."""
-    left_out = {*_LEFT_OUT, *(field.name for field in fields(result.estimate))} - _KEPT
-    return {"out": str(out), **{k: v for k, v in result_content(result).items() if k not in left_out}}
+    show(identification_view(result), files, content=content, next_steps=steps, all_in="result.json")
 
 
 def _identified(
@@ -150,3 +155,122 @@ def design_folder(given: Path | None, mapping: Path | None, places: Sequence[Pat
     else:
         remark(f"excite: note: {found} holds the design that {mapping} names; its model is used")
     return found
+
+
+def repeat_and_write(
+    result: Identification,
+    out: Path,
+    count: int,
+    seed: int,
+    figures: FigureChoice,
+    *,
+    executor: str,
+    workers: int | None,
+) -> tuple[Identification, int]:
+    """Repeat an identification in simulation, add the statistics to its result, and draw them beside it."""
+    try:
+        with _interrupts(executor) as answer, progress_of_repetitions(count) as progress:
+
+            def report_progress(done: int, of: int) -> None:
+                progress(done, of)
+                if done < of:
+                    answer()
+
+            repeated_runs = repetitions(
+                result, count, seed, report_progress, executor=executor, workers=workers, kept=out / SO_FAR
+            )
+            result = replace(result, kept=result.facts, repetitions=summary_of(repeated_runs))
+            amend_result_file(out, result)
+    except KeyboardInterrupt:
+        say("excite: interrupted; the result is saved, without repetitions")
+        return result, interrupted_status()
+    except InputError as error:
+        raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
+    except LostWorkersError as error:
+        saved = f"the result in {out} is saved, without repetitions"
+        raise LostWorkersError(*error.args, saved + _continued(out)) from error
+    if figures:
+        write_view_figures(repetitions_view(result, repeated_runs), out, **figures.how)
+    if repeated_runs.interrupted:
+        done = f"with {repeated_runs.count} of {count} repetitions"
+        say(f"excite: interrupted; the result is saved, {in_options(done + _continued(out))}")
+        return result, interrupted_status()
+    return result, 0
+
+
+def _continued(out: Path) -> str:
+    return "; with `force`, the same command goes on" if (out / SO_FAR).exists() else ""
+
+
+def summary_of(repeated: Repetitions) -> RepetitionSummary:
+    """Statistics of repetitions, as a result keeps them."""
+    numbers = (repeated.deviation, repeated.predicted_deviation, repeated.bias, repeated.bias_error, repeated.coverage)
+    rows = zip(repeated.names, repeated.units, *(each.tolist() for each in numbers), strict=True)
+    return RepetitionSummary(repeated.count, repeated.seed, tuple(RepeatedParameter(*row) for row in rows))
+
+
+@contextmanager
+def _interrupts(executor: str) -> Iterator[Callable[[], None]]:
+    """Defer a signal to the end of the repetitions at work; while this process waits for Dask, heed it at once."""
+    if is_addressed("executor", executor):
+        with one_interrupt():
+            yield lambda: None
+        return
+    with deferred_interrupt("stopping after the repetitions at work") as answer:
+        yield answer
+
+
+def verify_and_write(
+    folder: Path,
+    logs: Sequence[Path],
+    out: Path | None,
+    *,
+    parts: tuple[str, ...],
+    figures: FigureChoice,
+    **options: Any,
+) -> None:
+    """Judge a result on logs, and write each verdict."""
+    result = excite.load_result(folder, parts)
+    target, stems = out or result.folder or folder, _stems(logs)
+    with result_folder(target):
+        for stem in stems:
+            check_replaceable(target, KIND, stem)
+        judged = []
+        for log in logs:
+            tell(f"judging {folder} on {log}")
+            judged.append(excite.verify(result, log, **options))
+        written = [verification.save(target, name=stem) for verification, stem in zip(judged, stems, strict=True)]
+        if figures:
+            tell("drawing")
+            written = [
+                [*write_view_figures(verification_view(verification, stem), target, **figures.how), *files]
+                for verification, stem, files in zip(judged, stems, written, strict=True)
+            ]
+    files = [file for some in written for file in some]
+    view = verifications_view(judged)
+    steps = [] if view.holds else ["'excite verify ... --verbose' shows what limits each joint"]
+
+    def details() -> None:
+        for each in map(verification_view, judged):
+            print_verdict(each)
+            print_view(each)
+        print_view(View(view.title, view.verdict), files)
+
+    show(
+        view,
+        files,
+        content=lambda: list(map(json_of, judged)),
+        next_steps=steps,
+        all_in="verification-*.json",
+        details=details if len(judged) > 1 else None,
+    )
+    sys.exit(0 if view.holds else NOT_HELD)
+
+
+def _stems(logs: Sequence[Path]) -> list[str]:
+    """Name of each log's files; logs of the same name in different folders are numbered."""
+    names = [path.stem for path in logs]
+    counts = [names[: k + 1].count(name) for k, name in enumerate(names)]
+    return [
+        f"verification-{name}" + (f"-{count}" if count > 1 else "") for name, count in zip(names, counts, strict=True)
+    ]

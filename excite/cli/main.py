@@ -11,10 +11,8 @@ from typing import NoReturn
 
 import click
 
-from excite.cli.lazy import LazyGroup
-from excite.cli.messages import in_options
-from excite.cli.sign_of_life import be_quiet, sign_of_life
-from excite.cli.streams import open_streams, printed_warnings, say
+from excite.cli.command import LazyGroup
+from excite.cli.streams import be_quiet, in_options, open_streams, printed_warnings, say, sign_of_life
 from excite.design.interruption import answered_signals, repeat_lost_signal
 from regressors.errors import ExciteError, InputError, NumericalError, one_line
 
@@ -42,6 +40,13 @@ _GROUPS = {
     "Friction and payload": ("friction", "payload"),
     "Share results": ("report",),
 }
+_FILES = {
+    "design_commands": ("design", "plan", "compare", "bound"),
+    "exchange_commands": ("robots", "logs", "export", "report"),
+    "identify_commands": ("identify", "verify"),
+    "study_commands": ("simulate", "predict", "study"),
+}
+_PLACES = {name: f"{file}:{name}" for file, names in _FILES.items() for name in names}
 BAD_INPUT, NOT_HELD = 2, 1
 _OBJECTS = 50_000  # before the collector looks for cycles: imports and figures make many objects and next to no cycles
 
@@ -59,7 +64,7 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     summaries=_COMMANDS,
     groups=_GROUPS,
     renamed={"campaign": "sweep"},
-    places="excite.cli.{}_command:command",
+    places=_PLACES,
     epilog="""\b
 Start with:
   excite robots                          which robots are built in
@@ -89,7 +94,7 @@ cli.add_command(
             "plan": "Plan runs at constant speed, from which friction is measured.",
             "fit": "Fit friction curves to logs of runs at constant speed.",
         },
-        places="excite.cli.friction_command:{}",
+        places={"plan": "friction_commands:plan_runs", "fit": "friction_commands:fit_curves"},
         help="""Measure a robot's friction on its own: plan the runs, fit the curves.
 
     The curves are saved as a file that --friction-curves of 'excite design' and 'excite identify' takes, and
@@ -104,7 +109,7 @@ cli.add_command(
             "gains": "Calibrate the gains of the drives with a load of known mass.",
             "identify": "Estimate mass, centre and inertia of what the robot holds.",
         },
-        places="excite.cli.payload_command:{}",
+        places={name: f"payload_commands:{name}" for name in ("design", "gains", "identify")},
         help="Measure what a robot holds: mass, centre and inertia, in seconds, by its own joint torques or a wrist "
         "sensor.",
         epilog="""\b
@@ -118,7 +123,7 @@ cli.add_command(
     LazyGroup(
         name="sweep",
         summaries={"run": "Design every cell of a sweep file, or those that are left, and tabulate all."},
-        places="excite.cli.sweep_command:{}",
+        places={"run": "design_commands:run"},
         help="""Design for every combination of robots, models, families, criteria, limits and seeds that a file states.
 
     'excite plan' is another thing: it proposes which drives to move in which motion.""",

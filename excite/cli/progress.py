@@ -1,28 +1,31 @@
-"""Progress of a search or a simulation on stderr: redrawn on a terminal, in lines elsewhere."""
+"""Progress of long work on stderr, redrawn on a terminal, in lines elsewhere; and its interruption."""
 
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.sign_of_life import SECONDS, something_is_shown, tell
-from excite.cli.streams import say, verbosity
-from excite.cli.terminal import can_move
+from excite.cli.streams import SECONDS, can_move, remark, say, something_is_shown, tell, verbosity
+from excite.design.interruption import Interruption, answered_signals, current_interruption, deferred_interruption
 
 if TYPE_CHECKING:
     from excite.design.kept_starts import KeptStarts
     from excite.design.start_results import StartResult
     from excite.design.sweeps.run_sweep import CellProgress
 
+
 _MANY = 100  # starts above which a line comes before the first of them has ended
 _BETWEEN = 2.0  # seconds between two lines of a simulation
+_SILENCE = 2.0  # before the first line on repetitions [s]
+_PAUSE = 5.0  # between two lines of it [s]
 
 
 @contextmanager
@@ -46,7 +49,7 @@ def progress_of_starts(kept: KeptStarts) -> Iterator[Callable[[StartResult], Non
 
 
 @contextmanager
-def _bar(text: str, *, remaining: bool = False, **first: Any) -> Iterator[Callable[..., None]]:
+def _bar(text: str, *, verb: str = "designing", remaining: bool = False, **first: Any) -> Iterator[Callable[..., None]]:
     """A bar on a terminal; what is yielded moves it."""
     from rich.progress import (
         BarColumn,
@@ -57,11 +60,11 @@ def _bar(text: str, *, remaining: bool = False, **first: Any) -> Iterator[Callab
         TimeRemainingColumn,
     )
 
-    from excite.cli.literal_console import console_of_progress
+    from excite.cli.summary import console_of_progress
 
     something_is_shown()
     left = (TextColumn("left"), TimeRemainingColumn()) if remaining else ()
-    columns = (TextColumn("designing"), BarColumn(), MofNCompleteColumn(), TextColumn(text), TimeElapsedColumn(), *left)
+    columns = (TextColumn(verb), BarColumn(), MofNCompleteColumn(), TextColumn(text), TimeElapsedColumn(), *left)
     with Progress(*columns, console=console_of_progress()) as bar:
         yield partial(bar.update, bar.add_task("", **first))
 
@@ -121,6 +124,32 @@ def _lines_of_cells() -> Callable[[CellProgress], None]:
 
 
 @contextmanager
+def progress_of_repetitions(total: int) -> Iterator[Callable[[int, int], None]]:
+    """Report finished repetitions, in lines not more often than every few seconds where there is no terminal."""
+    if verbosity().quiet or not can_move(sys.stderr):
+        yield _lines_of_repetitions()
+    else:
+        with _bar("", verb="repeating", remaining=True, total=total) as update:
+            yield lambda done, _: update(completed=done)
+
+
+def _lines_of_repetitions() -> Callable[[int, int], None]:
+    began = time.monotonic()
+    due = began + _SILENCE
+
+    def report(done: int, count: int) -> None:
+        nonlocal due
+        now = time.monotonic()
+        if done < count and now < due:
+            return
+        due = now + _PAUSE
+        left = (now - began) / done * (count - done)
+        remark(f"excite: {done} of {count} repetitions" + f", about {left:.0f} s left" * (done < count))
+
+    return report
+
+
+@contextmanager
 def progress_of_samples(verb: str = "simulated") -> Iterator[Callable[[int, int], None]]:
     """Report the share of a simulation, or of other work, that is done, if it takes longer."""
     start = shown = time.monotonic()
@@ -144,3 +173,35 @@ def progress_of_samples(verb: str = "simulated") -> Iterator[Callable[[int, int]
     finally:
         if terminal and shown > start:
             click.echo("\r\033[K", err=True, nl=False)
+
+
+@contextmanager
+def one_interrupt() -> Iterator[Interruption]:
+    """Let the first signal in the block raise KeyboardInterrupt; a second one ends the process at once."""
+    installed = current_interruption()
+    if installed is None:
+        with answered_signals() as own:
+            yield own
+        return
+    try:
+        yield installed
+    finally:
+        installed.heed()
+
+
+@contextmanager
+def deferred_interrupt(message: str) -> Iterator[Callable[[], None]]:
+    """Defer a signal in the block to a safe point: compiled computations must not be interrupted."""
+
+    def say() -> None:  # not through streams, which may be in the middle of a write
+        with suppress(OSError):
+            os.write(2, f"excite: {message}\n".encode())
+
+    with deferred_interruption(say) as answer:
+        yield answer
+
+
+def interrupted_status() -> int:
+    """Exit status after a signal: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
+    installed = current_interruption()
+    return Interruption().status if installed is None else installed.status

@@ -13,17 +13,15 @@ from rich.text import Text
 
 from constraints.linear import QUANTITIES, linear_limits
 from constraints.world_file import capsules_text, urdf_capsules
-from excite.cli.literal_console import console
-from excite.cli.messages import in_options
-from excite.cli.options import robot_file_of
-from excite.cli.streams import remark, verbosity
-from excite.cli.summary import Summary, print_table, show
-from excite.cli.task_options import chosen_of
+from excite.cli.options import chosen_of, robot_file_of
+from excite.cli.streams import in_options, remark, verbosity
+from excite.cli.summary import console, print_table, show
 from excite.export.models.robot_yaml import write_robot
 from excite.information.nearly_unidentifiable import left_out_by_rounding
 from excite.information.target import left_to_right_base
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import PARTS, Task
+from excite.views.view import View
 from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.robot.robot import Link, Robot
@@ -51,7 +49,7 @@ def show_robot(robot: str, out: Path | None, given: Mapping[str, Any]) -> None:
     whole = installed_robot(task)
     if out is not None:
         write_robot(whole, out, replace=given["force"])
-        show(Summary(f"written: {out}"), lambda: {"out": str(out)}, lambda: None)
+        show(View(whole.name, f"written: {out}"), content=lambda: {"out": str(out)})
         return
     motion, base = left_to_right_base(whole, task)
     if verbosity().plain:
@@ -59,9 +57,9 @@ def show_robot(robot: str, out: Path | None, given: Mapping[str, Any]) -> None:
         return
     moving = ", ".join(motion.labels)
     show(
-        Summary(f"{whole.name}: {whole.n} joints; motion of {moving} identifies {base.rank} base parameters"),
-        lambda: _content(whole, motion.labels, base),
-        lambda: _print(whole, motion.labels, base),
+        View(whole.name, f"{whole.name}: {whole.n} joints; motion of {moving} identifies {base.rank} base parameters"),
+        content=lambda: _content(whole, motion.labels, base),
+        details=lambda: _print(whole, motion.labels, base),
     )
 
 

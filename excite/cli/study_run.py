@@ -1,26 +1,41 @@
-"""Execution of ``excite study``, ``excite predict`` and ``excite bound``: what experiments and designs can reach."""
+"""Execution of ``excite simulate``, ``study``, ``predict``, ``bound`` and ``plan``: what experiments can reach."""
 
 from __future__ import annotations
 
+import math
+import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import excite
-from excite.cli.options import FigureChoice
-from excite.cli.sign_of_life import tell
-from excite.cli.view_text import brief_table, show_view
+from excite.cli.main import NOT_HELD
+from excite.cli.options import FigureChoice, chosen_of, robot_file_of
+from excite.cli.progress import progress_of_samples
+from excite.cli.streams import in_options, remark, say, tell
+from excite.cli.summary import show
+from excite.design.design_folder import check_no_design, data_files
+from excite.design.start_results import StartResult
+from excite.design.task_file import read_task_file, task_from_options
+from excite.errors import LostMotionError
 from excite.optimality.design_bound import NAME, stored_bound
 from excite.optimality.sensitivity import sensitivity
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import motion_source
+from excite.simulation.simulation_files import paths_of
 from excite.storage.records import json_of
-from excite.storage.result_folder import figure_names, result_folder
+from excite.storage.result_folder import figure_names, result_file, result_folder
 from excite.study.time_study import FIGURE, check_free
-from excite.views.accuracy_view import accuracy_view
-from excite.views.bound_view import bound_view
-from excite.views.study_view import study_view
-
-_PARAMETERS, _CHANGES = 12, 5  # rows of a summary
+from excite.tasks.further_settings import MotionSettings
+from excite.tasks.model_choice import FURTHER_FRICTION
+from excite.tasks.payload import Payload
+from excite.tasks.task import PARTS
+from excite.views.campaign_view import campaign_view, next_motion_view
+from excite.views.comparison_view import bound_view
+from excite.views.experiment_views import accuracy_view, simulation_view, study_view
+from regressors.quantities import number_of
 
 
 def study_and_write(
@@ -47,8 +62,7 @@ def study_and_write(
             **{name: value for name, value in given.items() if value is not None},
         )
         files = [*study.save(out, replace=force), *figures.write(study, out)]
-    view = study_view(study)
-    show_view(view, files, content=lambda: json_of(study), facts=brief_table(view.tables[0]), all_in="study.json")
+    show(study_view(study), files, content=lambda: json_of(study), all_in="study.json")
 
 
 def predict_and_write(folder: Path, parts: tuple[str, ...], given: Mapping[str, Any]) -> None:
@@ -56,9 +70,7 @@ def predict_and_write(folder: Path, parts: tuple[str, ...], given: Mapping[str, 
     design = excite.load_design(folder, parts)
     prediction = excite.predict_accuracy(design, progress=tell, **given)
     files = prediction.save(_place(folder))
-    view = accuracy_view(prediction)
-    facts = [*view.summary, *brief_table(view.tables[0], most=_PARAMETERS)]
-    show_view(view, files, content=lambda: json_of(prediction), facts=facts, all_in=files[0].name)
+    show(accuracy_view(prediction), files, content=lambda: json_of(prediction), all_in=files[0].name)
 
 
 def bound_and_write(folder: Path, wanted: tuple[str, ...], seed: int, parts: tuple[str, ...], *, force: bool) -> None:
@@ -77,21 +89,155 @@ def bound_and_write(folder: Path, wanted: tuple[str, ...], seed: int, parts: tup
         result = replace(result, criteria=(*result.criteria, *others))
         files = result.save(_place(folder))
     view = bound_view(result)
-    criteria, *changes = view.tables
-    show_view(
-        view,
-        files,
-        content=lambda: json_of(result),
-        facts=[
-            view.summary[0],
-            *brief_table(criteria),
-            *(each for table in changes for each in brief_table(table, most=_CHANGES)),
-            *view.summary[1:],
-        ],
-        notes=[*([] if files else [f"read from {NAME}; --force computes it again"]), *view.remarks],
-    )
+    if not files:
+        view = replace(view, remarks=(f"read from {NAME}; --force computes it again", *view.remarks))
+    show(view, files, content=lambda: json_of(result))
 
 
 def _place(folder: Path) -> Path:
     """The folder of a design that may be named by its file."""
     return folder.parent if folder.suffix == ".json" else folder
+
+
+def simulate_and_write(source: Path, out: Path, given: Mapping[str, Any]) -> None:
+    """Simulate a motion, write the logs, and end with the exit status."""
+    played = chosen_of(MotionSettings, given)
+    if given["ways"] is not None:
+        remark("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form")
+        played["approach_and_return"] = given["ways"]
+    settings = SimulationSettings(**chosen_of(SimulationSettings, given))  # refused before files are read
+    design = excite.load_design(source, given["parts"]) if given["parts"] else source
+    trajectory, both = played.pop("trajectory", None), played.pop("approach_and_return")
+    resolved = motion_source(design, trajectory, approach_and_return=both)
+    load = _load(played.pop("load", None))
+    if load is None and resolved.task.model.channel == "wrench":
+        remark("excite: note: the design is for a load, but none is simulated; give one with --load")
+    try:
+        with result_file(out):
+            paths_of(out, wrench=load is not None, replace=given["force"])
+            tell("simulating the motion")
+            with progress_of_samples() as progress:
+                simulation = excite.simulate(resolved, settings, load=load, progress=progress, **played)
+            tell("writing")
+            files = simulation.save(out, replace=given["force"])
+    except LostMotionError as error:
+        say(f"excite: {in_options(str(error))}")
+        sys.exit(NOT_HELD)
+    record = simulation.record
+
+    def content() -> dict[str, Any]:
+        shown = {"robot": record.robot, "rate": settings.rate, "failures": list(record.failures)}
+        return {"out": str(out), "files": [str(file) for file in files], **json_of(record), **shown}
+
+    steps = [f"excite identify ROBOT {files[0]} --out DIR"] if record.holds else []
+    show(simulation_view(record), files, content=content, next_steps=steps, all_in=files[1].name)
+    sys.exit(0 if record.holds else NOT_HELD)
+
+
+def _load(text: str | None) -> Payload | Path | None:
+    """Load from ten numbers, or the name of a file."""
+    if text is None:
+        return None
+    try:
+        numbers = [number_of(part) for part in text.split(",")]
+    except ValueError:
+        return Path(text)
+    return Payload(numbers)
+
+
+def plan_campaign(robot: str, given: Mapping[str, Any]) -> None:
+    """Propose the motions that identify every parameter."""
+    curves = given["friction_curves"]
+    asked = {**chosen_of(PARTS["installation"], given), **chosen_of(PARTS["model"], given)}
+    asked["friction_curves"] = None if curves is None else excite.read_friction(Path(curves))
+    task = excite.Task(robot, **robot_file_of(given), **asked)
+    tell("finding the parameters that each selection of drives identifies")
+    campaign = excite.plan_campaign(task, given["at_once"])
+    drives = ",".join(campaign.steps[0].drives)
+    step = f"{_design_command(task, curves)} --drives {drives} --out designs/motion-1"
+    show(campaign_view(campaign), content=lambda: json_of(campaign), next_steps=[step])
+
+
+def _design_command(task: excite.Task, curves: str | None) -> str:
+    """Command that designs for the same robot, chain and parameters."""
+    model = task.model
+    words = ["excite", "design", task.robot_name, "--model", str(model.model)]
+    for flag, value in (
+        ("--base", task.base_link),
+        ("--tip", task.tip),
+        ("--no-snap-angles", not task.snap_angles),
+        ("--xacro", task.xacro),
+        ("--no-friction", not model.friction),
+        ("--friction-curves", curves),
+        ("--offset", bool(model.offset)),  # a plain flag, since it always was one
+        *((f"--{name.replace('_', '-')}", _drives(getattr(model, name))) for name in FURTHER_FRICTION[1:]),
+        ("--no-rotor", not model.rotor),
+        ("--stribeck-speed", f"{model.stribeck_speed:g}" if model.stribeck else None),
+    ):
+        words += [flag] if value else []
+        words += [value] if isinstance(value, str) else []
+    return shlex.join(words)
+
+
+def _drives(chosen: bool | tuple[str, ...]) -> str | None:
+    """Drives as they are typed, such as ``1,3``."""
+    return ("all" if chosen else None) if isinstance(chosen, bool) else ",".join(chosen)
+
+
+def next_motion_task(robot: str, typed: Mapping[str, Any], task_file: Path | None) -> excite.Task:
+    """The task of a file and of options, which win over it."""
+    filed = read_task_file(task_file) if task_file else {}
+    at_period = {"scale": "precision"} if "period" in typed else {}  # not at the shortest
+    return task_from_options({"model": "differential", **filed, **typed, **at_period, "robot": robot})
+
+
+def plan_next_motion(task: excite.Task, of: str, out: Path | None, *, force: bool) -> int:
+    """Show whether what is in hand is enough; write the next motion where it is not, and a folder is given."""
+    if out is not None:
+        check_no_design(out, data_files(task), replace=force)
+    tell("weighing what is in hand")
+    best = math.inf
+
+    def progress(start: StartResult) -> None:
+        nonlocal best
+        if start.value < best:
+            best = start.value
+            remark(f"excite: start {start.index} ended, best so far {best:.4g}")
+
+    step = excite.next_motion(task, of=of, progress=progress, report=lambda text: remark(f"excite: {text}"))
+    files = step.design.save(out, replace=force) if step.design is not None and out is not None else []
+    show(next_motion_view(step), files, content=lambda: _content(step, out), next_steps=[_next(step, out)])
+    return 0 if step.enough else NOT_HELD
+
+
+def _next(step: excite.NextMotion, out: Path | None) -> str:
+    if step.enough:
+        return "play the planned motions" if step.planned else "nothing more to play; verify on a log that was not used"
+    if out is None:
+        return "the same command with --out DIR writes the motion"
+    runs = "once" if step.runs == 1 else f"{step.runs} times"
+    return f"play {out / 'trajectory.csv'} {runs}, identify from its logs, and plan again with that result in --after"
+
+
+def _content(step: excite.NextMotion, out: Path | None) -> dict[str, Any]:
+    forecast = step.forecast
+    return {
+        "robot": step.robot,
+        "enough": step.enough,
+        "planned": list(step.planned),
+        "parameters": [
+            {name: _finite(value) for name, value in vars(parameter).items()} | {"enough": parameter.enough}
+            for parameter in step.parameters
+        ],
+        "next": None
+        if step.design is None or forecast is None
+        else {
+            "out": None if out is None else str(out),
+            "period": step.design.trajectory.duration,
+            **{name: value for name, value in json_of(forecast).items() if name != "parameters"},
+        },
+    }
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

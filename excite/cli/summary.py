@@ -1,88 +1,93 @@
-"""The summary at the end of a command: the verdict first, then what fits a screen; or all of it, or JSON.
+"""Views on the terminal: the verdict first, then what fits a screen; or all tables and notes, or JSON.
 
-With ``--quiet`` only the verdict is printed, with ``--verbose`` all tables and notes.
+With ``--quiet`` only the verdict is printed, with ``--verbose`` all of the view, with ``--json`` its content.
 """
 
 from __future__ import annotations
 
 import json
+import math
+import platform
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from importlib.metadata import version
+from itertools import takewhile
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 import click
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from excite.cli.literal_console import LiteralConsole, console
-from excite.cli.messages import in_options
-from excite.cli.sign_of_life import something_is_shown
-from excite.cli.streams import verbosity
+from excite.cli.streams import has_colours, in_options, something_is_shown, verbosity
+from excite.views.view import Column, Format, View, ViewTable, number, some_of
 from regressors.errors import one_line
 
 _LINES, _COLUMNS = 24, 100
 _FIGURE, _ALIKE = "figure", 4
-_STYLES = {True: "bold green", False: "bold red", None: "bold"}
+_OF_VERDICT = {True: "bold green", False: "bold red", None: "bold"}
 _CAUTION = "bold yellow"
+_OF_CELL = {"bad": "red", "best": "bold green"}
+_NUMBERS = (Format.NUMBER, Format.PERCENT)
+_WHOLE = 6  # significant digits of numbers
+_WIDEST = 70  # letters of a column
+_NAMED = 6  # names of a list in a cell of a short table
+_LIBRARIES = ("numpy", "scipy", "casadi")
 
 
-@dataclass(frozen=True)
-class Summary:
-    """What a command has to say at its end."""
-
-    verdict: str  # in words, with the number that matters most
-    holds: bool | None = None  # whether what was asked for holds; None where that is no question
-    # whether something that may break the robot was not checked, so that what holds is not safe to play
-    caution: bool = False
-    facts: Sequence[str | Table] = ()  # the few numbers that matter, with units
-    notes: Sequence[str] = ()  # the first of them are shown, as many as fit
-    files: Sequence[Path] = ()  # those that were written
-    next_steps: Sequence[str] = ()  # what to do next
-    all_in: str | None = None  # the file that has all numbers and notes
-
-
-def show(summary: Summary, content: Callable[[], Any], details: Callable[[], None]) -> None:
-    """Print a summary in the form that was asked for."""
+def show(
+    view: View,
+    files: Sequence[Path] = (),  # those that were written
+    *,
+    content: Callable[[], Any],
+    next_steps: Sequence[str] = (),  # what to do next
+    all_in: str | None = None,  # the file that has all numbers and notes
+    details: Callable[[], None] | None = None,  # prints all, where that is more than the view
+) -> None:
+    """Show a view in the form that was asked for: its summary, all of it, its verdict alone, or its content as JSON."""
     something_is_shown()
     chosen = verbosity()
     if chosen.as_json:
-        click.echo(json.dumps(_with_verdict(content(), summary.verdict), indent=1))
+        known = content()
+        click.echo(json.dumps({"verdict": view.verdict, **known} if isinstance(known, dict) else known, indent=1))
     elif chosen.quiet:
-        click.echo(one_line(in_options(summary.verdict)))
+        click.echo(one_line(in_options(view.verdict)))
     else:
-        _print_text(summary, details if chosen.verbose else None)
+        whole = details or (lambda: print_view(view, files, next_steps))
+        _print_text(view, files, next_steps, all_in, whole if chosen.verbose else None)
 
 
-def _with_verdict(content: Any, verdict: str) -> Any:
-    return {"verdict": verdict, **content} if isinstance(content, dict) else content
-
-
-def _print_text(summary: Summary, details: Callable[[], None] | None) -> None:
+def _print_text(
+    view: View,
+    files: Sequence[Path] = (),
+    next_steps: Sequence[str] = (),
+    all_in: str | None = None,
+    details: Callable[[], None] | None = None,
+) -> None:
     out = console()
     width = min(out.width, _COLUMNS) if sys.stdout.isatty() else _COLUMNS
-    for line in _wrapped(summary.verdict, width, ""):
-        style = _CAUTION if summary.caution and summary.holds is not False else _STYLES[summary.holds]
+    verdict = _wrapped(view.verdict, width, "")
+    for line in verdict:
+        style = _CAUTION if view.caution and view.holds is not False else _OF_VERDICT[view.holds]
         out.print(Text(line, style=style), soft_wrap=True)
     if details is not None:
-        from excite.cli.view_text import print_run_facts
-
         details()
-        print_run_facts(out)
+        named = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
+        own = f"excite {version('excite-trajectories')}, Python {platform.python_version()}, {named}"
+        elapsed = time.monotonic() - verbosity().began
+        out.print(f"{own}; {elapsed:.1f} s, {time.process_time():.1f} s CPU of this process", soft_wrap=True)
         return
-    _print_rest(summary, out, width)
-
-
-def _print_rest(summary: Summary, out: LiteralConsole, width: int) -> None:
-    """Print facts, as many notes as fit, files and next steps."""
-    above = [_rendered(fact, out, width) for fact in summary.facts]
-    below = [_wrapped(text, width, "  ") for text in _written(summary.files)]
-    below += [_next(step, width) for step in summary.next_steps]
-    taken = len(_wrapped(summary.verdict, width, "")) + sum(map(len, [*above, *below]))
-    notes = _notes_that_fit(summary, _LINES - taken, width)
+    facts = (*view.against, *view.summary, *(line for table in view.tables for line in brief_table(table)))
+    above = [_rendered(fact, out, width) for fact in facts]
+    below = [_wrapped(text, width, "  ") for text in _written(files)]
+    below += [_next(step, width) for step in next_steps]
+    taken = len(verdict) + sum(map(len, [*above, *below]))
+    notes = _notes_that_fit(view.remarks, all_in, _LINES - taken, width)
     for lines in (*above, *notes, *below):
         for line in lines:
             out.print(line, soft_wrap=True)
@@ -103,9 +108,9 @@ def _wrapped(text: str, width: int, indent: str) -> list[str]:
     ]
 
 
-def _notes_that_fit(summary: Summary, lines: int, width: int) -> list[list[str]]:
+def _notes_that_fit(remarks: Sequence[str], all_in: str | None, lines: int, width: int) -> list[list[str]]:
     """The first notes, and how many there are beside them."""
-    notes = [_wrapped(f"note: {note}", width, "  ") for note in summary.notes]
+    notes = [_wrapped(f"note: {note}", width, "  ") for note in remarks]
     shown: list[list[str]] = []
     for note in notes:
         last = len(shown) + 1 == len(notes)
@@ -113,29 +118,22 @@ def _notes_that_fit(summary: Summary, lines: int, width: int) -> list[list[str]]
             break
         shown.append(note)
     if len(shown) < len(notes):
-        more = len(notes) - len(shown)
-        where = f"in {summary.all_in}, or with --verbose" if summary.all_in else "with --verbose"
-        shown.append([f"{more} more note{'s' * (more > 1)}: {where}"])
+        where = f"in {all_in}, or with --verbose" if all_in else "with --verbose"
+        shown.append([f"{number(len(notes) - len(shown), 'more note')}: {where}"])
     return shown
 
 
 def _written(files: Sequence[Path]) -> list[str]:
-    """One sentence on what was written; figures are counted."""
+    """One sentence on what was written; figures, and many files of one ending, are counted."""
     if not files:
         return []
-    named, counted = _counted(files)
-    folders = {path.parent for path in files}
-    if len(folders) == 1 and len(files) > 1:
+    kinds = Counter(map(_kind, files))
+    many = {kind for kind, count in kinds.items() if count > _ALIKE or (kind == _FIGURE and len(files) > 2)}
+    named = [path for path in files if _kind(path) not in many]
+    counted = [number(kinds[kind], kind) for kind in kinds if kind in many]
+    if len({path.parent for path in files}) == 1 and len(files) > 1:
         return [f"written to {files[0].parent}: {', '.join([*(path.name for path in named), *counted])}"]
     return [f"written: {', '.join([*map(str, named), *counted])}"]
-
-
-def _counted(files: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """Files that are named, and how many others of a kind there are: figures, and many of one ending."""
-    kinds = Counter(_kind(path) for path in files)
-    many = {kind for kind, count in kinds.items() if count > _ALIKE or (kind == _FIGURE and len(files) > 2)}
-    counted = [f"{kinds[kind]} {kind}{'s' * (kinds[kind] > 1)}" for kind in kinds if kind in many]
-    return [path for path in files if _kind(path) not in many], counted
 
 
 def _kind(path: Path) -> str:
@@ -150,17 +148,77 @@ def _next(step: str, width: int) -> list[str]:
     return [*(f"{line} \\" for line in lines), last]
 
 
-def compact_table(*headings: str, rows: Sequence[Sequence[str]], left: int = 1, most: int = 8) -> list[str | Table]:
-    """A table without rules, and how many rows it leaves out; nothing where there are no rows."""
-    if not rows:
+def brief_table(table: ViewTable) -> list[str | Table]:
+    """The brief columns of a table, without rules, numbers with their unit, and how many rows are left out."""
+    short = table.brief
+    if not short.rows or not short.columns:
         return []
-    table = Table(box=None, pad_edge=False)
-    for number, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if number < left else "right", overflow="fold")
-    for row in rows[:most]:
-        table.add_row(*row)
-    more = len(rows) - most
-    return [table, *([f"... and {more} more"] if more > 0 else [])]
+    left = len(list(takewhile(lambda column: column.format is Format.TEXT, short.columns)))
+    drawn = Table(box=None, pad_edge=False)
+    for k, column in enumerate(each for each in short.columns if each.format is not Format.UNIT):
+        drawn.add_column(column.heading, justify="left" if k < left else "right", overflow="fold")
+    for row in short.rows[: table.most]:
+        drawn.add_row(*_with_units(short.columns, row))
+    more = len(short.rows) - table.most
+    return [drawn, *([f"... and {more} more"] if more > 0 else [])]
+
+
+def _with_units(columns: tuple[Column, ...], row: tuple[Any, ...]) -> list[str]:
+    """Texts of a row, with the unit that stands beside a number behind it, and of a list of names the first ones."""
+    texts: list[str] = []
+    for column, value in zip(columns, row, strict=True):
+        if column.format is Format.UNIT:
+            texts[-1] = f"{texts[-1]} {value}"
+        else:
+            known = some_of(value.split(", "), _NAMED) if isinstance(value, str) else value
+            texts.append(_text(column, known, column.digits))
+    return texts
+
+
+def _text(column: Column, value: Any, digits: int = _WHOLE) -> str:
+    if column.format is Format.KEPT:
+        return "yes" if value else "NO"
+    if column.format not in _NUMBERS or isinstance(value, str):
+        return in_options(str(value))
+    if value is None or not math.isfinite(value):
+        return column.missing or "-"
+    return f"{value:.{digits}g}" if column.format is Format.NUMBER else f"{100 * value:.3g} %"
+
+
+def print_verdict(view: View) -> None:
+    """Print what a view is of, and its verdict."""
+    console().print(Text(f"\n{view.title}", style="bold"), soft_wrap=True)
+    console().print(Text(in_options(view.verdict), style=_OF_VERDICT[view.holds]), soft_wrap=True)
+
+
+def print_view(view: View, files: Sequence[Path] = (), next_steps: Sequence[str] = ()) -> None:
+    """Print all of a view but its verdict, which stands above, and its figures; then what was written."""
+    out = console()
+    for sentence in view.against:
+        out.print(in_options(sentence), style="bold", soft_wrap=True)
+    for sentence in (*view.summary, *(f"note: {remark}" for remark in view.remarks)):
+        out.print(in_options(sentence), soft_wrap=True)
+    for table in (each for each in view.tables if not each.folded and each.rows):
+        out.print(Text(table.title, style="italic"), soft_wrap=True)
+        out.print(_whole_table(table))
+    for line in (*_written(files), *(f"next: {in_options(step)}" for step in next_steps)):
+        out.print(line, soft_wrap=True)
+
+
+def _whole_table(table: ViewTable) -> Table:
+    """A table without columns that are wide, or know nothing, as of starts whose beginning is not stored."""
+    drawn = Table(caption=table.note or None)
+    known = [any(row[k] is not None for row in table.rows) for k in range(len(table.columns))]
+    shown = [(k, column) for k, column in enumerate(table.columns) if known[k] and not column.wide]
+    for _, column in shown:
+        right = column.format in _NUMBERS
+        drawn.add_column(
+            column.heading, justify="right" if right else "left", overflow="fold", max_width=_WIDEST
+        )  # fmt: skip
+    for j, row in enumerate(table.rows):
+        texts = ((_text(column, row[k]), table.marked.get((j, k), "")) for k, column in shown)
+        drawn.add_row(*(Text(text + " *" * (mark == "best"), _OF_CELL.get(mark, "")) for text, mark in texts))
+    return drawn
 
 
 def print_table(title: str | None, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
@@ -171,3 +229,32 @@ def print_table(title: str | None, headings: Sequence[str], rows: Iterable[Seque
     for row in rows:
         table.add_row(*row)
     console().print(table)
+
+
+class LiteralConsole(Console):
+    """Console whose text has a replacement character for every control character but line ends."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Render as a `Console` does, literally."""
+        for segment in super().render(renderable, options):
+            if segment.control or segment.text.replace("\n", "").isprintable():
+                yield segment
+            else:
+                yield Segment("".join(map(_literal, segment.text)), segment.style)
+
+
+def _literal(character: str) -> str:
+    return character if character.isprintable() or character == "\n" else "\N{REPLACEMENT CHARACTER}"
+
+
+def console() -> LiteralConsole:
+    """Console on stdout that prints names literally, brackets included, and does not wrap tables when piped."""
+    width = None if sys.stdout.isatty() else 120
+    if not has_colours(sys.stdout):
+        return LiteralConsole(markup=False, highlight=False, color_system=None, width=width)
+    return LiteralConsole(markup=False, highlight=False, force_terminal=True, width=width)
+
+
+def console_of_progress() -> Console:
+    """Console on stderr, a terminal, for a bar that moves."""
+    return Console(stderr=True, color_system="auto" if has_colours(sys.stderr) else None)

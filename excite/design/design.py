@@ -22,9 +22,9 @@ from excite.design.approach import ApproachAndReturn, stated_on_transfers
 from excite.design.start_results import HarmonicsTrial, SearchSummary, StartResult, read_starts
 from excite.design.stated_limits import StatedWorld, Unchecked, nonlinear_limits, stated_limits
 from excite.information.earlier_precision import information_in_hand
-from excite.information.half_widths import PrecisionForecast, RunInformation
 from excite.information.matrix import CONVENTIONS, MotionMeasures, PredictedAccuracy, noise_per_row
 from excite.information.nearly_unidentifiable import NearlyUnidentifiable
+from excite.information.precision_forecast import PrecisionForecast, PrecisionSearch, RunInformation
 from excite.information.target import IdentificationTarget, target_of
 from excite.information.weighting import PriorAndPosterior, minimised_text
 from excite.registry import name_of
@@ -98,7 +98,7 @@ class Design:
     formulated : (IdentificationTarget, tuple of NonlinearConstraint), optional
         Of a new design; see `target` and `nonlinear`.
     precision_search : PrecisionSearch, optional
-        Periods that were tried, where the shortest experiment was sought; of a new design.
+        Periods that were tried, where the shortest experiment was sought.
     stated_series : mapping, optional
         Of a design that was loaded; see `series`.
     """
@@ -111,7 +111,7 @@ class Design:
         "base.columns": lambda d: [each.name for each in d.predicted],
         "base.expressions": lambda d: [each.expression for each in d.predicted],
         "base.units": lambda d: [each.unit for each in d.predicted],
-        "precision": lambda d: None if d.precision is None else d.precision.to_dict(),
+        "precision": lambda d: d.precision,
         "solver.name": lambda d: name_of(d.task.search.solver),
         "solver.starts": lambda d: [start.summary() for start in d.starts],
     }
@@ -144,7 +144,7 @@ class Design:
     formulated: tuple[IdentificationTarget, tuple[NonlinearConstraint, ...]] | None = field(
         default=None, metadata=OBJECT
     )
-    precision_search: Any = field(default=None, metadata=OBJECT)
+    precision_search: PrecisionSearch | None = field(default=None, metadata=OBJECT)
     stated_series: Mapping[str, Any] | None = field(default=None, metadata=OBJECT)
 
     @cached_property

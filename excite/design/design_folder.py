@@ -15,11 +15,12 @@ from excite.design.design import Design
 from excite.design.kept_starts import remove_starts, remove_temporary
 from excite.design.start_results import write_start
 from excite.design.task_file import task_content
-from excite.information.matrix import noise_per_row
+from excite.information.precision_forecast import PrecisionSearch
 from excite.storage.atomic import NEXT, replacing, write_json, writing
 from excite.storage.codec import content_of
-from excite.storage.manifest import sha256_of
+from excite.storage.manifest import check_files, sha256_of
 from excite.storage.migrations import schema_of
+from excite.storage.records import read_record
 from excite.storage.result_folder import check_not_taken, figure_names, replace_result, result_folder
 from excite.storage.sampled_motion import motion_columns, write_motion_table
 from excite.tasks.option import NONE
@@ -97,8 +98,8 @@ def write_design(design: Design, folder: Path, figures: Collection[str] | None =
         write_trajectory(design, staged / TRAJECTORY)
         for speed in design.task.output.speed:
             write_trajectory(design, staged / rehearsal_name(speed), speed)
-        if searched:
-            _write_precision(design, staged)
+        if design.precision_search is not None:
+            _write_precision(design.precision_search, staged)
         files = {file.name: sha256_of(file) for file in sorted(staged.glob("trajectory*.csv"))}
         hashes = {"trajectory": design.coefficients_sha256, "files": files}
         write_json(staged / DESIGN, {**design_content(design), HASHES: hashes})
@@ -118,8 +119,7 @@ def rehearsal_name(speed: float) -> str:
     return f"trajectory-{speed:.12g}.csv"
 
 
-_PRECISION_SCHEMA = "excite.precision/1"
-PRECISION, PRECISION_TABLE = "precision.json", "precision.csv"
+PRECISION_KIND, PRECISION, PRECISION_TABLE = "precision", "precision.json", "precision.csv"
 _HEAD = ("period", "runs", "robot_seconds", "largest_use")
 
 
@@ -128,32 +128,22 @@ def seeks_precision(task: Task) -> bool:
     return task.objective.precision is not None and task.objective.scale != "precision"
 
 
-def _precision_content(design: Design) -> dict[str, Any]:
-    """Content of ``precision.json``."""
-    search, forecast, run = design.precision_search, design.precision, design.run_information
-    assert search is not None
-    assert forecast is not None
-    assert run is not None
-    return {
-        "schema": _PRECISION_SCHEMA,
-        "asked": run.precision.to_dict(),
-        "noise": noise_per_row(design.task.objective.noise, design.target.model).tolist(),
-        "max_time": design.task.objective.max_time,
-        "period": design.task.trajectory.period,
-        **forecast.to_dict(),
-        **search.to_dict(),
-    }
-
-
-def _write_precision(design: Design, folder: Path) -> None:
+def _write_precision(search: PrecisionSearch, folder: Path) -> None:
     """Write both files of a design's search for a precision."""
-    search = design.precision_search
-    assert search is not None
-    write_json(folder / PRECISION, _precision_content(design))
+    write_json(folder / PRECISION, {"schema": schema_of(PRECISION_KIND), **content_of(search)[0]})
     with replacing(folder / PRECISION_TABLE) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(_HEAD)
         writer.writerows((repr(p.period), p.runs, repr(p.robot_seconds), repr(p.use)) for p in search.front)
+
+
+def load_precision_search(folder: Path) -> PrecisionSearch | None:
+    """The search for a precision of the design in a folder; None without one."""
+    path = folder / PRECISION
+    if not path.exists():
+        return None
+    check_files(folder, KIND, (PRECISION,))
+    return read_record(path, PrecisionSearch, PRECISION_KIND)
 
 
 def design_content(design: Design) -> dict[str, Any]:
@@ -203,6 +193,12 @@ def _sparse(A: Array) -> dict[str, Any]:
     """A matrix as its shape, and the places and values of what is not zero."""
     rows, columns = np.nonzero(A)
     return {"shape": list(A.shape), "rows": rows.tolist(), "columns": columns.tolist(), "values": A[A != 0.0].tolist()}
+
+
+def shown_content(design: Design) -> dict[str, Any]:
+    """What a terminal shows of a design as JSON."""
+    left_out = ("schema", "robot", "solver", "conventions")
+    return {name: each for name, each in design_content(design).items() if name not in left_out}
 
 
 def _finite(value: float) -> float | None:

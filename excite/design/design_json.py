@@ -13,7 +13,7 @@ import numpy as np
 from constraints.world_file import world_of
 from excite.design.approach import ApproachAndReturn
 from excite.design.design import Design
-from excite.design.design_folder import DESIGN, HASHES, KIND, TRAJECTORY
+from excite.design.design_folder import DESIGN, HASHES, KIND, TRAJECTORY, load_precision_search
 from excite.design.task_file import task_from_options
 from excite.registry import OwnPart, is_own
 from excite.storage.atomic import Destination, read_json
@@ -106,6 +106,7 @@ def _objects(
         "approach_and_return": transfers,
         "unchecked": content["unchecked"] if "unchecked" in content else _unchecked(content, task),
         "folder": folder,
+        "precision_search": load_precision_search(folder),
     }
 
 

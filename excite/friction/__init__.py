@@ -1,1 +1,1 @@
-"""Friction characteristics of a robot's drives: the runs that measure them, and the curves fitted to the logs."""
+"""Friction curves of a robot's drives, fitted to the logs of runs at constant speed and of break-away tests."""

@@ -29,15 +29,29 @@ import numpy as np
 import scipy.linalg
 import scipy.stats
 
-from excite.identification.autoregressive_noise import noise_origin
 from excite.identification.covariance import METHODS, divisors, robust_covariance, with_covariance
-from excite.identification.equations import drive_directions, friction_drives, kept_rows, predicted_rows, right_sides
-from excite.identification.estimate import CONFIDENCE, Estimate, allowing_for, noted, of_seen
-from excite.identification.estimator import Context, Estimator, solve_triangular_system
-from excite.identification.estimators.huber import THRESHOLD
+from excite.identification.equations import (
+    drive_directions,
+    friction_drives,
+    instant_columns,
+    nuisance_columns,
+    predicted_rows,
+)
+from excite.identification.estimator import (
+    CONFIDENCE,
+    Context,
+    Estimate,
+    Estimator,
+    allowing_for,
+    noted,
+    of_seen,
+    solve_triangular_system,
+)
 from excite.identification.estimators.least_squares import weighted
-from excite.identification.known_friction import carried_torques
+from excite.identification.estimators.robust import THRESHOLD
+from excite.identification.noise import noise_origin
 from excite.identification.observations import GroupFactors, Observations
+from excite.identification.prediction import carried_torques
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe, Sizes
 from excite.information.target import IdentificationTarget
@@ -78,12 +92,12 @@ def delay_column(context: Context, coefficients: Array) -> Array | None:
     target, recipe = context.target, context.recipe
     if not recipe.delay or target.model.window is not None:
         return None
-    columns = []
-    for part in context.prepared:
-        sizes = recipe.breakaway or 0.0, recipe.sign_width or 0.0
-        change = -np.gradient(predicted_rows(target, part.samples, *sizes, coefficients), axis=0)
-        columns.append(kept_rows(target, part, recipe, change.reshape(-1, 1))[:, 0])
-    return np.concatenate(columns)
+    sizes = recipe.breakaway or 0.0, recipe.sign_width or 0.0
+
+    def change(part: PreparedLog) -> Array:
+        return -np.gradient(predicted_rows(target, part.samples, *sizes, coefficients), axis=0)[None]
+
+    return instant_columns(context, change)[:, 0]
 
 
 _WIDTH_STEP = 0.05  # of log w
@@ -94,8 +108,8 @@ def presliding_column(context: Context, coefficients: Array) -> Array | None:
     target, sizes = context.target, (context.recipe.sign_width or 0.0, context.recipe.breakaway or 0.0)
     if target.model.coulomb_friction() is None or not any(np.any(size) for size in sizes):
         return None
-    columns = []
-    for part in context.prepared:
+
+    def change(part: PreparedLog) -> Array:
         ahead, behind = (
             drive_directions(target.robot, part.samples, *(_scaled(size, float(np.exp(step))) for size in sizes))
             for step in (_WIDTH_STEP, -_WIDTH_STEP)
@@ -107,9 +121,10 @@ def presliding_column(context: Context, coefficients: Array) -> Array | None:
         for k, column in enumerate(drives.columns):  # one after the other: logs may be long
             slope = slopes[:, drives.drives[k]]
             torque += (slope * drives.magnitudes[:, k] * coefficients[column])[:, None] * drives.rows[k]
-        columns.append(kept_rows(target, part, context.recipe, torque.reshape(-1, 1))[:, 0])
-    whole = np.concatenate(columns)
-    return whole if np.any(whole) else None
+        return torque[None]
+
+    column = instant_columns(context, change)[:, 0]
+    return column if np.any(column) else None
 
 
 def _scaled(size: Sizes, factor: float) -> Sizes:
@@ -206,16 +221,18 @@ def curve_errors(
 ) -> tuple[Array, Array]:
     """Change of an estimate by one deviation of each parameter of the curves, and these parameters' correlation."""
     # result (p, k); result (k, k)
-    sides = []
-    for part in measured.prepared:
-        carried, changes = carried_torques(part, measured.target.robot, measured.recipe), []
-        for name, known in friction.uncertainty.items():
-            each = zip(known.parameters, known.deviation.tolist(), strict=True)
-            torques = [_torque_change(carried, friction, name, parameter, deviation) for parameter, deviation in each]
-            changes.append(right_sides(measured.target, part, measured.recipe, np.array(torques)))
-        sides.append(np.concatenate(changes, axis=1))
+
+    def change(part: PreparedLog) -> Array:
+        carried = carried_torques(part, measured.target.robot, measured.recipe)
+        uncertain = (
+            (name, *each)
+            for name, known in friction.uncertainty.items()
+            for each in zip(known.parameters, known.deviation.tolist(), strict=True)
+        )
+        return np.array([_torque_change(carried, friction, *each) for each in uncertain])
+
     correlation = scipy.linalg.block_diag(*(known.correlation for known in friction.uncertainty.values()))
-    return estimate_changes(estimate, observations, np.concatenate(sides)), correlation
+    return estimate_changes(estimate, observations, nuisance_columns(measured, change)), correlation
 
 
 _STEP = 1e-3  # of a parameter's deviation
@@ -290,19 +307,22 @@ class FrictionScale:
 
 def friction_columns(measured: Context, friction: FrictionCurves) -> tuple[tuple[str, ...], Array]:
     """Known friction of each moving drive with a curve, in the rows of the equations."""  # result (m, k)
-    target, recipe, names, columns = measured.target, measured.recipe, tuple[str, ...](), []
-    for part in measured.prepared:
-        names, torques = friction_torques(target, part, friction, recipe)
-        columns.append(right_sides(target, part, recipe, torques))
-    return names, np.concatenate(columns)
+    target, recipe = measured.target, measured.recipe
+    names = curves_of_moving(target, friction)
+    return names, nuisance_columns(measured, lambda part: friction_torques(target, part, friction, recipe)[1])
+
+
+def curves_of_moving(target: IdentificationTarget, friction: FrictionCurves) -> tuple[str, ...]:
+    """Moving drives that have a friction curve."""
+    moving = (name for name, row in drives_with_friction(target.robot) if np.any(row @ target.motion.matrix))
+    return tuple(name for name in moving if friction.curve(name) is not None)
 
 
 def friction_torques(
     target: IdentificationTarget, part: PreparedLog, friction: FrictionCurves, recipe: Recipe
 ) -> tuple[tuple[str, ...], Array]:
     """Joint torques of the known friction of each moving drive with a curve."""  # result (k, N, n)
-    moving = [name for name, row in drives_with_friction(target.robot) if np.any(row @ target.motion.matrix)]
-    names = tuple(name for name in moving if friction.curve(name) is not None)
+    names = curves_of_moving(target, friction)
     carried = carried_torques(part, target.robot, recipe)
     torques = np.array([part.measured - carried(friction.of((name,))) for name in names])
     return names, torques.reshape(-1, *part.measured.shape)

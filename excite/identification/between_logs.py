@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from excite.identification.allowances import with_uncertainty
 from excite.identification.equations import equations
-from excite.identification.estimate import CONFIDENCE, Estimate, noted
-from excite.identification.estimator import Context, Estimator
+from excite.identification.estimator import CONFIDENCE, Context, Estimate, Estimator, noted
 from excite.identification.observations import Observations
 from excite.identification.streamed_rows import StreamedRows
 from regressors.errors import ExciteError

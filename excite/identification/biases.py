@@ -35,19 +35,25 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from excite.identification.covariance import METHODS, divisors, group_scale, with_covariance
-from excite.identification.equations import drive_directions, drive_rows, equations, friction_drives, kept_rows, nearest
-from excite.identification.estimate import CONFIDENCE, Estimate, allowing_for, largest_share, noted
-from excite.identification.estimator import Context, Estimator
+from excite.identification.equations import (
+    drive_directions,
+    drive_rows,
+    equations,
+    friction_drives,
+    instant_columns,
+    nearest,
+)
+from excite.identification.estimator import CONFIDENCE, Context, Estimate, Estimator, allowing_for, largest_share, noted
 from excite.identification.estimators.least_squares import weighted
+from excite.identification.noise import autocorrelation, effective_samples
 from excite.identification.observations import Observations, row_stretches
 from excite.identification.preparation import PreparedLog, chosen_method
 from excite.identification.recipe import Recipe
-from excite.identification.residuals import autocorrelation, effective_samples
 from excite.identification.streamed_rows import StreamedRows
 from excite.information.target import IdentificationTarget
+from excite.logs.event import within
 from excite.logs.excitation import runs
-from excite.logs.saturation import within
-from excite.logs.signals.resampling import resample
+from excite.logs.signals.method import resample
 from regressors.errors import ExciteError, InputError
 from regressors.samples import Array, Samples
 
@@ -120,7 +126,7 @@ def fails_near_standstill(estimate: Estimate, observations: Observations, fast: 
     """True if residuals are larger in rows near standstill than in the others, beyond what noise does in 1 % of cases.
 
     Their mean squares in units of each group's noise are compared, with a normal distribution of variance
-    ``2 / n_slow + 2 / n_fast`` in effective rows, see `excite.identification.residuals`.
+    ``2 / n_slow + 2 / n_fast`` in effective rows, see `excite.identification.noise`.
     """  # fast (m,)
     residual, group = estimate.residual(observations), observations.group
     squares = (residual / group_scale(estimate)[group]) ** 2
@@ -316,20 +322,16 @@ def bumps(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Re
     """Torque of every bump of every drive in the equations, shape (m, k)."""
     C = drive_rows(target.robot)
     fastest = np.max([np.abs(part.samples.dq @ C.T).max(axis=0) for part in parts], axis=0)
-    return np.concatenate([_of_log(target, part, recipe, fastest) for part in parts])
 
+    def torques(part: PreparedLog) -> Array:
+        friction, speed = friction_drives(target, part.samples), part.samples.dq @ C.T
+        direction = drive_directions(target.robot, part.samples, recipe.sign_width, recipe.breakaway)
+        s = np.sign(speed) if direction is None else direction
+        shapes = [s * np.exp(-((speed / (share * np.where(fastest > 0, fastest, 1.0))) ** 2)) for share in BUMP_SPEEDS]
+        rows = dict(zip(friction.drives, friction.rows, strict=True))
+        return np.array([np.outer(shape[:, drive], row) for drive, row in rows.items() for shape in shapes])
 
-def _of_log(target: IdentificationTarget, part: PreparedLog, recipe: Recipe, fastest: Array) -> Array:
-    samples = part.samples
-    friction, speed = friction_drives(target, samples), samples.dq @ drive_rows(target.robot).T
-    direction = drive_directions(target.robot, samples, recipe.sign_width, recipe.breakaway)
-    s = np.sign(speed) if direction is None else direction
-    columns = []
-    for drive, row in dict(zip(friction.drives, friction.rows, strict=True)).items():
-        for share in BUMP_SPEEDS:
-            torque = s[:, drive] * np.exp(-((speed[:, drive] / (share * (fastest[drive] or 1.0))) ** 2))
-            columns.append(kept_rows(target, part, recipe, (torque[:, None] * row).reshape(-1, 1))[:, 0])
-    return np.column_stack(columns)
+    return instant_columns(Context(target, tuple(parts), recipe), torques)
 
 
 def _unexplained(W: Array, G: Array, weight: Array) -> tuple[Array, Array]:

@@ -8,18 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.identification.autoregressive_noise import (
+from excite.identification.estimator import Estimate, LinearSolution, solve_triangular_system
+from excite.identification.estimators.robust import THRESHOLD
+from excite.identification.noise import (
     NoiseGroup,
     NoiseOrigin,
     NoisePaths,
+    autocorrelation,
     autoregressive_covariance,
+    effective_samples,
     noise_paths,
+    residual_diagnostics,
 )
-from excite.identification.estimate import Estimate
-from excite.identification.estimator import LinearSolution, solve_triangular_system
-from excite.identification.estimators.huber import THRESHOLD
 from excite.identification.observations import GroupFactors, Observations, row_stretches, rows_of_groups
-from excite.identification.residuals import autocorrelation, effective_samples, residual_diagnostics
 from excite.identification.streamed_rows import Rows
 from excite.information.half_widths import residual_degrees_of_freedom
 from regressors.errors import InputError, UnknownName
@@ -40,7 +41,7 @@ def robust_covariance(
     ``newey-west``: ``(W' V W)^-1 S (W' V W)^-1`` with ``S = sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'`` over the
     instants t of each log, ``g_t`` the sum of ``w_i v_i e_i`` over the rows i of the instant [Newey, West 1987]. B is
     chosen per log as for first-order autocorrelated residuals [Andrews 1991] eq. (6.2), (6.4).
-    ``autoregressive``: that of stationary noise, see `excite.identification.autoregressive_noise`. ``robust``: the
+    ``autoregressive``: that of stationary noise, see `excite.identification.noise`. ``robust``: the
     latter, each deviation at least that of ``newey-west``, which allows for noise that changes with the motion.
     """
     if kind not in _KINDS:
@@ -75,14 +76,12 @@ def divisors(estimate: Estimate) -> Array:
 class _Rows:
     """Residuals divided by their noise, and their correlation."""
 
-    scale: Array  # per group
     lag_one: Array  # per log: the mean of its groups
     effective: float
     paths: NoisePaths
 
 
 def _correlation(estimate: Estimate, observations: Observations, paths: NoisePaths) -> _Rows:
-    scale = group_scale(estimate)
     of_groups = sorted(rows_of_groups(observations.group), key=lambda one: one[0])
     lag_one, effective = np.zeros(len(observations.logs)), 0.0
     for log in range(len(observations.logs)):
@@ -93,7 +92,7 @@ def _correlation(estimate: Estimate, observations: Observations, paths: NoisePat
             effective += effective_samples(r, e.size)
             correlations.append(float(r[1]) if r.size > 1 else 0.0)
         lag_one[log] = np.mean(correlations) if correlations else 0.0
-    return _Rows(scale, lag_one, effective, paths)
+    return _Rows(lag_one, effective, paths)
 
 
 def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
@@ -162,11 +161,7 @@ def _robust(estimate: Estimate, observations: Observations, rows: _Rows) -> tupl
 
 
 _Kind = Callable[[Estimate, Observations, _Rows], tuple[Array, str]]
-_KINDS: dict[str, _Kind] = {
-    "robust": _robust,
-    "newey-west": _newey_west,
-    "autoregressive": _autoregressive,
-}
+_KINDS: dict[str, _Kind] = {"robust": _robust, "newey-west": _newey_west, "autoregressive": _autoregressive}
 
 
 def _problem(
@@ -174,12 +169,12 @@ def _problem(
 ) -> tuple[LinearSolution, Array]:
     """Least-squares solution, whose `half` is a factor of ``(W'VW)^-1``, and ``v_i e_i`` of every row."""
     solution = solve_triangular_system(GroupFactors.of(observations).stacked(divisor))
-    score, inside = np.array(rows.paths.noise), 0
+    score, scale, inside = np.array(rows.paths.noise), group_scale(estimate), 0
     for g, own in rows_of_groups(observations.group):
         if estimate.method == "huber":
-            ratio = score[own] / rows.scale[g]
+            ratio = score[own] / scale[g]
             inside += int(np.count_nonzero(np.abs(ratio) <= THRESHOLD))
-            score[own] = np.clip(ratio, -THRESHOLD, THRESHOLD) * rows.scale[g]
+            score[own] = np.clip(ratio, -THRESHOLD, THRESHOLD) * scale[g]
         score[own] /= divisor[g] ** 2
     return solution, score if estimate.method != "huber" else score / max(inside / score.size, 1e-12)
 

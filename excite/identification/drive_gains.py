@@ -8,17 +8,15 @@ explains the same measurements; the known mass fixes the scale.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from excite.identification.observations import Observations
-from excite.identification.recipe import Factors
-from excite.logs.log import Log
-from regressors.errors import InputError, UnknownName
+from excite.identification.preparation import drives_of_torques
+from regressors.errors import InputError
 from regressors.models.base import triangular_factor
-from regressors.robot.friction.load_and_temperature import drives_with_friction, torques_at_drives
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
 
@@ -214,39 +212,6 @@ def _blocks(observations: Observations) -> list[Index]:
         rows = np.flatnonzero(observations.log == log)
         blocks += np.array_split(rows, max(2, round(BLOCKS * float(part))))
     return blocks
-
-
-def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Array]:
-    """Drives whose torques are measured, and the matrix D from joint torques to theirs."""
-    names = tuple(name for name, _ in drives_with_friction(robot))
-    if len(names) == robot.n:
-        return names, torques_at_drives(robot)
-    if each:
-        raise InputError(
-            f"the torques of {robot.n} joints do not determine the gains of {len(names)} drives ({', '.join(names)}); "
-            "give `gains='common'`"
-        )
-    return robot.joint_names, np.eye(robot.n)
-
-
-def corrected(log: Log, robot: Robot, factors: Factors | Mapping[str, float] | None) -> Log:
-    """A log of the moving joints whose torques are in corrected gains."""
-    if not factors:
-        return log
-    if log.effort is None:
-        raise InputError(f"{log.source}: `torque_factors` are for joint torques, which it does not have")
-    return replace(log, effort=log.effort @ correction(robot, dict(factors)).T)
-
-
-def correction(robot: Robot, factors: Mapping[str, float]) -> Array:
-    """``D^-1 diag(g) D``, which corrects joint torques, shape (n, n)."""
-    known = {*(name for name, _ in drives_with_friction(robot)), *robot.joint_names}
-    for name in factors:
-        if name not in known:
-            raise UnknownName("drive", name, sorted(known))
-    names, D = drives_of_torques(robot, each=len(set(factors.values())) > 1)
-    g = np.array([factors.get(name, 1.0) for name in names])
-    return np.asarray(np.linalg.solve(D, g[:, None] * D))
 
 
 def corrections(robot: Robot, torque: Array, factors: Mapping[str, float], *, common: bool) -> Array:

@@ -7,18 +7,19 @@ model the direction s follows the path, ``ds/dz = (1 - s sign(dz)) / d`` [Dahl 1
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.identification.estimator import Context
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe, Sizes
 from excite.identification.streamed_rows import HELD, DecimatedRows, Decimation, HeldRows, RowSource, StreamedRows
 from excite.information.target import IdentificationTarget
-from excite.logs.saturation import within
+from excite.logs.event import within
 from regressors.errors import InputError
 from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.robot import Robot
@@ -44,23 +45,18 @@ def streamed_equations(target: IdentificationTarget, prepared: PreparedLog, reci
     """Equations of one log, whose regressor's rows are computed when they are read; arguments as for `equations`."""
     model, base, samples = target.model, target.base, prepared.samples
     r = len(model.row_labels)
+    if model.window is not None and (recipe.low_pass is not None or recipe.every is not None):
+        raise InputError(
+            "`low_pass` and `every` are for models of single instants; a model of windows integrates already"
+        )
     source = measured_rows(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0)
-    y = model.right_side(samples, prepared.measured).reshape(-1, r)
-    time = model.row_times(samples.time)
-    if recipe.low_pass is not None or recipe.every is not None:
-        if model.window is not None:
-            raise InputError(
-                "`low_pass` and `every` are for models of single instants; a model of windows integrates already"
-            )
-        decimation = Decimation.of(time, recipe.low_pass, recipe.every)
-        source, y, time = DecimatedRows(source, decimation), decimation(y), time[decimation.kept]
-    kept = _kept(target, prepared, time)
-    instants = None if kept is None else np.flatnonzero(kept)
-    if instants is not None:
-        y, time = y[instants], time[instants]
+    decimation, kept, moving, time = _selection(target, prepared, recipe)
     observations = Observations(
-        W=StreamedRows((source,), (instants,)),
-        y=y.reshape(-1),
+        W=StreamedRows(
+            (source if decimation is None else DecimatedRows(source, decimation),),
+            (None if kept is None else np.flatnonzero(kept),),
+        ),
+        y=_selected(model.right_side(samples, prepared.measured).reshape(-1, 1), r, decimation, kept)[:, 0],
         names=base.names,
         units=base.units,
         equation=np.tile(np.arange(r), time.size),
@@ -69,8 +65,31 @@ def streamed_equations(target: IdentificationTarget, prepared: PreparedLog, reci
         logs=(prepared.log.source,),
         time=np.repeat(time, r),
     )
-    moving = _moving(target, prepared, time)
     return observations if moving is None else observations.rows(np.flatnonzero(moving))
+
+
+Flags = NDArray[np.bool_]
+
+
+def _selection(
+    target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe
+) -> tuple[Decimation | None, Flags | None, Flags | None, Array]:
+    """Decimation of a log's equations, which instants are kept after it, which rows of these, and the instants left."""
+    model, decimation = target.model, None
+    time = model.row_times(prepared.samples.time)
+    if model.window is None and (recipe.low_pass is not None or recipe.every is not None):
+        decimation = Decimation.of(time, recipe.low_pass, recipe.every)
+        time = time[decimation.kept]
+    kept = _kept(target, prepared, time)
+    time = time if kept is None else time[kept]
+    return decimation, kept, _moving(target, prepared, time), time
+
+
+def _selected(y: Array, r: int, decimation: Decimation | None, kept: Flags | None) -> Array:
+    """Rows of the instants that are kept; r to each instant."""  # y (N r, k)
+    if decimation is not None:
+        y = decimation(y.reshape(-1, r, y.shape[1])).reshape(-1, y.shape[1])
+    return y if kept is None else y[np.repeat(kept, r)]
 
 
 def _kept(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> NDArray[np.bool_] | None:
@@ -92,6 +111,19 @@ def _moving(target: IdentificationTarget, prepared: PreparedLog, time: Array) ->
     return kept.ravel()
 
 
+def nuisance_columns(context: Context, change: Callable[[PreparedLog], Array]) -> Array:
+    """Columns of the equations, shape (m, k), from the k changes of the measurements along each log, (k, N, n)."""
+    target, recipe = context.target, context.recipe
+    return np.concatenate([right_sides(target, part, recipe, change(part)) for part in context.prepared])
+
+
+def instant_columns(context: Context, change: Callable[[PreparedLog], Array]) -> Array:
+    """Columns of the equations, shape (m, k), from k changes of them at every instant of each log, (k, N, r)."""
+    target, recipe, parts = context.target, context.recipe, context.prepared
+    changes = ((part, change(part)) for part in parts)
+    return np.concatenate([kept_rows(target, part, recipe, y.reshape(len(y), -1).T) for part, y in changes])
+
+
 def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:
     """Right-hand sides of one log's equations for several measurements along its motion."""  # measured (k, N, n)
     y = np.array([target.model.right_side(prepared.samples, signal) for signal in measured]).T
@@ -100,15 +132,8 @@ def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Rec
 
 def kept_rows(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, y: Array) -> Array:
     """Signals at every row of one log's model, filtered and cut as its equations are."""  # y (N r, k)
-    model = target.model
-    r, time = len(model.row_labels), model.row_times(prepared.samples.time)
-    if model.window is None and (recipe.low_pass is not None or recipe.every is not None):
-        decimation = Decimation.of(time, recipe.low_pass, recipe.every)
-        y, time = decimation(y.reshape(-1, r, y.shape[1])).reshape(-1, y.shape[1]), time[decimation.kept]
-    kept = _kept(target, prepared, time)
-    if kept is not None:
-        y, time = y[np.repeat(kept, r)], time[kept]
-    moving = _moving(target, prepared, time)
+    decimation, kept, moving, _ = _selection(target, prepared, recipe)
+    y = _selected(y, len(target.model.row_labels), decimation, kept)
     return y if moving is None else y[moving]
 
 
@@ -120,9 +145,11 @@ class MeasuredRows(RowSource):
     ) -> None:
         self.model, self.index, self.samples = target.model, target.base.index, samples
         self.shape = samples.time.size, len(target.model.row_labels), self.index.size
-        direction = own_directions(target, samples, breakaway, sign_width)  # of all instants: friction remembers them
-        self.friction = None if direction is None else friction_drives(target, samples)
-        if direction is not None and self.friction is not None:
+        self.friction: DirectedFriction | None = None
+        if np.any(breakaway) or isinstance(sign_width, tuple):  # else the directions are those that the model has
+            direction = drive_directions(target.robot, samples, sign_width, breakaway)  # of all instants: it remembers
+            assert direction is not None
+            self.friction = friction_drives(target, samples)
             self.torque = direction[:, list(self.friction.drives)] * self.friction.magnitudes
 
     def part(self, which: slice | Index) -> Array:
@@ -152,15 +179,6 @@ def measured_regressor(
 ) -> Array:
     """Stacked regressor W of a motion in the base columns."""
     return StreamedRows((measured_rows(target, samples, breakaway, sign_width),), (None,)).whole()
-
-
-def own_directions(
-    target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
-) -> Array | None:
-    """Directions of the friction of the moving drives, shape (N, m), where they are not those that the model has."""
-    if not (np.any(breakaway) or isinstance(sign_width, tuple)):
-        return None
-    return drive_directions(target.robot, samples, sign_width, breakaway)
 
 
 @dataclass(frozen=True, eq=False)

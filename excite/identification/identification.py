@@ -14,11 +14,11 @@ import numpy as np
 from excite.identification.allowances import FrictionScale
 from excite.identification.between_logs import LogScatter, interval_scope, scatter_warning
 from excite.identification.choices.left_out import Choice
+from excite.identification.doubts import doubts_of, warnings_of
 from excite.identification.drive_gains import GainCalibration
-from excite.identification.estimate import Estimate
+from excite.identification.estimator import Estimate
+from excite.identification.large_residual import Doubt
 from excite.identification.observations import Observations
-from excite.identification.plausibility.doubts import doubts_of, warnings_of
-from excite.identification.plausibility.large_residual import Doubt
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe

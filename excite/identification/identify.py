@@ -13,13 +13,11 @@ from threadpoolctl import threadpool_limits
 from excite.design.design import Design
 from excite.errors import ConicSolverError
 from excite.identification.allowances import FOUND, allowing_for_selection
-from excite.identification.calibration import calibrated, check_given
-from excite.identification.choices.choose import Chosen, choose_settings, free_settings
+from excite.identification.choices.all_choices import Chosen, choose_settings, free_settings
 from excite.identification.choices.friction_terms import TERM_SETTINGS, added_columns
-from excite.identification.estimation import estimate_parameters
 from excite.identification.estimator import Estimator
-from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
+from excite.identification.procedure import LogLike, calibrated, check_given, estimate_parameters, read_logs
 from excite.identification.recipe import Recipe
 from excite.identification.result import check_played, played_design, provenance_of
 from excite.identification.streamed_rows import HELD

@@ -1,22 +1,164 @@
-"""Predictions of a model at the instants of a log, next to its unfiltered measurements."""
+"""Predicted measurements, and known friction, which is subtracted from the measured ones [KD96] eq. (19), (21)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.identification.equations import predicted_rows
-from excite.identification.known_friction import known_torque
-from excite.identification.preparation import PreparedLog, measured_channel
+from excite.identification.equations import drive_directions, drive_rows, predicted_rows
+from excite.identification.preparation import HELD, PreparedLog, measured_channel
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
-from excite.logs.saturation import within
+from excite.logs.event import within
+from excite.tasks.model_choice import FRICTION
+from excite.tasks.model_options import without_curve
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.robot.columns import COULOMB, VISCOUS
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_and_temperature import (
+    carried_along,
+    drive_temperatures,
+    drives_with_friction,
+    moving_drive_numbers,
+    temperature_notes,
+)
 from regressors.robot.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Samples
+
+
+def without_friction(
+    part: PreparedLog, target: IdentificationTarget, friction: FrictionCurves, recipe: Recipe
+) -> PreparedLog:
+    """Subtract known friction from the measured torques of a log."""
+    carried = carried_torques(part, target.robot, recipe)(friction)
+    notes = (
+        *_missing_curves(part.samples, target, friction),
+        *known_temperatures(part, target.robot, friction, recipe),
+        *friction.speed_notes(target.robot, part.samples.dq),
+    )
+    return replace(part, measured=carried, notes=(*part.notes, *notes))
+
+
+def beside_curves(task: Task, robot: Robot, friction: FrictionCurves) -> Task:
+    """The task without curves of its own, whose friction columns are those of the drives without a curve."""
+    moving = moving_robot(robot, task)
+    left = {name: without_curve(getattr(task.model, name), moving, friction) for name in FRICTION}
+    return task.changed(**left, friction_curves=None)
+
+
+def _missing_curves(samples: Samples, target: IdentificationTarget, friction: FrictionCurves) -> tuple[str, ...]:
+    """Notes on the drives without a curve that move in a log: identified with the rest, or frictionless as asked."""
+    robot, numbers = target.robot, moving_drive_numbers(target.robot)
+    turned = np.ptp(samples.q @ drive_rows(robot).T, axis=0) > HELD
+    turning = [name for (name, _), turns in zip(drives_with_friction(robot), turned, strict=True) if turns]
+    without = [name for name in turning if friction.curve(name) is None]
+    columns = {column.owner for column in target.model.standard_columns if column.kind in (COULOMB, VISCOUS)}
+    identified = [name for name in without if numbers[name] in columns]
+    frictionless = [name for name in without if numbers[name] not in columns]
+    notes = [f"no friction curve of {', '.join(identified)}: identified with the rest"] if identified else []
+    return (*notes, *_frictionless(frictionless, robot))
+
+
+def _frictionless(names: Sequence[str], robot: Robot) -> tuple[str, ...]:
+    """Note on moving drives that have neither a curve nor friction columns."""
+    if not names:
+        return ()
+    described = FrictionCurves.of_robot(robot)
+    stated = [name for name in names if described.curve(name) is not None]
+    note = f"no friction curve of {', '.join(names)}, and no friction columns, as asked: assumed to have no friction"
+    if stated:
+        note += (
+            f", though the robot's description states friction for {', '.join(stated)}: give `friction=True` to "
+            "identify it"
+        )
+    return (note,)
+
+
+def carried_torques(part: PreparedLog, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:
+    """Joint torques of a log without friction, as a function of the friction curves."""
+    samples = part.samples
+    direction = drive_directions(robot, samples, recipe.sign_width, recipe.breakaway)
+    drive_temperature = of_drives(robot, part.temperature)
+
+    def carried(friction: FrictionCurves) -> Array:
+        return friction.carried_torque(robot, samples.q, samples.dq, part.measured, direction, drive_temperature)
+
+    return carried
+
+
+def known_torque(
+    friction: FrictionCurves,
+    target: IdentificationTarget,
+    samples: Samples,
+    recipe: Recipe,
+    predicted: Array,
+    temperature: Array | None = None,
+) -> Array:
+    """Joint torques of known friction along a motion, ``C' f(C dq)``."""  # predicted (N, r); temperature (N, n)
+    load = _load(target, predicted) if friction.loaded else None
+    direction = drive_directions(target.robot, samples, recipe.sign_width, recipe.breakaway)
+    drive_temperature = of_drives(target.robot, temperature)
+    return friction.joint_torque(target.robot, samples.q, samples.dq, direction, drive_temperature, load)
+
+
+def _load(target: IdentificationTarget, predicted: Array) -> Array:
+    """Joint torques from right-hand sides; for a partial motion, those of the drives that it moves."""
+    equations = target.model.torque_equations()
+    if equations is None or equations.every_joint:
+        return predicted
+    return np.asarray(predicted @ carried_along(target.robot, equations.directions).T)
+
+
+def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | None) -> FrictionCurves:
+    """Curves at the mean temperature of each drive."""  # temperature (N, n)
+    means = {} if temperature is None else _of_each(friction, robot, temperature)
+    return friction.at({name: float(np.mean(values)) for name, values in means.items()})
+
+
+def known_temperatures(part: PreparedLog, robot: Robot, friction: FrictionCurves, recipe: Recipe) -> tuple[str, ...]:
+    """Notes on the temperatures at which the curves are evaluated."""
+    known = None if part.temperature is None else _of_each(friction, robot, part.temperature)
+    moving = {name: curve for name, _ in drives_with_friction(robot) if (curve := friction.curve(name)) is not None}
+    notes = temperature_notes(moving, known)
+    if recipe.temperature is None:
+        return notes
+    if not notes:
+        return ("no friction curve depends on temperature: the given temperature has no effect",)
+    if part.log.temperature is not None:
+        return (*notes, "the log has its own temperatures, so the given temperature is not used")
+    return notes
+
+
+def _of_each(friction: FrictionCurves, robot: Robot, temperature: Array) -> dict[str, Array]:
+    """Temperature of every drive that has a curve."""
+    names = (name for name, _ in drives_with_friction(robot))
+    columns = zip(names, drive_temperatures(robot, temperature).T, strict=True)
+    return {name: column for name, column in columns if friction.curve(name) is not None}
+
+
+def of_drives(robot: Robot, temperature: Array | None) -> Array | None:
+    """Temperatures of the drives with friction from those of the joints, where they are known."""
+    return None if temperature is None else drive_temperatures(robot, temperature)
+
+
+def check_joint_torques(target: IdentificationTarget) -> None:
+    """Raise `InputError` if a target's equations are not of joint torques, and so contain no friction."""
+    if target.model.channel == "wrench":
+        raise InputError("friction curves are for models of joint torques; a wrench does not contain friction")
+
+
+def check_for_curves(recipe: Recipe) -> None:
+    """Raise `InputError` for settings of known friction where no curves are given."""
+    for name, given in (("temperature", recipe.temperature is not None), ("friction_scale", recipe.friction_scale)):
+        if given:
+            raise InputError(
+                f"`{name}` is for known friction, but no friction curves are given; give `friction_curves`"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from excite.identification.drive_gains import corrected
-from excite.identification.recipe import ALL, AUTO, Recipe
+from excite.identification.recipe import ALL, AUTO, Factors, Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.cleaning import cleaned
-from excite.logs.event import IMPACT, LEFT_OUT, SATURATION, Event, event_notes
+from excite.logs.event import (
+    IMPACT,
+    LEAST,
+    LEFT_OUT,
+    SATURATION,
+    Event,
+    Saturation,
+    Spans,
+    event_notes,
+    joined_spans,
+    measured_saturation,
+    missing_rows,
+    spans_of,
+    within,
+)
 from excite.logs.excitation import exciting_rows
-from excite.logs.gaps import LEAST, missing_rows
 from excite.logs.impacts import check_resets, impact_events
 from excite.logs.log import Log
 from excite.logs.log_checks import check_log, joints_of
-from excite.logs.saturation import Saturation, Spans, joined_spans, measured_saturation, spans_of, within
-from excite.logs.signals.method import FilteredMotion, Method, signal_method
+from excite.logs.signals.method import FilteredMotion, Method, Resampled, delayed, resample, signal_method
 from excite.logs.signals.periods import average_periods, repeats
-from excite.logs.signals.resampling import Resampled, delayed, resample
-from regressors.errors import InputError
+from regressors.errors import InputError, UnknownName
+from regressors.robot.friction.load_and_temperature import drives_with_friction, torques_at_drives
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -285,7 +296,7 @@ def saturated_stretches(
     """
     if target.model.channel != "effort":
         return (), []
-    saturated = log.saturated or measured_saturation(log.of(_known(log, robot)), robot)
+    saturated = log.saturated or measured_saturation(log.of(joints_of(log, robot)[0]), robot)
     spans = spans_of(saturated)
     lost = within(log.time, spans)
     count = int(np.count_nonzero(lost))
@@ -312,10 +323,6 @@ def _events(log: Log, spans: Spans, torques: str) -> tuple[Event, ...]:
         if inside.size:
             events.append(Event(SATURATION, begin, end, (int(inside[0]), int(inside[-1])), torques))
     return tuple(events)
-
-
-def _known(log: Log, robot: Robot) -> list[str]:
-    return [name for name in log.joints if name in robot.joint_names]
 
 
 def _torques(saturated: tuple[Saturation, ...], log: Log) -> str:
@@ -363,14 +370,45 @@ def stretches_left_out(smooth: Log, cut: float, hits: Sequence[Event]) -> tuple[
     """
     smear = max(_LEAST_SMEAR, _SMEAR * cut)
     lost = [event for event in missing_rows(smooth) if event.kind != IMPACT]
-    spread = [_widened(event, smear) if event.left_out and event.seconds > LEAST else event for event in (*lost, *hits)]
-    return tuple(spread)
-
-
-def _widened(event: Event, smear: float) -> Event:
-    return replace(event, begin=event.begin - smear, end=event.end + smear)
+    return tuple(
+        replace(one, begin=one.begin - smear, end=one.end + smear) if one.left_out and one.seconds > LEAST else one
+        for one in (*lost, *hits)
+    )
 
 
 def spans_left_out(events: Sequence[Event]) -> Spans:
     """Spans of time of the events that make no equations, joined where they overlap [s]."""
     return joined_spans((event.begin, event.end) for event in events if event.left_out)
+
+
+def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Array]:
+    """Drives whose torques are measured, and the matrix D from joint torques to theirs."""
+    names = tuple(name for name, _ in drives_with_friction(robot))
+    if len(names) == robot.n:
+        return names, torques_at_drives(robot)
+    if each:
+        raise InputError(
+            f"the torques of {robot.n} joints do not determine the gains of {len(names)} drives ({', '.join(names)}); "
+            "give `gains='common'`"
+        )
+    return robot.joint_names, np.eye(robot.n)
+
+
+def corrected(log: Log, robot: Robot, factors: Factors | Mapping[str, float] | None) -> Log:
+    """A log of the moving joints whose torques are in corrected gains."""
+    if not factors:
+        return log
+    if log.effort is None:
+        raise InputError(f"{log.source}: `torque_factors` are for joint torques, which it does not have")
+    return replace(log, effort=log.effort @ correction(robot, dict(factors)).T)
+
+
+def correction(robot: Robot, factors: Mapping[str, float]) -> Array:
+    """``D^-1 diag(g) D``, which corrects joint torques, shape (n, n)."""
+    known = {*(name for name, _ in drives_with_friction(robot)), *robot.joint_names}
+    for name in factors:
+        if name not in known:
+            raise UnknownName("drive", name, sorted(known))
+    names, D = drives_of_torques(robot, each=len(set(factors.values())) > 1)
+    g = np.array([factors.get(name, 1.0) for name in names])
+    return np.asarray(np.linalg.solve(D, g[:, None] * D))

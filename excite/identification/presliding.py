@@ -21,8 +21,8 @@ from excite.identification.equations import (
     put_friction,
     streamed_equations,
 )
-from excite.identification.known_friction import of_drives
 from excite.identification.observations import Observations
+from excite.identification.prediction import of_drives
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget

@@ -122,11 +122,7 @@ class Recipe:
         unset=AUTO,
     )
     breakaway: Sizes | None = option(
-        None,
-        "size",
-        "Instead: presliding distance over which it changes sign; 0: none.",
-        metavar="D",
-        unset=AUTO,
+        None, "size", "Instead: presliding distance over which it changes sign; 0: none.", metavar="D", unset=AUTO
     )
     standstill: float | None = option(
         0.0,

@@ -15,11 +15,11 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.identification.covariance import noise_density
+from excite.identification.large_residual import Doubt
+from excite.identification.noise import GroupResidual, residual_diagnostics
 from excite.identification.observations import Observations
-from excite.identification.plausibility.large_residual import Doubt
 from excite.identification.prediction import relative_error
 from excite.identification.preparation import PreparedLog
-from excite.identification.residuals import GroupResidual, residual_diagnostics
 from excite.information.target import IdentificationTarget
 from excite.logs.event import Event
 from excite.logs.log import Log

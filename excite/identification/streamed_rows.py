@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.logs.signals.butterworth import edge, kept_rows, low_passed
+from excite.logs.signals.filters import edge, kept_rows, low_passed
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
@@ -51,6 +51,9 @@ class StreamedRows:
         used = zip(self.sources, self.instants, strict=True)
         counts = [(s.shape[0] if kept is None else kept.size) * s.shape[1] for s, kept in used]
         self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        # each source, its instants, and where its rows begin and end
+        ends = self._offsets[:-1], self._offsets[1:]
+        self._parts = list(zip(self.sources, self.instants, *ends, strict=True))
         self.shape = (int(self._offsets[-1]), self.sources[0].shape[2])
         self._product: tuple[Array, Array] | None = None
 
@@ -98,7 +101,7 @@ class StreamedRows:
 
     def _blocks(self) -> list[tuple[int, int]]:
         blocks = []
-        for source, start, end in zip(self.sources, self._offsets, self._offsets[1:], strict=False):
+        for source, _, start, end in self._parts:
             edges = [*range(int(start), int(end), BLOCK * source.shape[1]), int(end)]
             blocks += list(itertools.pairwise(edges))
         return blocks
@@ -106,9 +109,7 @@ class StreamedRows:
     def _stretch(self, first: int, last: int) -> Array:
         """Rows from `first` to before `last`."""
         pieces = []
-        for source, kept, start, end in zip(
-            self.sources, self.instants, self._offsets, self._offsets[1:], strict=False
-        ):
+        for source, kept, start, end in self._parts:
             a, b = max(first, start) - start, min(last, end) - start
             if a < b:
                 r = source.shape[1]
@@ -119,9 +120,7 @@ class StreamedRows:
 
     def _gathered(self, rows: Index) -> Array:
         gathered = np.empty((rows.size, self.shape[1]))
-        for source, kept, start, end in zip(
-            self.sources, self.instants, self._offsets, self._offsets[1:], strict=False
-        ):
+        for source, kept, start, end in self._parts:
             wanted = np.flatnonzero((rows >= start) & (rows < end))
             if wanted.size:
                 instant, equation = np.divmod(rows[wanted] - start, source.shape[1])

@@ -1,10 +1,21 @@
-"""Something that happened while a log was recorded, and notes on it."""
+"""What happened while a log was recorded: events and notes on them, gaps and lost rows, torques at their limits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.logs.excitation import moves, quantum, runs
+from excite.logs.log import Log
+from excite.storage.codec import named
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+from regressors.samples import Array
 
 GARBAGE, HELD, SPIKE, MISSING, DROPPED = "garbage", "held rows", "spike", "missing rows", "dropped rows"
 CLOCK, RATE, IMPACT, SATURATION = "clock", "rate", "impact", "saturation"
@@ -92,3 +103,191 @@ def _impact_note(those: Sequence[Event], where: str) -> str:
 
 def _counted(those: Sequence[Event], what: str) -> str:
     return f"{len(those)} {what}{'s' * (len(those) != 1)}"
+
+
+STEPS = 3.5  # three samples missing or more
+LEAST = 0.02  # [s]; less is bridged well by interpolation
+SHORTEST = 1.0
+LONGEST = 1.0  # [s]; what is left out of a motion, but does not end it
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A time step that is too long."""
+
+    row: int  # row after which it is, 0 for the first
+    number: int  # its number in what was recorded
+    time: float  # where it begins, and how long it is [s]
+    length: float
+
+    def __str__(self) -> str:
+        return f"{self.length:.3g} s after t = {self.time:.6g} s (row {self.number})"
+
+
+def gaps(log: Log) -> tuple[Gap, ...]:
+    """Time steps longer than 3.5 times the median one and than 20 ms."""
+    step = np.diff(log.time)
+    if not step.size:
+        return ()
+    long = np.flatnonzero((step > STEPS * np.median(step)) & (step > LEAST))
+    return tuple(Gap(int(k), int(log.row_numbers[k]), float(log.time[k]), float(step[k])) for k in long)
+
+
+def segments(log: Log, shortest: float = SHORTEST) -> tuple[Log, ...]:
+    """Parts of a log between its gaps."""
+    if not (intervals := gaps(log)):
+        return (log,)
+    ends = [0, *(gap.row + 1 for gap in intervals), log.count]
+    parts = [log.rows(slice(a, b)) for a, b in pairwise(ends)]
+    kept = [part for part in parts if part.count > 1 and part.duration >= shortest]
+    if not kept:
+        raise InputError(
+            f"{log.source}: gaps leave no part of {shortest:g} s or more: {'; '.join(map(str, intervals))}"
+        )
+    lost = log.count - sum(part.count for part in kept)
+    left_out = (
+        (*log.left_out, f"{lost} rows in parts shorter than {shortest:g} s between gaps") if lost else log.left_out
+    )
+    return tuple(replace(part, left_out=left_out) for part in kept)
+
+
+_TEXT = {
+    MISSING: "{ms} without a row",
+    GARBAGE: "lines that hold no row of numbers",
+    DROPPED: "rows dropped as asked",
+    HELD: "rows that repeat the row before",
+    SPIKE: "a wrong reading of a position",
+    IMPACT: "rows about an impact",
+}
+_TWO = 1.75  # steps: a row is missing
+_EVEN, _MOSTLY = 0.25, 0.9  # most steps are within a quarter of the median one, if time is regular
+_INSIDE = 0.01  # of a step: an instant so near a row is measured
+
+
+def missing_rows(log: Log) -> tuple[Event, ...]:
+    """Where rows are missing: numbers of rows that jump, and time steps of 1.75 times the median one or more.
+
+    Where time steps are irregular, only those longer than 3.5 times the median one count.
+    """
+    if log.count < 3:
+        return ()
+    step, jump = np.diff(log.time), np.diff(log.row_numbers)
+    usual = float(np.median(step / jump))
+    long = (jump > 1) | (step > _most(step / jump, usual) * usual)
+    kinds = {int(number): part.kind for part in log.removed for number in part.numbers}
+    events = []
+    for k in np.flatnonzero(long):
+        first, last = int(log.row_numbers[k]), int(log.row_numbers[k + 1])
+        kind = kinds.get(first + 1, MISSING)
+        if kind == RATE:
+            continue
+        rows = (first + 1, last - 1) if last > first + 1 else (first, last)
+        begin, end = float(log.time[k]) + _INSIDE * usual, float(log.time[k + 1]) - _INSIDE * usual
+        events.append(Event(kind, begin, end, rows, _TEXT[kind].format(ms=f"{1e3 * step[k]:.3g} ms")))
+    return tuple(events)
+
+
+def _most(step: Array, usual: float) -> float:
+    regular = np.mean(np.abs(step - usual) < _EVEN * usual) >= _MOSTLY
+    return _TWO if regular else max(STEPS, LEAST / usual)
+
+
+Spans = tuple[tuple[float, float], ...]  # first and last instant of each [s]
+_HELD = 5  # samples at an extreme
+_AT_LIMIT = 0.999  # of the limit: rounding, and the tolerance of a drive's own limiter
+
+
+@dataclass(frozen=True)
+class Saturation:
+    """One limited torque, and when it was at its limit.
+
+    Parameters
+    ----------
+    label : str
+        Such as ``joint q2`` or ``drive z2``.
+    limit : float
+        [unit]
+    unit : str
+    rows : int
+        Number of samples at the limit.
+    spans : tuple of (float, float)
+        First and last instant of each stretch of them [s].
+    """
+
+    label: str = field(metadata=named("torque"))
+    limit: float
+    unit: str
+    rows: int
+    spans: Spans = field(repr=False)
+
+
+def saturation_of(label: str, limit: float, unit: str, time: Array, at_limit: NDArray[np.bool_]) -> Saturation:
+    """Saturation at flagged instants."""  # time (N,); at_limit (N,)
+    spans = tuple((float(time[a]), float(time[b - 1])) for a, b in runs(at_limit))
+    return Saturation(label, float(limit), unit, int(np.count_nonzero(at_limit)), spans)
+
+
+def within(time: Array, spans: Spans, begin: Array | None = None) -> NDArray[np.bool_]:
+    """Which instants lie in one of the spans, or which time windows meet one."""  # time (N,); begin (N,)
+    if not spans:
+        return np.zeros(time.size, dtype=bool)
+    first, last = np.array(joined_spans(spans)).T
+    begun = np.searchsorted(first, time, side="right")  # spans that have begun by then
+    start = time if begin is None else begin
+    return np.asarray((begun > 0) & (start <= last[np.maximum(begun - 1, 0)]))
+
+
+def measured_saturation(log: Log, robot: Robot) -> tuple[Saturation, ...]:
+    """Torques of a log that are held at the limits of their joints.
+
+    A torque counts where it keeps its extreme value for five samples or more while the robot moves, has come there at
+    speed, and that value is 0.999 of the joint's limit or more. Extremes below are never taken for the limit, whatever
+    they look like, and with noise on the torque no value is kept.
+    """
+    if log.effort is None:
+        return ()
+    saturated = []
+    moving = np.any(moves(log), axis=1)
+    for k, name in enumerate(log.joints):
+        j = robot.joint_index(name)
+        limit, tau = float(robot.limits.torque[j]), log.effort[:, k]
+        at_limit = np.zeros(tau.size, dtype=bool)
+        for extreme in (tau.min(), tau.max()):
+            if abs(extreme) >= _AT_LIMIT * limit:
+                for a, b in plateaus(tau, extreme, moving):
+                    at_limit[a:b] = True
+        if at_limit.any():
+            unit = "Nm" if robot.joints[j].kind == "revolute" else "N"
+            saturated.append(saturation_of(f"joint {name}", limit, unit, log.time, at_limit))
+    return tuple(saturated)
+
+
+def plateaus(tau: Array, extreme: float, moving: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """First row, and row after, of each stretch in which a torque keeps an extreme that it reached at speed."""
+    # tau (N,); moving (N,)
+    least = 4 * float(quantum(tau[:, None])[0])
+    for a, b in runs((tau == extreme) & moving):
+        if b - a >= _HELD and _sudden(tau, a, b, least):
+            yield a, b
+
+
+def _sudden(tau: Array, start: int, stop: int, least: float) -> bool:
+    """Whether the signal was away from the plateau by more than rounding two samples before or after it."""
+    beside = [tau[k] for k in (start - 2, stop + 1) if 0 <= k < tau.size]
+    return any(abs(value - tau[start]) > least for value in beside)
+
+
+def spans_of(saturated: Sequence[Saturation]) -> Spans:
+    """Spans of several torques together, joined where they overlap."""
+    return joined_spans(span for one in saturated for span in one.spans)
+
+
+def joined_spans(spans: Iterable[tuple[float, float]]) -> Spans:
+    """Spans in the order of time, joined where they overlap."""
+    joined: list[tuple[float, float]] = []
+    for first, last in sorted(spans):
+        if joined and first <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(last, joined[-1][1])
+        else:
+            joined.append((first, last))
+    return tuple(joined)

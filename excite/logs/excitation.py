@@ -63,11 +63,8 @@ def _stretches(log: Log) -> list[Stretch]:
         if joined and log.time[start] - log.time[joined[-1][1] - 1] < PAUSE:
             start = joined.pop()[0]
         joined.append((start, stop))
-    return [Stretch(a, b, not _turns_back(speed[a:b])) for a, b in joined]
-
-
-def _turns_back(speed: Array) -> bool:
-    return bool(np.any((speed > 0).any(axis=0) & (speed < 0).any(axis=0)))
+    turns = (np.any((v > 0).any(axis=0) & (v < 0).any(axis=0)) for v in (speed[a:b] for a, b in joined))
+    return [Stretch(a, b, not back) for (a, b), back in zip(joined, turns, strict=True)]
 
 
 def _seconds(log: Log, start: int, stop: int) -> float:

@@ -15,7 +15,7 @@ from regressors.errors import InputError, UnknownName
 from regressors.samples import Array, Index
 
 if TYPE_CHECKING:
-    from excite.logs.saturation import Saturation
+    from excite.logs.event import Saturation
 
 WRENCH = ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z")
 

@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from excite.logs.event import LONGEST, gaps, plateaus
 from excite.logs.excitation import mean_speed, moves, span_ends
-from excite.logs.gaps import LONGEST, gaps
 from excite.logs.log import Log
-from excite.logs.saturation import plateaus
 from regressors.errors import InputError
 from regressors.readers.library import built_in, built_in_names
 from regressors.robot.robot import Robot

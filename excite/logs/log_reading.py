@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from excite.logs.event import Saturation
 from excite.logs.guess.log_guess import certain_mapping
 from excite.logs.layout import CHANNELS, ForeignHeader, Layout, cells, header_line, house_layout, listed
 from excite.logs.log import WRENCH, Log
@@ -27,7 +28,10 @@ from excite.logs.recordings.recording import RecordingFormat
 from excite.logs.table import Table, sparse_table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
-from excite.storage.atomic import check_table, replacing
+from excite.storage.atomic import check_table, read_json, replacing
+from excite.storage.codec import content_of, record_of
+from excite.storage.manifest import sha256_of
+from excite.storage.migrations import is_of_kind, schema_of
 from excite.storage.result_folder import settle_files
 from excite.storage.sampled_motion import header_text
 from regressors.arguments import checked
@@ -275,3 +279,83 @@ def write_log(log: Log, path: str | Path) -> None:
     check_table(Path(path), header, table)
     with replacing(Path(path)) as stream:
         np.savetxt(stream, table, fmt="%.17g", delimiter=",", header=header_text(header), comments="")
+
+
+KIND, LOG = "log", "log"
+SCHEMA = schema_of(KIND)
+
+
+def sidecar_path(log: str | Path) -> Path:
+    """Path of the sidecar file of a log."""
+    path = Path(log)
+    if path.suffix == ".json":
+        raise InputError(f"{path}: a log ending in .json leaves no name for the file beside it")
+    return path.with_suffix(".json")
+
+
+def log_entry(log: Path) -> dict[str, Any]:
+    """Entry ``log`` of a sidecar file, by which an edited log is found; empty where there is no log."""
+    sha256 = sha256_of(log)
+    return {} if sha256 is None else {LOG: {"sha256": sha256}}
+
+
+def read_sidecar(log: str | Path) -> dict[str, Any] | None:
+    """Content of the sidecar file of a log; None where there is none."""
+    if Path(log).suffix == ".json" or not (path := sidecar_path(log)).exists():
+        return None
+    settle_files(Path(log))
+    content = read_json(path)
+    if not is_of_kind(KIND, content.get("schema")):
+        raise InputError(f"{path}: expected schema {SCHEMA}, given {content.get('schema')!r}")
+    robot, truth = content.get("robot"), content.get("truth")
+    if not isinstance(robot, dict) or not all(isinstance(robot.get(key), str) for key in ("name", "sha256")):
+        raise InputError(f"{path}: robot should have a name and a sha256")
+    if truth is not None and not (isinstance(truth, dict) and all(_is_number(value) for value in truth.values())):
+        raise InputError(f"{path}: truth should map names of standard parameters to numbers")
+    if LOG in content and not (isinstance(of := content[LOG], dict) and isinstance(of.get("sha256"), str)):
+        raise InputError(f"{path}: log should have a sha256")
+    saturated_torques(content, path)
+    return content
+
+
+def saturation_content(one: Saturation) -> dict[str, Any]:
+    """Saturation as plain JSON values."""
+    return content_of(one)[0]
+
+
+def saturated_torques(content: Mapping[str, Any], source: str | Path) -> tuple[Saturation, ...]:
+    """Torques that a file beside a log says were at their limit; none where it says nothing of it."""
+    given = content.get("saturated", [])
+    try:
+        if isinstance(given, list) and all(isinstance(one, dict) for one in given):
+            return tuple(record_of(Saturation, one, {}) for one in given)
+    except InputError:
+        pass
+    raise InputError(
+        f"{source}: saturated should list objects of torque, limit, unit, rows, and spans of two times each"
+    )
+
+
+def with_sidecar(log: Log, robot: Robot) -> Log:
+    """A log with what its sidecar file says: true parameters, and torques at their limit.
+
+    A sidecar file of a log that was edited since is ignored, which `Log.left_out` says: what it says of rows and times
+    need not hold any longer. One without the hash of its log is used as it is.
+    """
+    content = read_sidecar(log.source)
+    if content is None:
+        return log
+    if LOG in content and content[LOG]["sha256"] != sha256_of(Path(log.source)):
+        beside = sidecar_path(log.source).name
+        note = f"{beside} beside it is ignored, since the log was changed after that file was written"
+        return replace(log, left_out=(*log.left_out, note))
+    if content["robot"]["sha256"] != robot.sha256():
+        name, sha256 = (content["robot"][key] for key in ("name", "sha256"))
+        raise InputError(
+            f"{log.source} is a log of {name} (description {sha256[:12]}), not of {robot.name} ({robot.sha256()[:12]})"
+        )
+    return replace(log, truth=content.get("truth"), saturated=saturated_torques(content, log.source))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.logs.event import DROPPED
-from excite.logs.gaps import STEPS
+from excite.logs.event import DROPPED, STEPS
 from excite.logs.layout import Channel, Layout, listed
 from excite.logs.log import Log, Removed
 from excite.logs.mapping import SECONDS, Column, LogMapping
@@ -339,10 +338,7 @@ def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: froze
     note += f"; {outside} of these are before or after it and are not used" * bool(outside)
     both = sha256(f"{log.sha256} {recording_sha256(path)}".encode()).hexdigest()
     merged = replace(
-        log.rows(np.flatnonzero(inside)),
-        sha256=both,
-        left_out=(*log.left_out, *other.notes, note),
-        **channels,
+        log.rows(np.flatnonzero(inside)), sha256=both, left_out=(*log.left_out, *other.notes, note), **channels
     )
     bridged = np.any([in_gaps(merged.time, one.time) for one in other.columns], axis=0)
     return merged.without(DROPPED, bridged) if bridged.any() else merged

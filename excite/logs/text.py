@@ -38,12 +38,18 @@ class Text:
 @contextmanager
 def text_of(path: Path) -> Iterator[Text]:
     """Text of a file in UTF-8, which stays open as long as its lines are read."""
-    source = str(path)
+    with log_opened(path) as stream:
+        yield _text(str(path), stream)
+
+
+@contextmanager
+def log_opened(path: Path) -> Iterator[BinaryIO]:
+    """The file of a log; that it cannot be read is one line."""
     try:
         with opened(path, LOG) as stream:
-            yield _text(source, stream)
+            yield stream
     except OSError as error:
-        raise InputError(f"cannot read log {source}: {error.strerror}") from error
+        raise InputError(f"cannot read log {path}: {error.strerror}") from error
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,8 @@ from excite.design.problem_identity import NotComparable, plain_value
 from excite.errors import BrokenLimitError
 from excite.information.target import target_of
 from excite.information.weighting import minimised_text, weighting_of
-from excite.optimality.bounded_criteria import BOUNDED, BoundedCriterion
-from excite.optimality.cutting_planes import CuttingPlanes, DualCertificate
-from excite.optimality.limited_states import StateRows, limited_states, state_rows
-from excite.optimality.moment_conditions import MomentConditions
+from excite.optimality.cutting_planes import BOUNDED, BoundedCriterion, CuttingPlanes, DualCertificate
+from excite.optimality.limited_states import MomentConditions, StateRows, limited_states, state_rows
 from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
 from excite.registry import instance, is_own, name_of

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from excite.identification.given_logs import LogLike
+from excite.identification.procedure import LogLike
 from excite.payload.known_gains import KnownGains, stated_gains
 from excite.payload.load_estimate import LoadEstimate, estimate_load
 from excite.payload.load_rows import (

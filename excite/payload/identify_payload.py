@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from excite.identification.given_logs import LogLike
 from excite.identification.identification import Identification
-from excite.identification.known_friction import without_friction
-from excite.identification.prediction import instantaneous_target
+from excite.identification.prediction import instantaneous_target, without_friction
 from excite.identification.preparation import prepare
+from excite.identification.procedure import LogLike
 from excite.identification.result import provenance_of
 from excite.identification.result_json import load_result
 from excite.information.target import target_of

@@ -3,7 +3,7 @@
 Gauss-Newton iterations on ``y = (1 + e) (W beta + K phi + F d) + noise`` with normal priors on e, d and, where it is
 known, beta. Rows are weighted by the size of their residuals and by how many of them are independent, so that what is
 known of the gains counts as much as it should. The covariance is that of stationary autoregressive noise, see
-`excite.identification.autoregressive_noise`, each deviation at least that from the scatter between blocks of time.
+`excite.identification.noise`, each deviation at least that from the scatter between blocks of time.
 
 beta are the parameters of what is there without the load, phi the ten of the load, d how far friction in the loaded
 log is from that in the other, and e the relative error of the gain of each drive.
@@ -18,10 +18,9 @@ import numpy as np
 import scipy.linalg
 import scipy.stats
 
-from excite.identification.autoregressive_noise import NoiseGroup, autoregressive_covariance
-from excite.identification.estimate import CONFIDENCE
+from excite.identification.estimator import CONFIDENCE
+from excite.identification.noise import NoiseGroup, autocorrelation, autoregressive_covariance, effective_samples
 from excite.identification.observations import Observations
-from excite.identification.residuals import autocorrelation, effective_samples
 from regressors.errors import InputError
 from regressors.models.load import LOAD_PARAMETERS
 from regressors.robot.inertia import PARAMETERS_PER_LINK

@@ -9,14 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from excite.identification.calibration import at_drives, load_rows
-from excite.identification.drive_gains import drives_of_torques
 from excite.identification.equations import equations_of
-from excite.identification.estimation import estimate_parameters
-from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification, stated_covariance
 from excite.identification.observations import Observations, join_observations
-from excite.identification.preparation import PreparedLog, prepare
+from excite.identification.preparation import PreparedLog, drives_of_torques, prepare
+from excite.identification.procedure import LogLike, at_drives, estimate_parameters, load_rows, read_logs
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log

@@ -15,11 +15,11 @@ from excite.design.design import Design
 from excite.information.target import friction_of_moving
 from excite.simulation.control import ControlledRobot, RampedDrive, TorqueLimits, broken_loose, controller_of
 from excite.simulation.integration import Progress, SimulatedRun, Steps, simulated_run, steps_for
-from excite.simulation.motion_source import read_source
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.sensors import friction_at, joint_log, sensor_of, wrench_log_of
 from excite.simulation.settings import AUTO, Impacts, SimulationSettings, one_each
 from excite.simulation.simulation import Simulation, TorqueUse, simulation_outcome, true_parameters
+from excite.simulation.simulation_files import read_source
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
 from excite.tasks.friction_file import read_friction
 from excite.tasks.payload import Payload, read_load

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
+from excite.logs.event import Saturation, saturation_of
 from excite.logs.log import Log
-from excite.logs.saturation import Saturation, saturation_of
 from excite.simulation.control import TorqueLimits
 from excite.simulation.integration import SimulatedRun, Steps
 from excite.simulation.plant import Plant
 from excite.simulation.settings import SimulationSettings
+from excite.storage.codec import named
+from excite.storage.manifest import sha256_of
 from excite.tasks.reference import MotionSource
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
@@ -124,6 +128,39 @@ class Simulation:
         files = save_simulation(self, log, replace=replace)
         return files
 
+    @cached_property
+    def record(self) -> SimulatedLog:
+        """What is written beside its logs."""
+        steps, source, run, outcome = self.steps, self.source, self.run, self.outcome
+        file = None if source is None else source.file
+        robot = self.robot if source is None else source.robot
+        return SimulatedLog(
+            robot=robot.name,
+            sha256=robot.sha256(),
+            settings={
+                **{name: list(x) if isinstance(x, tuple) else x for name, x in self.settings.to_dict().items()},
+                "substeps": steps.substeps,
+                "sign_width": steps.width if steps.sticking is None else None,
+                "compensation_width": steps.width,
+                "breakaway": None if steps.sticking is None else steps.sticking.distance,
+                "breakaway_lead": None if steps.sticking is None else list(steps.sticking.lead),
+            },
+            seed=self.settings.seed,
+            truth=dict(self.truth),
+            duration=float(run.samples.time[-1]),
+            samples=int(run.samples.time.size),
+            tracking=outcome.tracking,
+            torques=self.torques,
+            saturated=outcome.saturated,
+            failures=outcome.failures,
+            notes=(*outcome.notes, *self.notes),
+            work=float(run.work[-1]),
+            loss=float(run.loss[-1]),
+            energy_residual=self.energy_residual,
+            trajectory=None if file is None else {"file": file.name, "sha256": sha256_of(file)},
+            **({} if source is None else source.origin),
+        )
+
     @property
     def tracking_error(self) -> Array:
         """``q - q_d`` at the log's instants, shape (N, n) [rad or m]."""
@@ -134,6 +171,63 @@ class Simulation:
         """Largest ``|work - change of energy - friction losses|`` over the run [J]."""
         run = self.run
         return float(np.abs(run.work - (run.energy - run.energy[0]) - run.loss).max())
+
+
+@dataclass(frozen=True)
+class SimulatedLog:
+    """What is known of a simulated log beside its columns: ``LOG.json``.
+
+    Parameters
+    ----------
+    robot, sha256 : str
+        Name of the robot, and hash of its description.
+    design, friction_plan, trajectory : mapping, optional
+        The source of the motion, and the file that was played in its place.
+    settings : mapping
+        Those of the simulation, and what it chose itself.
+    seed : int
+    truth : mapping of str to float
+        See `Simulation`.
+    duration : float
+        [s]
+    samples : int
+    tracking : tuple of Tracking
+    torques : tuple of TorqueUse
+    saturated : tuple of Saturation
+    failures, notes : tuple of str
+        What does not hold; assumptions, and what is worth knowing.
+    work, loss, energy_residual : float
+        Work of the torques, losses by friction, see `Simulation.energy_residual` [J].
+    log : mapping, optional
+        SHA-256 of the log.
+    """
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"holds": lambda record: record.holds}
+
+    robot: str = field(metadata=named("robot.name"))
+    sha256: str = field(metadata=named("robot.sha256"))
+    settings: Mapping[str, Any]
+    seed: int
+    truth: Mapping[str, float]
+    duration: float
+    samples: int
+    tracking: tuple[Tracking, ...]
+    torques: tuple[TorqueUse, ...]
+    saturated: tuple[Saturation, ...]
+    failures: tuple[str, ...] = field(metadata=named("against"))
+    notes: tuple[str, ...]
+    work: float
+    loss: float
+    energy_residual: float
+    design: Mapping[str, Any] | None = None
+    friction_plan: Mapping[str, Any] | None = None
+    trajectory: Mapping[str, Any] | None = None
+    log: Mapping[str, str] | None = None
+
+    @property
+    def holds(self) -> bool:
+        """True if no torque saturated, no joint lost its reference, and no limit was passed, within the tolerances."""
+        return not self.failures
 
 
 def true_parameters(plant: Plant) -> dict[str, float]:
@@ -169,6 +263,7 @@ class Tracking:
     joint: str
     unit: str
     error: float  # largest ``|q - q_d|`` [unit]
+    rms: float  # [unit]
     travel: float  # range of motion in the reference [unit]
 
     @property
@@ -250,10 +345,10 @@ def simulation_outcome(
 
 def trackings(robot: Robot, reference: Samples, samples: Samples) -> tuple[Tracking, ...]:
     """How far each joint was from its reference at the same instants."""
-    errors, travels = np.abs(samples.q - reference.q).max(axis=0), np.ptp(reference.q, axis=0)
+    errors, travels = samples.q - reference.q, np.ptp(reference.q, axis=0)
     return tuple(
-        Tracking(joint.name, joint.unit, float(error), float(travel))
-        for joint, error, travel in zip(robot.joints, errors, travels, strict=True)
+        Tracking(joint.name, joint.unit, float(np.abs(e).max()), float(np.sqrt(np.mean(e**2))), float(travel))
+        for joint, e, travel in zip(robot.joints, errors.T, travels, strict=True)
     )
 
 

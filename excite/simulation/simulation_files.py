@@ -1,16 +1,145 @@
-"""Files of a simulated run: joint log, wrench log where there is a load, and sidecars with the true values."""
+"""Files that a simulation plays, and those that it writes: logs, with what is known of them beside."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 
-from excite.logs.log_reading import write_log
-from excite.logs.sidecar import LOG, SCHEMA, log_entry, saturation_content, sidecar_path
-from excite.simulation.simulation import Simulation
-from excite.storage.atomic import read_json, write_json
-from excite.storage.manifest import sha256_of
+import numpy as np
+
+from excite.design.design import Design
+from excite.design.design_folder import DESIGN, TRAJECTORY
+from excite.design.design_folder import KIND as OF_DESIGN
+from excite.design.design_json import load_design
+from excite.design.friction_runs.friction_plan import KIND as OF_PLAN
+from excite.design.friction_runs.friction_plan import PLAN, load_friction_plan
+from excite.logs.log_reading import KIND, LOG, log_entry, sidecar_path, write_log
+from excite.simulation.simulation import SimulatedLog, Simulation
+from excite.storage.atomic import Destination, read_json, write_json
+from excite.storage.codec import content_of
+from excite.storage.commit import read_settled
+from excite.storage.manifest import check_files, sha256_of
+from excite.storage.migrations import schema_of
+from excite.storage.records import read_record
 from excite.storage.result_folder import replace_files, result_file
-from regressors.errors import InputError, TakenError
+from excite.storage.sampled_motion import SEGMENT, read_table
+from excite.tasks.reference import GivenTorque, MotionSource, SampledMotion
+from excite.tasks.task import Task
+from regressors.errors import InputError, TakenError, UnknownName
+from regressors.robot.friction.load_and_temperature import drives_with_friction
+from regressors.robot.robot import Robot
+from regressors.samples import Samples
+
+
+def read_source(
+    source: Design | str | Path, file: Path | None = None, *, approach_and_return: bool = True
+) -> MotionSource:
+    """Read the motion of a design or its folder, of a replacement file, or of a file of a friction plan."""
+    if isinstance(source, Design):
+        return _of_design(source, file, approach_and_return=approach_and_return)
+    source = Path(source)
+    if source.suffix == ".csv":
+        if file is not None:
+            raise InputError(f"two files to play are given: {source} and {file}")
+        return read_settled(Destination(source.parent), lambda: _of_plan(source))
+    if (source / PLAN).exists() and not (source / DESIGN).exists():
+        raise InputError(f"{source} holds a friction plan: name the file to play, such as {_some_file(source)}")
+    return read_settled(
+        Destination(source), lambda: _of_design(load_design(source), file, approach_and_return=approach_and_return)
+    )
+
+
+def _of_design(design: Design, file: Path | None, *, approach_and_return: bool) -> MotionSource:
+    folder = design.folder
+    if file is None and approach_and_return and folder is not None and design.task.output.home is not None:
+        file = folder / TRAJECTORY
+    if file is not None and file.parent == folder:
+        check_files(folder, OF_DESIGN, (DESIGN, file.name))  # the approach and return, or a rehearsal
+    origin = {
+        "folder": None if folder is None else folder.name,
+        "sha256": None if folder is None else sha256_of(folder / DESIGN),
+        "condition_number": design.condition_number if isfinite(design.condition_number) else None,
+    }
+    motion = design.trajectory if file is None else read_motion(file, design.moving.joint_names)
+    ramps = None if file is None else read_torque(file, design.moving)
+    return MotionSource(design.robot, design.task, motion, ramps, file, {"design": origin, "friction_plan": None})
+
+
+def _of_plan(file: Path) -> MotionSource:
+    """Read a file of a friction plan, which may move any joint of its robot."""
+    if not (file.parent / PLAN).exists():
+        raise InputError(
+            f"{file}: there is no {PLAN} of a friction plan in its folder; to play a file with a design, give the "
+            f"folder of the design and `trajectory={str(file)!r}`"
+        )
+    robot = load_friction_plan(file.parent).robot
+    check_files(file.parent, OF_PLAN, (PLAN, file.name))
+    plan = {"folder": file.parent.resolve().name, "sha256": sha256_of(file.parent / PLAN)}
+    return MotionSource(
+        robot,
+        Task(robot.name, joints=robot.joint_names),
+        read_motion(file, robot.joint_names),
+        read_torque(file, robot),
+        file,
+        {"design": None, "friction_plan": plan},
+    )
+
+
+def _some_file(folder: Path) -> str:
+    return str(folder / load_friction_plan(folder).coordinates[0].file)
+
+
+RATES = ("position", "velocity", "acceleration")
+_STILL = 1e-9  # rad or m
+
+
+def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
+    """Read a motion from a file, with quintics between its samples."""
+    header, table, _ = read_table(path, RATES)
+    column = {name: table[:, k] for k, name in enumerate(header)}
+    for name in ("time", *(f"{joint}.{rate}" for joint in joints for rate in RATES)):
+        if name not in column:
+            raise UnknownName(f"column in {path}", name, header)
+    for name, values in column.items():
+        joint, _, what = name.rpartition(".")
+        if what == "position" and joint not in joints and values.size and np.ptp(values) > _STILL:
+            raise InputError(
+                f"{path}: {joint} moves, but the design holds it still and moves {', '.join(joints)}; "
+                "`approach_and_return=False` leaves out the approach from home and the return"
+            )
+    q, dq, ddq = (np.column_stack([column[f"{joint}.{rate}"] for joint in joints]) for rate in RATES)
+    try:
+        return SampledMotion(Samples(column["time"], q, dq, ddq, np.full_like(q, np.nan)))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+STICTION = "stiction"
+_EFFORT = ".effort"
+
+
+def read_torque(path: Path, robot: Robot) -> GivenTorque | None:
+    """Read the torque ramps of a file; None where it has none.
+
+    A ramp is a stretch of rows of one segment whose name contains ``stiction``; torques elsewhere are ignored.
+    """
+    header, table, text = read_table(path, ("effort",), SEGMENT)
+    efforts = [name for name in header if name.endswith(_EFFORT)]
+    ramping = np.array([STICTION in name for name in text], dtype=bool)
+    if not efforts or not ramping.any():
+        return None
+    if len(efforts) > 1:
+        raise InputError(f"{path}: one drive at a time can be given torques, there are columns {', '.join(efforts)}")
+    drive, known = efforts[0].removesuffix(_EFFORT), [name for name, _ in drives_with_friction(robot)]
+    if drive not in known:
+        raise UnknownName(
+            f"{'drive' if robot.transmission else 'joint'} for column {efforts[0]} of {path}", drive, known
+        )
+    before = ["", *text[:-1]]
+    begins = ramping & np.array([a != b for a, b in zip(before, text, strict=True)])
+    number = np.where(ramping, np.cumsum(begins), 0)
+    return GivenTorque(drive, table[:, header.index("time")], table[:, header.index(efforts[0])], number)
 
 
 def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Path, Path]]:
@@ -31,7 +160,7 @@ def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = 
     logs = [simulation.log] if simulation.wrench_log is None else [simulation.log, simulation.wrench_log]
     with result_file(log):
         pairs = paths_of(log, wrench=simulation.wrench_log is not None, replace=replace)
-        content = sidecar_content(simulation)
+        content = {"schema": schema_of(KIND), **content_of(simulation.record)[0]}
         with replace_files(log, remove=_older_wrench(log)) as staged:
             for (path, beside), recorded in zip(pairs, logs, strict=True):
                 write_log(recorded, staged / path.name)
@@ -51,30 +180,6 @@ def _older_wrench(log: Path) -> list[str]:
     return [path.name, sidecar_path(path).name] if of_joints == of_wrench else []
 
 
-def sidecar_content(simulation: Simulation) -> dict[str, object]:
-    """Content of ``LOG.json``."""
-    steps, source = simulation.steps, simulation.source
-    file = None if source is None else source.file
-    robot = simulation.robot if source is None else source.robot
-    origin = {"design": None, "friction_plan": None} if source is None else source.origin
-    settings = {
-        **simulation.settings.to_dict(),
-        "substeps": steps.substeps,
-        "sign_width": steps.width if steps.sticking is None else None,
-        "compensation_width": steps.width,
-        "breakaway": None if steps.sticking is None else steps.sticking.distance,
-        "breakaway_lead": None if steps.sticking is None else list(steps.sticking.lead),
-    }
-    return {
-        "schema": SCHEMA,
-        "robot": {"name": robot.name, "sha256": robot.sha256()},
-        **origin,
-        "trajectory": None if file is None else {"file": file.name, "sha256": sha256_of(file)},
-        "settings": settings,
-        "seed": simulation.settings.seed,
-        "truth": dict(simulation.truth),
-        "notes": list(simulation.notes),
-        "holds": simulation.outcome.holds,
-        "against": list(simulation.outcome.failures),
-        "saturated": [saturation_content(one) for one in simulation.outcome.saturated],
-    }
+def load_simulated_log(path: str | Path) -> SimulatedLog:
+    """What is known of a simulated log, by the log or the file beside it."""
+    return read_record(sidecar_path(path) if Path(path).suffix != ".json" else Path(path), SimulatedLog, KIND)

@@ -17,7 +17,7 @@ from regressors.errors import InputError
 
 SCHEMAS = {
     "accuracy": 2, "bound": 2, "campaign": 2, "cell": 1, "design": 1, "friction-fit": 2, "friction-plan": 2,
-    "payload": 2, "posterior": 2, "result": 2, "study": 2, "verification": 2,
+    "log": 2, "payload": 2, "posterior": 2, "precision": 2, "result": 2, "study": 2, "verification": 2,
 }  # fmt: skip
 Content = dict[str, Any]
 Migration = Callable[[Content, Content, Path], tuple[Content, Content]]
@@ -402,14 +402,29 @@ def _campaign_2(content: Content, arrays: Content, folder: Path) -> tuple[Conten
     return {**content, "rows": [{**row, "facts": row["facts"] or None} for row in content["rows"]]}, arrays
 
 
+def _precision_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """Of each period, only what one run brings was in the file."""
+    trials = [{**trial, "course": [[1, trial["use_of_one_run"]]]} for trial in content["trials"]]
+    return {**content, "trials": trials}, arrays
+
+
+def _log_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """How well the motion was followed, and the torques that it took, were not in the file."""
+    unknown = dict.fromkeys(("duration", "work", "loss", "energy_residual"), "nan")
+    begun = {"samples": 0, "against": [], "saturated": [], "tracking": [], "torques": [], "notes": [], "seed": 0}
+    return {**begun, **unknown, "settings": {}, "truth": {}, **content}, arrays
+
+
 _MIGRATIONS: dict[tuple[str, int], Migration] = {
     ("accuracy", 1): _accuracy_2,
     ("bound", 1): _bound_2,
     ("campaign", 1): _campaign_2,
     ("friction-fit", 1): _friction_fit_2,
     ("friction-plan", 1): _friction_plan_2,
+    ("log", 1): _log_2,
     ("payload", 1): _payload_2,
     ("posterior", 1): _posterior_2,
+    ("precision", 1): _precision_2,
     ("result", 1): _result_2,
     ("study", 1): _study_2,
     ("verification", 1): _verification_2,

@@ -32,8 +32,13 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from excite.errors import ConicSolverError
-from excite.identification.estimators.possible_set import PossibleSet, conic_solution, nearest, possible_set
-from excite.identification.estimators.standard import StandardProblem
+from excite.identification.estimators.possible_set import (
+    PossibleSet,
+    StandardProblem,
+    conic_solution,
+    nearest,
+    possible_set,
+)
 from regressors.errors import InputError
 from regressors.robot.inertia import from_pseudo_inertia
 from regressors.samples import Array, Index

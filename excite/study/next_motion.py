@@ -13,7 +13,8 @@ from excite.design.design import Design
 from excite.design.formulation import with_information_in_hand
 from excite.design.optimisation import Progress, design_trajectory
 from excite.information.earlier_precision import InformationInHand, deviations_of, information_in_hand
-from excite.information.half_widths import ABOUT_ZERO, PrecisionForecast, allowed_half_widths, torque_precision
+from excite.information.half_widths import ABOUT_ZERO, allowed_half_widths, torque_precision
+from excite.information.precision_forecast import PrecisionForecast
 from excite.information.prior import base_sizes
 from excite.information.target import IdentificationTarget, inverse_half, target_of
 from excite.study.design_for_precision import design_for_precision, precise_task

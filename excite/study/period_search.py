@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -19,8 +19,7 @@ import numpy as np
 from excite.design.design import Design
 from excite.design.formulation import Formulation
 from excite.errors import NoFeasibleMotionError
-from excite.information.half_widths import RunInformation
-from excite.study.out_of_reach import OutOfReach
+from excite.information.precision_forecast import FrontPoint, RunInformation, TriedPeriod
 from excite.tasks.stored_files import InitialDesign
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -274,16 +273,6 @@ class PeriodTrial:
         return self.run.use(max(1, math.floor(max_time / self.seconds)))
 
 
-@dataclass(frozen=True)
-class FrontPoint:
-    """An experiment than which none that was tried is both shorter and more precise."""
-
-    period: float  # [s]
-    runs: int
-    robot_seconds: float
-    use: float  # largest half-width over the allowed one: 1 meets the target just so, 2 a target twice as wide
-
-
 def pareto_front(trials: Sequence[PeriodTrial], max_time: float) -> tuple[FrontPoint, ...]:
     """Robot time against precision: numbers of runs of all periods, without those that another one dominates."""
     points = [
@@ -298,37 +287,14 @@ def pareto_front(trials: Sequence[PeriodTrial], max_time: float) -> tuple[FrontP
     return tuple(front)
 
 
-@dataclass(frozen=True, eq=False)
-class PrecisionSearch:
-    """A search for the shortest experiment that meets a precision.
+_DRAWN = 40  # numbers of runs of a period that a figure shows
+_MOST_RUNS = 200
 
-    Parameters
-    ----------
-    trials : tuple of PeriodTrial
-        In the order of their periods.
-    front : tuple of FrontPoint
-    out_of_reach : OutOfReach, optional
-        What keeps the target out of reach, where it is.
-    """
 
-    trials: tuple[PeriodTrial, ...]
-    front: tuple[FrontPoint, ...]
-    out_of_reach: OutOfReach | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "trials": [
-                {
-                    "period": trial.period,
-                    "harmonics": trial.richness,
-                    "seconds_per_run": trial.seconds,
-                    "runs": trial.runs,
-                    "robot_seconds": trial.robot_seconds,
-                    "use_of_one_run": trial.run.use(1),
-                }
-                for trial in self.trials
-            ],
-            "front": [asdict(point) for point in self.front],
-            **({"out_of_reach": asdict(self.out_of_reach)} if self.out_of_reach is not None else {}),
-        }
+def tried_period(trial: PeriodTrial, longest: float) -> TriedPeriod:
+    """The record of a trial, with what its runs reach within a robot time."""
+    most = min(_MOST_RUNS, max(1, int(longest / trial.seconds)))
+    runs = np.unique(np.geomspace(1, most, _DRAWN).round().astype(int)).tolist()
+    course = tuple((n, float(trial.run.use(n))) for n in runs)
+    known = (trial.period, trial.richness, trial.seconds, trial.runs, trial.robot_seconds, float(trial.run.use(1)))
+    return TriedPeriod(*known, course)

@@ -23,13 +23,14 @@ from excite.storage.result_folder import result_folder
 from excite.study.rehearsal import (
     FREE,
     Rehearsal,
+    StatedNoise,
+    TorqueNoise,
     bounded_estimates,
     exact_settings,
     motion_errors,
     motion_settings,
     torque_errors,
 )
-from excite.study.torque_noise import StatedNoise, TorqueNoise
 from excite.tasks.further_settings import Extents
 from regressors.arguments import checked
 from regressors.errors import InputError

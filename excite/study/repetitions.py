@@ -26,18 +26,18 @@ from excite.design.interruption import current_interruption
 from excite.design.problem_identity import PACKAGES, NotComparable, plain_value
 from excite.errors import LostWorkersError
 from excite.identification.equations import predicted_rows
-from excite.identification.estimate import CONFIDENCE
+from excite.identification.estimator import CONFIDENCE
 from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target
 from excite.identification.preparation import chosen_method
 from excite.identification.recipe import not_repeated, repetition_prediction
-from excite.logs.signals.butterworth import decimation
-from excite.logs.signals.resampling import delayed, resample
+from excite.logs.signals.filters import decimation
+from excite.logs.signals.method import delayed, resample
 from excite.storage.atomic import replacing
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
 from excite.study.experiment import Chain, Experiment, Noise
 from excite.study.moments import BLOCK, entries_of_equations, has_gpu
-from excite.study.torque_noise import rate_of
+from excite.study.rehearsal import rate_of
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 from regressors.memory_cap import memory_cap

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import scipy.stats
 
-from excite.identification.estimators.standard import StandardProblem, problem_of_factor
+from excite.identification.estimators.possible_set import StandardProblem, problem_of_factor
 from excite.identification.identification import (
     Identification,
     stated_covariance,

@@ -21,10 +21,9 @@ from excite.design.executors.unit_executors import unit_executor
 from excite.design.problem_identity import PACKAGES
 from excite.errors import LostWorkersError
 from excite.identification.covariance import divisors
-from excite.identification.estimation import estimate_parameters
-from excite.identification.given_logs import LogLike
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
+from excite.identification.procedure import LogLike, estimate_parameters
 from excite.logs.log import Log
 from excite.simulation.sensors import joint_log
 from excite.simulation.settings import SimulationSettings

@@ -12,6 +12,43 @@ Side = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True)
+class MotionSettings:
+    """What `excite.simulate` plays beside its settings, and the true friction and load."""
+
+    trajectory: str | None = essential(
+        None, "file", "Play this file, laid out as trajectory.csv, instead of the design's motion.", metavar="FILE"
+    )
+    approach_and_return: bool = option(
+        True,
+        "flag",
+        "Also play the approach from home and the return, if the design has them.",
+        flag="approach-and-return/no-approach-and-return",
+    )
+    beyond_limits: bool = option(False, "flag", "Play a motion that breaks a limit, which is refused otherwise.")
+    friction: str | None = essential(None, "file", "Friction curves.", metavar="FILE", unset="the robot's file")
+    load: str | None = essential(
+        None,
+        "text",
+        "Load at the sensor, in its frame: m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; or a YAML file of them.",
+        metavar="M,MCX,...|FILE",
+    )
+
+
+@dataclass(frozen=True)
+class BoundSettings:
+    """Settings of `excite.bound`."""
+
+    criteria: tuple[str, ...] = essential(
+        ("condition",),
+        "several",
+        "Criterion to bound; repeatable.",
+        choices=("condition", "logdet", "sigma-min"),
+        flag="criterion",
+    )
+    seed: int = essential(0, "integer", "Seed of the search for states.", metavar="N")
+
+
+@dataclass(frozen=True)
 class FrictionPoses:
     """Where the runs of `excite.plan_friction` are, and the ramps of torque."""
 
@@ -73,6 +110,21 @@ class PayloadMotionSettings:
     period: float = essential(5.0, "number", "Duration of the motion.", metavar="S")
     harmonics: int = essential(3, "integer", "Harmonics of its Fourier series.", metavar="N")
     starts: int = essential(1, "integer", "Random starts; the best one is taken.", metavar="N")
+
+
+@dataclass(frozen=True)
+class UnloadedRows:
+    """Rows of logs without a load, see `excite.LogChoice`."""
+
+    without_rows: str = option("auto", "text", "Rows of the logs without the load, in the same way.", metavar="A:B")
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """Settings of `excite.calibrate_gains`."""
+
+    mass: float = essential(None, "number", "Mass of that load.", metavar="KG", quantity="known_mass", required=True)
+    common: bool = essential(False, "flag", "One factor for all drives, or one for each.", flag="common/each")
 
 
 @dataclass(frozen=True)

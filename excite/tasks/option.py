@@ -23,7 +23,7 @@ from regressors.quantities import QUANTITIES, check, number_of, shown
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
     "prior", "margin", "count", "mount", "payload", "drives", "parameters",
-    "folders", "precision", "size", "time", "distance", "impacts", "percent", "frame", "sides",
+    "folders", "precision", "size", "time", "distance", "impacts", "percent", "frame", "sides", "several",
 ]  # fmt: skip
 
 NUMERIC = frozenset(
@@ -51,6 +51,7 @@ class Option:
     unset: str | None = None
     essential: bool = False  # in the short help too, as most uses need it
     word: str | None = None  # typed for a value that is not given, such as ``found``
+    required: bool = False  # the command line refuses to go on without it
 
     def unit(self, name: str) -> str:
         """Unit of its numbers, by the quantity of a field's name if it has none of its own; empty for plain ones."""
@@ -312,6 +313,7 @@ _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what
     "time": (_any, f"{AUTO}, or a number"),
     "distance": (_any, f"{AUTO}, or a number"),
     "impacts": (_any, "a list of impacts"),
+    "several": (_names, "some of its names"),
     "percent": (_any, "a share, on the command line in per cent"),
 }
 EXPECTED: dict[Kind, str] = {kind: expected for kind, (_, expected) in _KINDS.items()}

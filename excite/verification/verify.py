@@ -9,12 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from excite.identification.given_logs import log_of
 from excite.identification.identification import Identification
 from excite.identification.identify import rows_prediction
-from excite.identification.known_friction import known_temperatures, mean_friction
-from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
+from excite.identification.prediction import (
+    LogPrediction,
+    instantaneous_target,
+    known_temperatures,
+    mean_friction,
+    prediction,
+    relative_error,
+)
 from excite.identification.preparation import PreparedLog, prepare
+from excite.identification.procedure import log_of
 from excite.identification.recipe import AUTO, Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.event import LEFT_OUT
@@ -27,12 +33,12 @@ from excite.verification.simulated_motion import (
     SAMPLE,
     WHOLE,
     JudgedMotion,
+    Tolerances,
     failure,
     judged_motion,
     most_windows,
     sampling_remark,
 )
-from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import corrected_errors, corrected_total, torque_errors, verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
@@ -207,11 +213,7 @@ def _recipe(
 
 
 def _judged_motion(
-    target: IdentificationTarget,
-    result: Identification,
-    part: PreparedLog,
-    horizon: float,
-    tolerances: Tolerances,
+    target: IdentificationTarget, result: Identification, part: PreparedLog, horizon: float, tolerances: Tolerances
 ) -> JudgedMotion | None:
     """Simulated motion of the models of torques that have an equation for every moving coordinate."""
     model = target.model

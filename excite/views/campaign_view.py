@@ -1,19 +1,35 @@
-"""What is shown of sweeps, the cells of a sweep file in one table, and of campaigns, motions that identify in parts."""
+"""What is shown of sweeps, the cells of a sweep file in one table, of campaigns, and of the next motion of several."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from excite.design.campaign import Campaign, Step
 from excite.design.design import Design
-from excite.design.sweeps.sweep_table import DESIGNED, KIND, SweepRow, SweepTable
+from excite.design.sweeps.sweep_table import DESIGNED, KIND, TABLE, SweepRow, SweepTable
 from excite.registry import name_of
-from excite.views.view import Column, Drawing, Format, View, ViewTable, numbers, percents, texts
+from excite.study.next_motion import NextMotion
+from excite.tasks.precision_target import PrecisionTarget
+from excite.views.view import (
+    Column,
+    Drawing,
+    Format,
+    View,
+    ViewTable,
+    headed,
+    number,
+    numbers,
+    percents,
+    some_of,
+    texts,
+)
 from regressors.models.partial import drive_names
 
 _LEADING = 12  # rows of a summary
+_REASONS = 5  # that stand alone; the table has all
 _MOST_OPTIONS = 5  # as columns of a summary; of more, the name of the cell
 
 
@@ -21,7 +37,12 @@ def cells_view(table: SweepTable) -> View:
     """View of the cells of a sweep file."""
     counts = table.counts
     others = "".join(f"; {count} {status}" for status, count in counts.items() if status != DESIGNED)
-    groups = len(table.groups)
+    groups, leading = len(table.groups), leading_cells(table)
+    more = len(table.rows) - len(leading.rows)
+    elsewhere = f"{more} more cells are in {TABLE}"
+    reasons = [f"{row.cell}: {row.status}: {row.reason}" for row in table.rows if row.reason]
+    if len(reasons) > _REASONS:
+        reasons[_REASONS:] = [f"{len(reasons) - _REASONS} more reasons are in the table"]
     alike = "all have the same robot, model and parameters"
     apart = f"{groups} groups; only cells of the same group have comparable numbers, at the top the best of each"
     return View(
@@ -29,16 +50,16 @@ def cells_view(table: SweepTable) -> View:
         title=f"{len(table.rows)} cells of a sweep",
         verdict=f"{counts.get(DESIGNED, 0)} of {len(table.rows)} cells have a design within their limits{others}.",
         holds=table.holds,
-        summary=(alike if groups == 1 else apart,) if groups else (),
-        against=tuple(f"{row.cell}: {row.status}: {row.reason}" for row in table.rows if row.reason),
+        summary=(*((alike if groups == 1 else apart,) if groups else ()), *((elsewhere,) if more else ())),
+        against=tuple(reasons),
         remarks=(
             "numbers are comparable within a group: the same robot, model, moving joints and base parameters",
             "criteria are in the reference base of each cell's own task, at its own rate",
             "limits of positions, velocities, accelerations and jerks were computed from the coefficients of each "
             "design when the table was made; criteria and other limits are those that the file of each design states",
         ),
-        tables=(_best(table), _cells(table)),
-        figures=(Drawing("Condition numbers by each option", "campaign", "sweep_plot.sweep_figure", (table,)),),
+        tables=(*((leading,) if leading.rows else ()), _best(table), _all_cells(table)),
+        figures=(Drawing("Condition numbers by each option", "campaign", "search_plot.sweep_figure", (table,)),),
         filed=KIND,
     )
 
@@ -47,20 +68,26 @@ def leading_cells(table: SweepTable) -> ViewTable:
     """The rows of a summary: the best cells of each group."""
     groups = table.groups
     chosen = [row for rows in groups.values() for row in rows[: max(1, _LEADING // len(groups))]][:_LEADING]
-    return replace(_cells(table), rows=tuple(_cell(row, table.varied) for row in chosen))
+    rows = tuple(_cell(row, table.varied) for row in chosen)
+    return ViewTable("campaign-leading", "The best cells", _columns(table), rows, folded=True, most=len(rows))
 
 
 def _best(table: SweepTable) -> ViewTable:
-    columns = (*numbers("group"), *texts("best cell"), *numbers("its condition number", "that of the worst", "cells"))
+    columns = headed("group, best cell:text, its condition number, that of the worst, cells")
     rows = tuple(
         (group, rows[0].cell, rows[0].condition, rows[-1].condition, len(rows)) for group, rows in table.groups.items()
     )
     return ViewTable("campaign-best", "The best of each group", columns, rows)
 
 
-def _cells(table: SweepTable) -> ViewTable:
+def _all_cells(table: SweepTable) -> ViewTable:
+    columns = tuple(replace(each, brief=False) for each in _columns(table))
+    return ViewTable("campaign-cells", "All cells", columns, tuple(_cell(row, table.varied) for row in table.rows))
+
+
+def _columns(table: SweepTable) -> tuple[Column, ...]:
     often = table.often_varied if len(table.often_varied) <= _MOST_OPTIONS else ()
-    columns = (
+    return (
         *texts("cell", brief=not often),
         *(Column(name, Format.TEXT, brief=name in often) for name in table.varied),
         *texts("status", brief=True),
@@ -72,7 +99,6 @@ def _cells(table: SweepTable) -> ViewTable:
         *numbers("CPU [s]"),
         *texts("reason"),
     )
-    return ViewTable("campaign-cells", "All cells", columns, tuple(_cell(row, table.varied) for row in table.rows))
 
 
 def _cell(row: SweepRow, varied: Sequence[str]) -> tuple[Any, ...]:
@@ -135,12 +161,8 @@ def _designed(made: Sequence[Sequence[Design]]) -> str:
 
 
 def _steps(campaign: Campaign) -> ViewTable:
-    columns = (
-        *numbers("motion", brief=True),
-        *texts("drives that move", brief=True),
-        *numbers("combinations", brief=True),
-        *texts("identifies"),
-        *texts("newly identified individually", brief=True),
+    columns = headed(
+        "*motion, *drives that move:text, *combinations, identifies:text, *newly identified individually:text"
     )
     rows = tuple(
         (k, ", ".join(step.drives), step.rank, "; ".join(step.expressions), ", ".join(step.parameters))
@@ -150,12 +172,7 @@ def _steps(campaign: Campaign) -> ViewTable:
 
 
 def _designs(campaign: Campaign, made: Sequence[Sequence[Design]]) -> tuple[ViewTable, ...]:
-    columns = (
-        *numbers("motion"),
-        *texts("drives that move", "design"),
-        *numbers("condition number", "duration [s]"),
-        Column("limits hold", Format.KEPT),
-    )
+    columns = headed("motion, drives that move:text, design:text, condition number, duration [s], limits hold:kept")
     rows = tuple(
         (k, ", ".join(step.drives), d.name, d.condition_number, d.trajectory.duration, not d.broken)
         for k, (step, designs) in enumerate(zip(campaign.steps, made, strict=True), 1)
@@ -165,6 +182,56 @@ def _designs(campaign: Campaign, made: Sequence[Sequence[Design]]) -> tuple[View
 
 
 def _selections(campaign: Campaign) -> ViewTable:
-    columns = (*texts("drives"), *numbers("combinations"))
+    columns = headed("drives:text, combinations")
     rows = tuple((", ".join(drives), rank) for drives, rank in campaign.subsets)
     return ViewTable("subsets", "What each selection of drives identifies", columns, rows)
+
+
+def next_motion_view(step: NextMotion) -> View:
+    """View of what is in hand towards a precision, and of what the next motion would bring."""
+    count = sum(math.isfinite(parameter.allowed) for parameter in step.parameters)
+    planned = f", once {', '.join(step.planned)} is played" if step.planned else ""
+    enough = f"Enough: stop. All {count} parameters of {step.robot} are known as precisely as asked for{planned}"
+    missing = f"{len(step.missing)} of {count} parameters of {step.robot} are not known as precisely as asked for"
+    return View(
+        kind="next motion",
+        title=f"what is known of {step.robot}",
+        verdict=enough if step.enough else missing,
+        holds=step.enough,
+        summary=_runs(step),
+        remarks=(*_not_asked(step), *(() if step.design is None else step.design.notes)),
+        tables=_in_hand(step),
+    )
+
+
+def _in_hand(step: NextMotion) -> tuple[ViewTable, ...]:
+    """What is missing, or else known, and, where anything is missing, everything."""
+    columns = headed("value:4, half-width, allowed, then, unit:text")
+    rows = {p.name: (p.name, p.value, p.half_width, p.allowed, p.expected, p.unit) for p in step.parameters}
+    wide = {parameter.name for parameter in step.missing}
+    brief = tuple(replace(each, brief=True) for each in (*texts("missing" if wide else "known"), *columns))
+    short = tuple(row for name, row in rows.items() if name in wide or not wide)
+    title = "Half-widths of the intervals, in hand and after the next motion"
+    whole = ViewTable("in-hand", title, (*texts("parameter"), *columns), tuple(rows.values()))
+    return (ViewTable("missing", "What is missing", brief, short), whole) if wide else (replace(whole, columns=brief),)
+
+
+def _not_asked(step: NextMotion) -> tuple[str, ...]:
+    """Parameters that a share of every one leaves out, since nothing is known of their size."""
+    names = [parameter.name for parameter in step.parameters if not math.isfinite(parameter.allowed)]
+    asked = step.task.objective.precision
+    if not names or not isinstance(asked, PrecisionTarget) or asked.share is None:
+        return ()
+    return (
+        f"nothing is asked of {some_of(names)}: their size is not described, and what was measured of them may be "
+        "zero; a YAML file for `precision` can state it, under scales",
+    )
+
+
+def _runs(step: NextMotion) -> tuple[str, ...]:
+    forecast = step.forecast
+    if forecast is None or step.design is None:
+        return ()
+    runs = number(forecast.runs, "run")
+    expected = "expected to be enough" if forecast.met else "which are not enough yet"
+    return (f"next motion: {step.design.trajectory.duration:g} s, {runs}, {forecast.robot_seconds:g} s; {expected}",)

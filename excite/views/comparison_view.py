@@ -1,4 +1,4 @@
-"""What is shown of several results together: designs under the same metrics, parameters side by side."""
+"""What is shown of several results together, and of how far a design is from the best possible."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from excite.design.comparison import Judgement
 from excite.design.stated_limits import kept_headline
 from excite.identification.identification import Identification
 from excite.information.matrix import CONVENTIONS
-from excite.optimality.design_bound import DesignBound
-from excite.views.view import UNIT, Column, Format, View, ViewTable, numbers, percents, texts
+from excite.optimality.design_bound import CriterionBound, DesignBound
+from excite.optimality.sensitivity import Sensitivity
+from excite.views.view import Column, Format, View, ViewTable, headed, numbers
 
 _UNLIKE = "the designs are for different robots, models or moving joints; their numbers are not comparable"
 _LARGER_IS_BETTER = ("smallest_singular_value", "log_det")
@@ -25,7 +26,7 @@ def comparison_view(judgements: Sequence[Judgement], bounds: Sequence[DesignBoun
     alike, first = is_alike(judgements), judgements[0]
     goals = _goals(judgements)
     ranked = sorted(range(len(judgements)), key=lambda k: goals[k] if alike else k)
-    reached = (f"{b.name}, by its bound.json: {each.sentence}" for b in bounds for each in b.criteria)
+    reached = dict.fromkeys(f"{b.name}, by its bound.json: {each.sentence}" for b in bounds for each in b.criteria)
     return View(
         kind="comparison",
         title=f"{len(judgements)} designs",
@@ -38,7 +39,9 @@ def comparison_view(judgements: Sequence[Judgement], bounds: Sequence[DesignBoun
         remarks=(
             "every design is judged under the parameters (friction, rotors) and the noise of the first one, at 100 Hz",
             *_friction(judgements),
-            *(f"{j.name}: not checked when designed: {', '.join(j.unchecked)}" for j in judgements if j.unchecked),
+            *dict.fromkeys(
+                f"{j.name}: not checked when designed: {', '.join(j.unchecked)}" for j in judgements if j.unchecked
+            ),
             *dict.fromkeys(f"{j.name}: {said}" for j in judgements for said in j.believed),
         ),
         tables=(
@@ -88,13 +91,7 @@ def _friction(judgements: Sequence[Judgement]) -> list[str]:
 
 
 def _ranking(judged: Sequence[tuple[Judgement, float]]) -> ViewTable:
-    columns = (
-        *texts("design", brief=True),
-        *numbers("cond(W)", "criterion", brief=True, digits=4),
-        *numbers("lasts [s]", brief=True),
-        *percents("tightest limit used", brief=True),
-        *texts("limits", brief=True),
-    )
+    columns = headed("*design:text, *cond(W):4, *criterion:4, *lasts [s], *tightest limit used:%, *limits:text")
     rows = tuple(
         (
             j.name, j.criteria["condition_number"], goal, j.duration, None if j.tightest is None else j.tightest.use,
@@ -128,7 +125,11 @@ def _facts(judgements: Sequence[Judgement]) -> ViewTable:
 
 
 def _measures(judgements: Sequence[Judgement], *, marked: bool) -> ViewTable:
-    columns = (*texts("measure"), *(Column(j.name) for j in judgements), Column("convention", Format.TEXT, wide=True))
+    columns = (
+        *headed("measure:text"),
+        *(Column(j.name) for j in judgements),
+        Column("convention", Format.TEXT, wide=True),
+    )
     rows, best = [], dict[tuple[int, int], str]()
     for k, (name, meaning) in enumerate(CONVENTIONS.items()):
         values = [float(j.criteria[name]) for j in judgements]
@@ -146,10 +147,9 @@ def side_by_side_view(results: Sequence[Identification]) -> View:
     units = {name: unit for result in results for name, unit in zip(result.names, result.units, strict=True)}
     overlap = [name for name in names if _agree([each[name] for each in known if name in each])]
     columns = (
-        *texts("parameter"),
-        UNIT,
+        *headed("parameter:text, unit:unit"),
         *(Column(text) for r in results for text in (r.name, f"{r.name}, half-width")),
-        Column("agree", Format.KEPT),
+        *headed("agree:kept"),
     )
     rows = tuple(
         (name, units[name], *(x for each in known for x in each.get(name, (None, None))), name in overlap)
@@ -172,3 +172,53 @@ def _intervals(result: Identification) -> dict[str, tuple[float, float]]:
 def _agree(known: Sequence[tuple[float, float]]) -> bool:
     finite = [(value - half, value + half) for value, half in known if np.isfinite(value) and np.isfinite(half)]
     return max((low for low, _ in finite), default=0.0) <= min((high for _, high in finite), default=0.0)
+
+
+def bound_view(bound: DesignBound) -> View:
+    """View of the bounds on a design's criteria, and of what changes of its problem would bring."""
+    changes = bound.sensitivity if bound.sensitivity is not None and bound.sensitivity.rows else None
+    meaning = () if changes is None else (f"{changes.meaning}; without a change it is {changes.reference:.4g}",)
+    return View(
+        kind="bound",
+        title=f"best possible for {bound.name}",
+        verdict=verdict_of(bound.criteria[0]),
+        summary=(
+            f"{bound.name}: bounds over all motions of the family within the limits; smaller criteria are better",
+            *meaning,
+        ),
+        remarks=bound.assumptions,
+        tables=(_criteria(bound), *(() if changes is None else (_changes(changes),))),
+    )
+
+
+def verdict_of(bound: CriterionBound) -> str:
+    """One sentence on how far a design is from the best possible."""
+    times = bound.reached / bound.value
+    how = "is proven" if bound.proven else f"is {bound.basis}"
+    return (
+        f"The design's {bound.described}, {bound.reached:.4g}, is at most {times:.3g} times the best possible: "
+        f"no motion within the limits has less than {bound.value:.4g}, which {how}."
+    )
+
+
+def _criteria(bound: DesignBound) -> ViewTable:
+    columns = headed("*criterion:text, *bound:4, *design:4, *efficiency:%, *bound is:text, estimate, CPU [s]")
+    rows = tuple(
+        (c.described, c.value, c.reached, c.efficiency, _basis(c), c.estimate, c.cpu_seconds) for c in bound.criteria
+    )
+    return ViewTable("bounds", "Bounds on the criteria", columns, rows)
+
+
+def _basis(bound: CriterionBound) -> str:
+    return f"proven (estimated: {bound.estimate:.4g})" if bound.proven else bound.basis
+
+
+def _changes(changes: Sensitivity) -> ViewTable:
+    columns = (
+        *headed("*change of the problem:text"),
+        *numbers(changes.criterion, brief=True, digits=4),
+        *headed("*gain:%"),
+    )
+    rows = tuple((row.change, row.value, row.gain) for row in changes.rows)
+    title = f"What changes of the problem would bring, found in {changes.cpu_seconds:.1f} s CPU"
+    return ViewTable("changes", title, columns, rows, most=5)

@@ -8,25 +8,11 @@ from typing import Any
 from excite.design.design import Design, between_samples_text
 from excite.design.design_folder import design_content
 from excite.design.stated_limits import collisions_unchecked, kept_headline, kept_text
-from excite.information.half_widths import ParameterPrecision
 from excite.information.matrix import CONVENTIONS
+from excite.information.precision_forecast import ParameterPrecision
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
-from excite.views.view import (
-    BRIEF_UNIT,
-    UNIT,
-    Column,
-    Drawing,
-    Format,
-    View,
-    ViewTable,
-    asked,
-    number,
-    numbers,
-    percents,
-    some_of,
-    texts,
-)
+from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, number, some_of, texts
 
 _ASKED = ("robot", "model", "trajectory", "period", "criterion", "starts", "seed")
 _CONDITION = "condition, base gautier"
@@ -35,7 +21,7 @@ _NAMED = 3  # parameters with what they move with
 _NEAR = 4  # limits of a short summary
 _DRAWN = (
     Drawing("Motion and its limits over time", "motion", "motion_plot.motion_figure"),
-    Drawing("Velocity over position", "phase", "phase_plot.phase_figure"),
+    Drawing("Velocity over position", "phase", "world_plot.phase_figure"),
     Drawing("What the motion identifies", "spectrum", "spectrum_plot.spectrum_figure"),
     Drawing("The search", "convergence", "search_plot.convergence_figure"),
     Drawing("Distances over time", "clearance", "world_plot.clearance_figure"),
@@ -83,7 +69,7 @@ def _bound(design: Design) -> View | None:
     if design.folder is None or not (design.folder / "bound.json").exists():
         return None
     from excite.optimality.design_bound import stored_bound
-    from excite.views.bound_view import bound_view
+    from excite.views.comparison_view import bound_view
 
     bound = stored_bound(design)
     return None if bound is None else bound_view(bound)
@@ -203,11 +189,9 @@ def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTab
     """Limits of the motion or of a transfer: those that do not hold first, then those that are used most."""
     columns = (
         *texts("limit" if name != "limits" else "limits used most", brief=True),
-        *numbers("extreme", "bound", brief=True, digits=4),
-        BRIEF_UNIT,
+        *headed("*extreme:4, *bound:4, *unit:unit"),
         Column("used", Format.PERCENT, brief=True, missing="far from it"),
-        *numbers("margin", "at [s]"),
-        Column("holds", Format.KEPT),
+        *headed("margin, at [s], holds:kept"),
     )
     ranked = sorted(uses, key=lambda use: (use["holds"], -_used(use)))
     # far inside a limit on one side, as of a distance, the part that is used says nothing
@@ -235,18 +219,14 @@ def _tried(design: Design | None) -> tuple[ViewTable, ...]:
     search = None if design is None or design.precision is None or design.precision.met else design.precision_search
     if search is None or search.out_of_reach is None or not search.out_of_reach.trials:
         return ()
-    columns = (
-        *texts("tried, one at a time", brief=True),
-        *numbers("narrower [times]", brief=True),
-        *numbers("robot time [s]", brief=True, digits=4),
-    )
+    columns = (*texts("tried, one at a time", brief=True), *headed("*narrower [times], *robot time [s]:4"))
     rows = tuple((trial.change, trial.narrower, trial.robot_seconds) for trial in search.out_of_reach.trials)
     return (ViewTable("tried", "What would make the intervals narrower", columns, rows),)
 
 
 def _conditions(content: Mapping[str, Any]) -> ViewTable:
     meanings = {**CONVENTIONS, **content.get("conventions", {})}
-    columns = (*texts("measure"), *numbers("value"), *texts("convention"))
+    columns = headed("measure:text, value, convention:text")
     rows = tuple((name.replace("_", " "), value, meanings.get(name, "")) for name, value in content["criteria"].items())
     note = f"Minimised: {content['minimised']}."
     return ViewTable("criteria", "Condition under each convention", columns, rows, note=note)
@@ -257,12 +237,11 @@ def _predictions(design: Design, content: Mapping[str, Any]) -> ViewTable:
     known = {each["name"]: (each["deviation"], each["after"]) for each in predicted.get("prior", ())}
     behind = any("motor_side" in each for each in predicted["parameters"])
     columns = (
-        *texts("parameter"),
-        *numbers("standard deviation"),
+        *headed("parameter:text, standard deviation"),
         *((Column("known beforehand"), Column("both")) if known else ()),
-        UNIT,
+        *headed("unit:unit"),
         *((Column("at the motor", Format.TEXT),) if behind else ()),
-        Column("combination", Format.UNIT),
+        *headed("combination:unit"),
     )
     rows = tuple(
         (
@@ -292,7 +271,7 @@ def _half_widths(design: Design | None) -> tuple[ViewTable, ...]:
         f"Half-widths of {100 * forecast.level:g} % intervals after {number(forecast.runs, 'run')}, "
         f"with probability {100 * forecast.probability:g} %"
     )
-    columns = (*texts("parameter"), *numbers("half-width", "allowed"), UNIT, *percents("used"))
+    columns = headed("parameter:text, half-width, allowed, unit:unit, used:%")
     rows = tuple(
         (p.name, p.half_width, p.allowed, p.unit, None if p.allowed is None else p.use) for p in forecast.parameters
     )
@@ -301,7 +280,7 @@ def _half_widths(design: Design | None) -> tuple[ViewTable, ...]:
 
 def _starts(solver: Mapping[str, Any], began: Mapping[int, float]) -> ViewTable:
     """How each start ended, the best first."""
-    columns = (*numbers("start", "began at", "ended at", "iterates", "CPU [s]"), *texts("how it ended"))
+    columns = headed("start, began at, ended at, iterates, CPU [s], how it ended:text")
     starts = sorted(solver["starts"], key=lambda s: float("inf") if s["value"] is None else s["value"])
     rows = tuple(
         (s["index"], began.get(s["index"]), s["value"], s["iterations"], s["cpu_seconds"], s["status"])

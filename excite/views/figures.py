@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import io
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+from xml.etree import ElementTree
 
-from excite.views.figure_files import drawn_figures, write_figure_files
+import matplotlib
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from excite.storage.atomic import replacing
+from excite.storage.manifest import read_manifest
+from excite.storage.result_folder import amend_result, check_formats, figure_names, result_folder
+from excite.views.style import DPI, drawing_style, literal, size_of, take_sizes
 from excite.views.view import View
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, printable
 
 # views by the classes of what they show; a class is not imported for what is of another one
 _VIEWS = {
     "excite.design.design.Design": "design_view.design_view",
-    "excite.friction.fit.friction_fit.FrictionFit": "friction_fit_view.friction_fit_view",
-    "excite.friction.plan.friction_plan.FrictionPlan": "friction_plan_view.friction_plan_view",
+    "excite.friction.friction_fit.FrictionFit": "friction_views.friction_fit_view",
+    "excite.design.friction_runs.friction_plan.FrictionPlan": "friction_views.friction_plan_view",
     "excite.identification.identification.Identification": "identification_view.identification_view",
-    "excite.payload.payload_motion.PayloadMotion": "payload_view.payload_motion_view",
-    "excite.study.time_study.TimeStudy": "study_view.study_view",
+    "excite.payload.payload_motion.PayloadMotion": "experiment_views.payload_motion_view",
+    "excite.study.time_study.TimeStudy": "experiment_views.study_view",
     "excite.design.sweeps.sweep_table.SweepTable": "campaign_view.cells_view",
     "excite.verification.verification.Verification": "verification_view.verification_view",
 }
@@ -107,3 +119,185 @@ def _view_of(result: Any) -> View:
     module, name = known.split(".")
     view: Callable[[Any], View] = getattr(import_module(f"excite.views.{module}"), name)
     return view(result)
+
+
+_UNDATED: dict[str, dict[str, Any]] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None, "Creator": None}}
+_PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files that are little smaller
+_PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it along; others, for SVG, are looked up
+
+
+def drawn_figures(draw: Callable[[], Mapping[str, Figure]], width: str = "screen") -> dict[str, Figure]:
+    """Draw figures in the style of a width, with all text literal."""
+    with drawing_style(width):
+        figures = dict(draw())
+        for figure in figures.values():
+            literal(figure)
+            take_sizes(figure)
+    return figures
+
+
+def write_figure_files(
+    figures: Mapping[str, Figure] | Callable[[], Mapping[str, Figure]],
+    folder: str | Path,
+    kind: str = "",
+    *,
+    formats: str | Sequence[str] = ("png",),
+    width: str = "screen",
+) -> list[Path]:
+    """Write figures, all at once, beside the files of a result that are there already.
+
+    The same figures give the same bytes: files hold no dates, and identifiers do not change.
+    """
+    folder, formats = Path(folder), check_formats(formats)
+    made = drawn_figures(figures, width) if callable(figures) else _literal(figures)
+    names = figure_names(made, formats)
+    if not folder.is_dir():
+        raise InputError(f"cannot write {folder / names[0]}: there is no folder {folder}")
+    with (
+        drawing_style(width),
+        result_folder(folder),
+        _saying_what_is_saved(folder, kind),
+        amend_result(folder, kind) as staged,
+    ):
+        for name, figure in made.items():
+            for form in formats:
+                with replacing(staged / f"{name}.{form}", "wb") as stream:
+                    _save(figure, stream, form)
+            if callable(figures):
+                figure.clear()  # a figure refers to itself: without this its memory waits for the collector
+    return [folder / name for name in names]
+
+
+def _literal(figures: Mapping[str, Figure]) -> Mapping[str, Figure]:
+    for figure in figures.values():
+        literal(figure)
+    return figures
+
+
+def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
+    if form != "png":
+        figure.savefig(stream, format=form, metadata=_UNDATED[form])
+        return
+    with rc_context(_PNG_FONTS), _laid_out(figure):
+        figure.savefig(stream, format=form, metadata=_UNDATED[form], pil_kwargs={"compress_level": _PNG_COMPRESSION})
+
+
+@contextmanager
+def _laid_out(figure: Figure) -> Iterator[None]:
+    """Place a figure's panels at the resolution of its file; `savefig` would draw everything once more for that."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        yield
+        return
+    canvas, dpi = figure.canvas, figure.dpi
+    FigureCanvasAgg(figure)
+    figure.dpi = size_of("savefig.dpi")
+    try:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+        yield
+    finally:
+        figure.set_layout_engine(engine)
+        figure.dpi = dpi
+        figure.set_canvas(canvas)
+
+
+@contextmanager
+def _saying_what_is_saved(folder: Path, kind: str) -> Iterator[None]:
+    try:
+        yield
+    except InputError as error:
+        if kind not in read_manifest(folder):
+            raise
+        raise InputError(f"{error}; everything but the figures is saved in {folder}") from error
+
+
+LARGE = 300_000  # characters; longer ones have their curves as a picture
+_PIXELS = 1.35  # of a page, per point of a figure
+FONTS = "DejaVu Sans, Verdana, Arial, sans-serif"
+_FONT = re.compile(r"(?P<style>italic |oblique )?(?P<weight>bold |\d{3} )?(?P<size>[\d.]+)px (?P<family>.+)", re.DOTALL)
+_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_ROUNDED = ("d", "transform", "x", "y", "points")
+_LEFT_OUT = ("metadata", "style")
+
+
+def svg_text(figure: Figure, prefix: str, label: str) -> str:
+    """A figure as an ``<svg>`` element, to stand in an HTML page.
+
+    Styles become attributes, so that a page can forbid inline styles; coordinates are rounded to 0.01 pt. Where the
+    text would be longer than 300,000 characters, as of the torques of a long log, curves are drawn as a picture in it.
+    """
+    literal(figure)
+    text = _drawn(figure)
+    if len(text) > LARGE:
+        for ax in figure.axes:  # not those of legends, which matplotlib would misplace
+            for line in ax.lines:
+                line.set_rasterized(True)
+        text = _drawn(figure)
+    return _element(text, prefix, label)
+
+
+def _drawn(figure: Figure) -> str:
+    stream = io.StringIO()
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
+        figure.savefig(stream, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
+    return stream.getvalue()
+
+
+def _element(text: str, prefix: str, label: str) -> str:
+    root = ElementTree.fromstring(text)
+    for element in root.iter():
+        for child in [child for child in element if _plain(child.tag) in _LEFT_OUT]:
+            element.remove(child)
+        element.tag = _plain(element.tag)
+        given = dict(element.attrib)
+        element.attrib.clear()
+        for name, value in _attributes(given):
+            element.set(name, _rounded(value) if name in _ROUNDED else _of_page(name, value, prefix))
+        if element.text is not None and not element.text.strip():
+            element.text = None
+        element.tail = None
+    for name in ("width", "height", "version"):
+        root.attrib.pop(name, None)
+    root.set("width", f"{_PIXELS * float(root.attrib['viewBox'].split()[2]):.0f}")
+    root.attrib |= {"role": "img", "aria-label": printable(label), "font-family": FONTS}
+    root.attrib |= {"stroke-linejoin": "round", "stroke-linecap": "butt"}  # of all elements, as in the style left out
+    return ElementTree.tostring(root, encoding="unicode", short_empty_elements=False)
+
+
+def _plain(name: str) -> str:
+    """The name without its namespace, which HTML knows by itself."""
+    return name.rpartition("}")[2]
+
+
+def _attributes(given: dict[str, str]) -> Iterator[tuple[str, str]]:
+    for name, value in given.items():
+        if name == "style":
+            declared = (each.partition(":") for each in value.split(";") if ":" in each)
+            yield from (pair for key, _, each in declared for pair in _of_style(key.strip(), each.strip()))
+        else:
+            yield _plain(name), value
+
+
+def _of_style(name: str, value: str) -> list[tuple[str, str]]:
+    """A CSS declaration as attributes of the same name; ``font`` in its parts; the family is that of the root."""
+    if name == "font-family":
+        return []
+    font = _FONT.fullmatch(value) if name == "font" else None
+    if font is None:
+        return [(name, value)]
+    parts = {"font-style": font["style"], "font-weight": font["weight"], "font-size": font["size"]}
+    return [(part, each.strip()) for part, each in parts.items() if each]
+
+
+def _of_page(name: str, value: str, prefix: str) -> str:
+    """An identifier, or a reference to one, as unique as the prefix."""
+    if name == "id":
+        return f"{prefix}-{value}"
+    if name == "href" and value.startswith("#"):
+        return f"#{prefix}-{value[1:]}"
+    return value.replace("url(#", f"url(#{prefix}-")
+
+
+def _rounded(text: str) -> str:
+    return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), " ".join(text.split()))

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.friction.fit.breakaway_torque import mean_break_aways
-from excite.friction.fit.friction_equations import Conditions
-from excite.friction.fit.friction_fit import Characteristic
-from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
+from excite.design.friction_runs.friction_plan import CoordinatePlan, FrictionPlan
+from excite.friction.breakaway_torque import mean_break_aways
+from excite.friction.friction_equations import Conditions
+from excite.friction.friction_fit import Characteristic
 from excite.views.panels import Panel, head, legend_below, panels, value_axis
 from excite.views.style import (
     BAND,

@@ -13,21 +13,7 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import KIND
 from excite.study.repetitions import Repetitions
-from excite.views.view import (
-    BRIEF_UNIT,
-    UNIT,
-    Column,
-    Drawing,
-    Format,
-    View,
-    ViewTable,
-    asked,
-    numbers,
-    percents,
-    some_of,
-    text_of,
-    texts,
-)
+from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, numbers, some_of, text_of
 
 _DRAWN = {
     ending: Drawing(title, ending, function)
@@ -35,7 +21,7 @@ _DRAWN = {
         ("parameters", "Parameters with their 99 % intervals", "parameters_plot.parameters_figure"),
         ("torques", "Measured and predicted", "identification_plots.torques_figure"),
         ("residuals", "Residuals", "identification_plots.residuals_figure"),
-        ("estimates", "Estimates over time", "estimates_plot.estimates_figure"),
+        ("estimates", "Estimates over time", "identification_plots.estimates_figure"),
         ("repetitions", "Repetitions in simulation and predicted intervals", "parameters_plot.repetitions_figure"),
     )
 }
@@ -146,13 +132,7 @@ def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
     """The parameters with the widest intervals beside their size."""
     estimate = result.estimate
     sized = np.where(np.isfinite(estimate.relative_deviation), estimate.relative_deviation, -1.0)
-    columns = (
-        *texts("least certain", brief=True),
-        *numbers("value", brief=True, digits=4),
-        *texts("99 %", brief=True),
-        BRIEF_UNIT,
-        *percents("std. dev.", brief=True),
-    )
+    columns = headed("*least certain:text, *value:4, *99 %:text, *unit:unit, *std. dev.:%")
     rows = tuple(
         (estimate.names[k], estimate.values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], sized[k])
         for k in np.argsort(-sized, kind="stable")[:_SHOWN]
@@ -163,7 +143,7 @@ def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
 
 def _logs(result: Identification) -> ViewTable:
     rows = tuple((log.file, log.rows, log.start, log.end) for log in result.facts.logs)
-    columns = (*texts("log"), *numbers("rows", "from [s]", "to [s]"))
+    columns = headed("log:text, rows, from [s], to [s]")
     return ViewTable("logs", "Logs", columns, rows)
 
 
@@ -173,12 +153,9 @@ def _parameters(result: Identification) -> ViewTable:
     reference = result.reference
     values = np.full(len(estimate.names), np.nan) if reference is None else reference.values
     columns = (
-        *texts("parameter"),
+        *headed("parameter:text"),
         *numbers("value", missing="not identifiable"),
-        *numbers("lower", "upper"),
-        UNIT,
-        *numbers("std. dev."),
-        *percents("relative"),
+        *headed("lower, upper, unit:unit, std. dev., relative:%"),
         *((Column("truth" if reference.kind == "truth" else "described"),) if reference is not None else ()),
         *((Column("at the motor", Format.TEXT),) if facts.motor_sides else ()),
         Column("combination", Format.UNIT, wide=True),
@@ -243,7 +220,7 @@ def _ratio(ratio: float, probability: float) -> str:
 def _standard(result: Identification) -> tuple[ViewTable, ...]:
     """Standard parameters, where the estimator has them."""
     rows = tuple(result.estimate.standard.items())
-    columns = (*texts("parameter"), *numbers("value"))
+    columns = headed("parameter:text, value")
     return (ViewTable("standard", "Standard parameters, SI", columns, rows),) if rows else ()
 
 
@@ -252,12 +229,7 @@ def _repetitions(result: Identification) -> tuple[ViewTable, ...]:
     repeated = result.repetitions
     if repeated is None:
         return ()
-    columns = (
-        *texts("parameter"),
-        *numbers("scatter", "predicted", "bias", "its deviation"),
-        UNIT,
-        *percents("truth in its 99 % interval"),
-    )
+    columns = headed("parameter:text, scatter, predicted, bias, its deviation, unit:unit, truth in its 99 % interval:%")
     rows = tuple(
         (p.name, p.deviation, p.predicted_deviation, p.bias, p.bias_error, p.unit, p.coverage)
         for p in repeated.parameters
@@ -268,13 +240,8 @@ def _repetitions(result: Identification) -> tuple[ViewTable, ...]:
 
 
 def _residuals(result: Identification) -> ViewTable:
-    columns = (
-        *texts("log", "equation"),
-        *numbers("rms", "worst"),
-        UNIT,
-        *percents("of measured"),
-        *numbers("correlation of neighbours"),
-        *texts("white"),
+    columns = headed(
+        "log:text, equation:text, rms, worst, unit:unit, of measured:%, correlation of neighbours, white:text"
     )
     rows = tuple(
         (r.log, r.equation, r.rms, r.worst, r.unit, r.relative, r.lag_one, "yes" if r.whiteness > _WHITE else "no")
@@ -287,7 +254,7 @@ def _conditions(result: Identification) -> ViewTable:
     designed = None if result.design is None else result.design.condition_number
     rows = (("measured", result.condition_number), ("designed", designed))
     note = "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled."
-    columns = (*texts("equations"), *numbers("value"))
+    columns = headed("equations:text, value")
     return ViewTable("condition", "Condition of the equations", columns, rows, note=note)
 
 

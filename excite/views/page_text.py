@@ -7,16 +7,19 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from excite.views.drawings import PageFigure, dark_rules
-from excite.views.view import Column, Format, View, ViewTable, text_of
-from regressors.errors import printable
+import numpy as np
+
+from excite.storage.manifest import Entry, check_files, read_manifest
+from excite.views.view import Column, Drawing, Format, View, ViewTable, text_of
+from regressors.errors import ExciteError, InputError, printable
+from regressors.samples import Array
 
 _PAGE = Path(__file__).parent / "page"
 _CODE = re.compile(r"`([^`]+)`")
@@ -150,3 +153,142 @@ def _with_code(text: str) -> Any:
     return Markup("").join(
         Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(parts)
     )
+
+
+_LARGEST = 4_000_000  # bytes of a picture that a page takes in
+
+
+@dataclass(frozen=True)
+class PageFigure:
+    """A figure of a page."""
+
+    title: str
+    svg: str = ""  # an ``<svg>`` element; empty where the figure is a picture
+    picture: str = ""  # a ``data:`` address of a PNG file
+
+
+def drawn(figures: Sequence[Drawing], prefix: str) -> tuple[tuple[PageFigure, ...], tuple[str, ...]]:
+    """Draw figures as SVG; sentences on those that cannot be drawn."""
+    if not figures:
+        return (), ()
+    from excite.views.figures import svg_text
+
+    made, left_out = [], []
+    for k, each in enumerate(figures):
+        try:
+            made.append(PageFigure(each.title, svg_text(each.draw(), f"{prefix}-{k}", each.title)))
+        except ExciteError as error:
+            left_out.append(f"figure {each.title!r} is not drawn: {error}")
+    return tuple(made), tuple(left_out)
+
+
+def pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[PageFigure, ...]:
+    """Figures that a result was written with, as PNG or else SVG, where they are still those of its run."""
+    entry = read_manifest(folder).get(kind)
+    if entry is None:
+        return ()
+    shown = {name: file for name in titles if (file := _picture(folder, entry, name)) is not None}
+    check_files(folder, kind, [*(name for name in entry.files if name.endswith(".json")), *shown.values()])
+    return tuple(PageFigure(titles[name], picture=_address(folder / file)) for name, file in shown.items())
+
+
+def no_pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[str, ...]:
+    """What a page says where a result has none of its figures as PNG or SVG; see `pictures`."""
+    entry = read_manifest(folder).get(kind)
+    if entry is None or any(_picture(folder, entry, name) is not None for name in titles):
+        return ()
+    return (f"figures of the logs are left out: {folder} has none as PNG or SVG; `figures='png'` writes them",)
+
+
+def _picture(folder: Path, entry: Entry, name: str) -> str | None:
+    """The file of a figure in a form that browsers show; none where there is only a PDF, or nothing."""
+    forms = (name, f"{Path(name).stem}.svg")
+    return next((file for file in forms if file in entry.files and (folder / file).is_file()), None)
+
+
+def _address(path: Path) -> str:
+    kind = "svg+xml" if path.suffix == ".svg" else "png"
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise InputError(f"{path} is larger than {_LARGEST} bytes, more than a page takes in")
+        return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
+
+
+CARD = "#1c2127"  # behind figures on a dark page, as in style.css
+_COLOUR = re.compile(r'\b(fill|stroke|stop-color)="(#[0-9a-fA-F]{6})"')
+_DARKEST, _LIGHTEST = 0.245, 0.945  # lightness of what is white and of what is black on paper
+_GREY, _TINT = 0.035, 0.85  # chroma below which, and lightness above which, a colour has no meaning of its own
+_READABLE, _LEAST = 0.62, 0.55  # lightness of colours that stay, and of the darkest ones
+_BEND = 0.7
+_TO_CONES = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+_TO_LAB = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+
+
+def dark_rules(figures: Iterable[str]) -> str:
+    """Style rules for every colour of some figures, empty where there are none."""
+    found = sorted({(name, colour) for figure in figures for name, colour in _COLOUR.findall(figure)})
+    rules = "\n".join(
+        f'  :root:not(.printed) .paper [{name}="{value}"] {{ {name}: {dark(value)}; }}' for name, value in found
+    )
+    return f"\n@media screen and (prefers-color-scheme: dark) {{\n{rules}\n}}\n" if found else ""
+
+
+def dark(colour: str) -> str:
+    """The colour on a dark page."""
+    lightness, *hue = _oklab(colour)
+    chroma = float(np.hypot(hue[0], hue[1]))
+    if colour.lower() == "#ffffff":
+        return CARD
+    if chroma < _GREY or lightness > _TINT:
+        new = _DARKEST + (_LIGHTEST - _DARKEST) * max(0.0, 1.0 - lightness) ** _BEND
+    else:
+        new = max(lightness, _LEAST + (_READABLE - _LEAST) * lightness / _READABLE)
+    return _in_gamut(new, np.array(hue))
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of WCAG 2, from 0 to 1."""
+    return float(np.array([0.2126, 0.7152, 0.0722]) @ _linear(colour))
+
+
+def contrast(one: str, other: str) -> float:
+    """Contrast ratio of WCAG 2, from 1 to 21."""
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _linear(colour: str) -> Array:
+    """Red, green and blue in proportion to light."""
+    rgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+
+
+def _oklab(colour: str) -> tuple[float, float, float]:
+    lightness, a, b = _TO_LAB @ np.cbrt(np.asarray(_TO_CONES @ _linear(colour)))
+    return float(lightness), float(a), float(b)
+
+
+def _in_gamut(lightness: float, hue: Array) -> str:
+    """The colour of a lightness with as much of its chroma as a screen shows."""
+    for part in np.linspace(1.0, 0.0, 41):
+        cones = np.linalg.solve(_TO_LAB, np.array([lightness, *(part * hue)])) ** 3
+        light = np.linalg.solve(_TO_CONES, cones)
+        if light.min() >= -1e-4 and light.max() <= 1 + 1e-4:
+            break
+    light = light.clip(0.0, 1.0)
+    rgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return "#" + "".join(f"{round(255 * float(x)):02x}" for x in rgb)

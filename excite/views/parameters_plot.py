@@ -15,20 +15,21 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
 
-from excite.identification.estimate import CONFIDENCE
+from excite.identification.estimator import CONFIDENCE
 from excite.identification.identification import Identification
 from excite.identification.result import ReferenceValues
 from excite.study.repetitions import Repetitions
-from excite.views.bars import (
+from excite.views.panels import (
+    NAME_STYLE,
     NumberColumn,
     bar_panel,
     beside_names,
     columns_inches,
+    legend_below,
     parameter_label,
     row_places,
     write_columns,
 )
-from excite.views.panels import NAME_STYLE, legend_below
 from excite.views.style import (
     BAND,
     BLUE,

@@ -14,8 +14,8 @@ from constraints.certificate import LimitUse
 from constraints.collision_limits import Collisions
 from constraints.geometry import World
 from constraints.linear import linear_limits
-from excite.friction.plan.friction_plan import CoordinatePlan, FrictionPlan
-from excite.simulation.motion_source import read_source
+from excite.design.friction_runs.friction_plan import CoordinatePlan, FrictionPlan
+from excite.simulation.simulation_files import read_source
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.reference import MotionSource, SampledMotion, played_uses
 from excite.tasks.stored_files import StoredRobot

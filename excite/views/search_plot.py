@@ -1,4 +1,4 @@
-"""The search: the objective over the iterations of every start, and robot time against precision."""
+"""Figures of searches: how starts converge, robot time against precision, the cells of a sweep."""
 
 from __future__ import annotations
 
@@ -14,20 +14,24 @@ from matplotlib.ticker import MaxNLocator
 
 from excite.design.design import Design
 from excite.design.start_results import RUNNING, StartResult
-from excite.information.half_widths import PrecisionForecast
+from excite.design.sweeps.sweep_table import SweepRow, SweepTable
 from excite.information.matrix import CONVENTIONS
+from excite.information.precision_forecast import PrecisionForecast, PrecisionSearch
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
-from excite.study.period_search import PeriodTrial, PrecisionSearch
-from excite.views.bars import bar_panel
-from excite.views.panels import legend_below
+from excite.views.panels import Panel, alike, bar_panel, ends, head, legend_below
 from excite.views.style import (
     BLUE,
     DARK,
+    GREEN,
     GREY,
     LABEL,
+    LETTER,
     NOTE,
+    ORANGE,
+    PURPLE,
     ROUND,
+    SKY,
     VERMILLION,
     broken,
     column_width,
@@ -37,6 +41,7 @@ from excite.views.style import (
     panel_width,
     plain,
     significant,
+    size_of,
     tidy,
 )
 from regressors.errors import InputError
@@ -161,7 +166,6 @@ def _legend(design: Design) -> list[Line2D]:
     return handles
 
 
-_MOST_RUNS = 200
 _MOST_PARAMETERS = 30
 _LEAST = 3.0  # width of a panel with its names [in]
 
@@ -198,7 +202,7 @@ def _draw_front(ax: Axes, design: Design) -> None:
     tidy(ax)
     longest = max(design.task.objective.max_time, forecast.robot_seconds)
     for trial in search.trials:
-        seconds, use = _points(trial, longest)
+        seconds, use = [n * trial.seconds for n, _ in trial.course], [use for _, use in trial.course]
         ax.plot(seconds, use, "-", color=GREY, alpha=0.4, linewidth=0.8, zorder=1.5)
         ax.plot(seconds, use, ".", color=GREY, markersize=3.0, zorder=1.6)
     times = [point.robot_seconds for point in search.front]
@@ -215,13 +219,6 @@ def _draw_front(ax: Axes, design: Design) -> None:
         "each grey line is a period, the diamond the experiment that was chosen"
     )
     _explain(ax, text)
-
-
-def _points(trial: PeriodTrial, longest: float) -> tuple[list[float], list[float]]:
-    """Robot times and uses of the numbers of runs of a period."""
-    most = min(_MOST_RUNS, max(1, int(longest / trial.seconds)))
-    runs = np.unique(np.geomspace(1, most, 40).round().astype(int)).tolist()
-    return [n * trial.seconds for n in runs], [trial.run.use(n) for n in runs]
 
 
 def _draw_parameters(ax: Axes, forecast: PrecisionForecast, count: int) -> None:
@@ -245,3 +242,89 @@ def _draw_parameters(ax: Axes, forecast: PrecisionForecast, count: int) -> None:
 
 def _explain(ax: Axes, text: str) -> None:
     ax.set_title(plain(broken(text, panel_width(ax), "axes.labelsize")), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+
+
+FIGURE = "campaign"
+_MOST_PANELS, _COLUMNS, _MOST_LABELS, _LETTERS = 6, 3, 12, 14
+_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
+_PANEL = Panel((4.2,), 2.9, between=0.95, below=1.35)
+_ROOM = 1.15  # above the largest and below the smallest condition number
+_RANGE = 1e3  # of condition numbers that are told apart
+_WHOLE = "cell"
+
+
+def sweep_figure(table: SweepTable) -> Figure:
+    """Draw the condition number of every designed cell over the values of each option that varies."""
+    names = list(table.often_varied)[:_MOST_PANELS] or [_WHOLE]
+    columns = 2 if len(names) == 4 else min(_COLUMNS, len(names))
+    designed = sum(bool(row.group) for row in table.rows)
+    figure, flat, _ = alike(len(names), columns, _PANEL, f"sweep: {designed} of {len(table.rows)} cells designed")
+    for ax, name in zip(flat, names, strict=True):
+        _draw(ax, table, name)
+    shown = list(table.groups)[: len(_COLOURS)]
+    handles = [_handle(table.groups[group][0], group) for group in shown]
+    if len(table.groups) > len(shown):
+        handles.append(Line2D([], [], color=GREY, marker=".", linestyle="", label="other groups"))
+    if handles:
+        legend_below(figure, handles)
+    return figure
+
+
+def _values(table: SweepTable, name: str) -> list[str]:
+    """Values of an option in the order of the table; rows without it have an empty one."""
+    return list(dict.fromkeys(_value(row, name) for row in table.rows))
+
+
+def _value(row: SweepRow, name: str) -> str:
+    return row.cell if name == _WHOLE else row.options.get(name, "")
+
+
+def _draw(ax: Axes, table: SweepTable, name: str) -> None:
+    values = _values(table, name)
+    place = {value: k for k, value in enumerate(values)}
+    groups, conditions = table.groups, [row.condition for row in table.rows if np.isfinite(row.condition)]
+    top = _RANGE * min(conditions, default=1.0)
+    for k, (group, rows) in enumerate(groups.items()):
+        aside = 0.5 * ((k + 0.5) / len(groups) - 0.5)
+        x = np.array([place[_value(row, name)] for row in rows], dtype=float)
+        y = np.minimum([row.condition for row in rows], top)
+        beyond, kept = y >= top, np.isfinite(y)
+        spread = np.random.default_rng(0).uniform(-0.2, 0.2, x.size) / len(groups)
+        for drawn, marker in ((kept & ~beyond, "."), (kept & beyond, "^")):
+            ax.plot((x + aside + spread)[drawn], y[drawn], marker, color=_colour(group), markersize=4.0, alpha=0.6)
+        for at in np.unique(x[kept]) if name != _WHOLE else ():
+            middle = float(np.median(y[kept & (x == at)]))
+            ends_of_dash = [at + aside - 0.25 / len(groups), at + aside + 0.25 / len(groups)]
+            ax.plot(ends_of_dash, [middle, middle], color=DARK, linewidth=1.4)
+    if conditions:
+        log_scale(ax.yaxis, min(conditions) / _ROOM, min(max(conditions), top) * _ROOM)
+    ax.set_xlim(-0.5, len(values) - 0.5)
+    ax.grid(False, axis="x")
+    ax.set_ylabel("condition number", fontsize=LABEL, color=DARK)
+    _write_values(ax, table, name, values)
+    head(ax, f"by {name}")
+
+
+def _write_values(ax: Axes, table: SweepTable, name: str, values: list[str]) -> None:
+    step = -(-len(values) // _MOST_LABELS)
+    missing = {value: sum(not row.group for row in table.rows if _value(row, name) == value) for value in values}
+    labels = [
+        plain(ends(value or "not given", _LETTERS) + (f"\n{missing[value]} without" if missing[value] else ""))
+        for value in values[::step]
+    ]
+    longest = sum(max(map(len, label.split("\n"))) + 2 for label in labels)
+    crowded = longest * LETTER * size_of("xtick.labelsize") > 72.0 * panel_width(ax)
+    ax.set_xticks(
+        range(0, len(values), step), labels, fontsize=NOTE,
+        rotation=30 if crowded else 0, ha="right" if crowded else "center",
+    )  # fmt: skip
+
+
+def _colour(group: int) -> str:
+    return _COLOURS[group - 1] if group <= len(_COLOURS) else GREY
+
+
+def _handle(row: SweepRow, group: int) -> Line2D:
+    assert row.facts is not None
+    label = f"group {group}: {row.facts.robot}, {row.facts.model}, {row.facts.parameters} parameters"
+    return Line2D([], [], color=_colour(group), marker=".", markersize=6.0, linestyle="", label=plain(label))

@@ -16,35 +16,43 @@ from excite.design.campaign import Campaign, Step
 from excite.design.comparison import compare
 from excite.design.design import Design
 from excite.design.design_folder import design_content
+from excite.design.friction_runs.friction_plan import FrictionPlan
 from excite.design.sweeps.sweep_table import SweepTable
 from excite.design.task_file import task_content
-from excite.friction.fit.friction_fit import FrictionFit
-from excite.friction.plan.friction_plan import FrictionPlan
+from excite.friction.friction_fit import FrictionFit
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import CURVES, KIND
+from excite.optimality.design_bound import DesignBound
+from excite.payload.payload_result import PayloadResult
+from excite.simulation.simulation import SimulatedLog
+from excite.study.predict_accuracy import AccuracyPrediction
 from excite.study.time_study import TimeStudy
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from excite.verification.verification import Verification
 from excite.views.campaign_view import campaign_view, cells_view
-from excite.views.comparison_view import comparison_view, side_by_side_view
+from excite.views.comparison_view import bound_view, comparison_view, side_by_side_view
 from excite.views.design_view import design_view
-from excite.views.drawings import PageFigure, drawn, no_pictures, pictures
-from excite.views.friction_fit_view import friction_fit_view
-from excite.views.friction_plan_view import friction_plan_view
+from excite.views.experiment_views import accuracy_view, payload_view, simulation_view, study_view
+from excite.views.friction_views import friction_fit_view, friction_plan_view
 from excite.views.identification_view import TITLES, identification_view
-from excite.views.page_text import PageSection
+from excite.views.page_text import PageFigure, PageSection, drawn, no_pictures, pictures
 from excite.views.player_data import player_motion
 from excite.views.player_log import Appearance, LoggedMotion, looked_at, motion_of_plan, played, source_of
-from excite.views.study_view import study_view
 from excite.views.subjects import Filed, Subject
 from excite.views.verification_view import TITLES as OF_VERIFICATION
 from excite.views.verification_view import verification_view
 from excite.views.view import View
 from regressors.errors import ExciteError
 
-_REASONS = 20  # of cells without a design, as notes; the table has all
+_ALONE: dict[type, Callable[[Any], View]] = {  # what has neither a motion nor commands that repeat it
+    SweepTable: cells_view,
+    PayloadResult: payload_view,
+    AccuracyPrediction: accuracy_view,
+    SimulatedLog: simulation_view,
+    DesignBound: bound_view,
+}
 _LIMITS = "limits"
 _LOOKED_AT = (
     "limits of joints and drives are looked at in the samples of the files; jerks, torques, distances and passages "
@@ -64,8 +72,9 @@ def section_of(subject: Subject, prefix: str, looks: Appearance, of_page: Sequen
         FrictionPlan: _of_plan,
         FrictionFit: _of_fit,
         TimeStudy: _of_study,
-        SweepTable: _of_sweep,
     }
+    if (view := next((view for kind, view in _ALONE.items() if isinstance(record, kind)), None)) is not None:
+        return _drawn(view(record), prefix)
     build = next(build for kind, build in builders.items() if isinstance(record, kind))
     return build(record, prefix, looks, path)
 
@@ -257,13 +266,6 @@ def _of_study(study: TimeStudy, prefix: str, looks: Appearance, path: Path | Non
     words = [word for each in sources for word in each]
     again = ["excite", "study", study.robot, *words, "--below", f"{100 * study.below:g}", "--out", "studies/again"]
     return _drawn(replace(view, title=str(path.parent) if path else view.title), prefix, again)
-
-
-def _of_sweep(table: SweepTable, prefix: str, looks: Appearance, path: Path | None) -> PageSection:
-    view = cells_view(table)
-    more = len(view.against) - _REASONS
-    reasons = (*view.against[:_REASONS], *([f"{more} more reasons are in the table"] if more > 0 else []))
-    return _drawn(replace(view, against=reasons), prefix)
 
 
 def _of_campaign(campaign: Campaign, designs: Sequence[Design]) -> PageSection:

@@ -15,8 +15,15 @@ from matplotlib.ticker import MaxNLocator
 from excite.design.design import Design
 from excite.information.matrix import CONVENTIONS, PredictedAccuracy, noise_text
 from excite.information.prior import base_sizes
-from excite.views.bars import bar_panel, beside_names, parameter_label, row_places, unit_patches, unit_style
-from excite.views.panels import legend_below
+from excite.views.panels import (
+    bar_panel,
+    beside_names,
+    legend_below,
+    parameter_label,
+    row_places,
+    unit_patches,
+    unit_style,
+)
 from excite.views.style import (
     BLUE,
     DARK,

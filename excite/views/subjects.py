@@ -12,20 +12,23 @@ from excite.design import design_folder
 from excite.design.campaign import Campaign
 from excite.design.design import Design
 from excite.design.design_json import load_design
+from excite.design.friction_runs.friction_plan import KIND as FRICTION_PLAN
+from excite.design.friction_runs.friction_plan import PLAN, FrictionPlan, load_friction_plan
 from excite.design.sweeps.sweep_table import JSON as CAMPAIGN_TABLE
 from excite.design.sweeps.sweep_table import KIND as CAMPAIGN
 from excite.design.sweeps.sweep_table import SweepTable, load_sweep
-from excite.friction.fit.friction_fit import FIT, FrictionFit, load_friction_fit
-from excite.friction.fit.friction_fit import KIND as FRICTION_FIT
-from excite.friction.plan.friction_plan import KIND as FRICTION_PLAN
-from excite.friction.plan.friction_plan import PLAN, FrictionPlan, load_friction_plan
+from excite.friction.friction_fit import FIT, FrictionFit, load_friction_fit
+from excite.friction.friction_fit import KIND as FRICTION_FIT
 from excite.identification import result_json
 from excite.identification.identification import Identification
 from excite.identification.result_json import load_result
+from excite.logs.log_reading import KIND as LOG
 from excite.optimality.design_bound import KIND as BOUND
 from excite.optimality.design_bound import DesignBound
 from excite.payload.payload_result import KIND as PAYLOAD_KIND
-from excite.payload.payload_result import PAYLOAD, load_payload
+from excite.payload.payload_result import PAYLOAD, PayloadResult, load_payload
+from excite.simulation.simulation import SimulatedLog
+from excite.simulation.simulation_files import load_simulated_log
 from excite.storage.atomic import Destination, read_json
 from excite.storage.codec import record_of
 from excite.storage.commit import settle
@@ -33,7 +36,7 @@ from excite.storage.migrations import is_of_kind
 from excite.storage.records import read_record
 from excite.study.posterior_samples import load_posterior
 from excite.study.predict_accuracy import KIND as ACCURACY
-from excite.study.predict_accuracy import load_accuracy
+from excite.study.predict_accuracy import AccuracyPrediction, load_accuracy
 from excite.study.time_study import KIND as STUDY
 from excite.study.time_study import TimeStudy, load_time_study
 from excite.verification.verification import KIND as VERIFICATION
@@ -41,7 +44,17 @@ from excite.verification.verification import Verification, load_verification
 from regressors.arguments import checked, fit, rule_of
 from regressors.errors import InputError
 
-Record = Verification | TimeStudy | FrictionPlan | FrictionFit | SweepTable
+Record = (
+    Verification
+    | TimeStudy
+    | FrictionPlan
+    | FrictionFit
+    | SweepTable
+    | PayloadResult
+    | AccuracyPrediction
+    | DesignBound
+    | SimulatedLog
+)
 
 
 @dataclass(frozen=True)
@@ -52,11 +65,9 @@ class Filed:
     path: Path
 
 
-Subject = (
-    Design | Identification | Filed | Verification | Campaign | SweepTable | FrictionPlan | FrictionFit | TimeStudy
-)
+Subject = Design | Identification | Filed | Campaign | Record
 _KINDS = get_args(Subject)
-_RECORDS = (PLAN, CAMPAIGN_TABLE, FIT, "study.json", "verification*.json")
+_RECORDS = (PLAN, CAMPAIGN_TABLE, FIT, "study.json", PAYLOAD, "verification*.json")
 
 
 @checked
@@ -67,14 +78,15 @@ def load(path: str | Path, part: str | Collection[str] = ()) -> Any:
     ----------
     path : path
         Folder of a design, an identification, a friction plan or fit, a study, a sweep or a payload; or a file of one,
-        such as ``verification-LOG.json``, ``accuracy.json``, ``bound.json`` or ``samples.npz``.
+        such as ``verification-LOG.json``, ``accuracy.json``, ``bound.json``, ``precision.json`` or ``samples.npz``; or
+        a simulated log, of which the file beside it is read.
     part : str or collection of str
         Parts of the user's own, ``module:Name``, that the file names; see `load_design`.
 
     Returns
     -------
     Design, Identification, Verification, FrictionPlan, FrictionFit, TimeStudy, SweepTable, PayloadResult, \
-AccuracyPrediction, DesignBound or PosteriorSamples
+AccuracyPrediction, DesignBound, PrecisionSearch, SimulatedLog or PosteriorSamples
         Equal to the one that was saved; what needs more than the file has is derived when it is asked for.
 
     Raises
@@ -83,27 +95,32 @@ AccuracyPrediction, DesignBound or PosteriorSamples
         There is nothing of these kinds, or it is damaged.
     """
     path, parts = Path(path), (part,) if isinstance(part, str) and part else part
-    if path.suffix in (".npz", ".csv"):
+    beside = path.with_suffix(".json")
+    if path.suffix == ".npz" or (path.suffix == ".csv" and not beside.exists()):
         return load_posterior(path)
-    file = path
-    if path.suffix != ".json":
+    file = beside if path.suffix == ".csv" else path
+    if file.suffix != ".json":
         settle(Destination(path))
         file = next((path / name for name in _WHOLE if (path / name).exists()), path)
         if file == path:
             raise InputError(f"{path} holds none of {', '.join(_WHOLE)}; name one of its files")
         if file.name in (design_folder.DESIGN, result_json.RESULT):
             return load_design(path, parts) if file.name == design_folder.DESIGN else load_result(path, parts)
-    schema = read_json(file).get("schema")
-    for kind, read in _ALONE.items():
-        if is_of_kind(kind, schema):
-            return read(file)
+    if is_of_kind(design_folder.PRECISION_KIND, read_json(file).get("schema")):
+        return design_folder.load_precision_search(file.parent)
     subject = _of_file(file, parts)
     return subject.record if isinstance(subject, Filed) else subject
 
 
-_ALONE: dict[str, Callable[[Path], Any]] = {
+_READERS: dict[str, Callable[[Path], Record]] = {
+    VERIFICATION: load_verification,
+    STUDY: load_time_study,
+    FRICTION_PLAN: load_friction_plan,
+    CAMPAIGN: load_sweep,
+    FRICTION_FIT: load_friction_fit,
     PAYLOAD_KIND: load_payload,
     ACCURACY: load_accuracy,
+    LOG: load_simulated_log,
     BOUND: lambda file: read_record(file, DesignBound, BOUND),
 }
 _WHOLE = (design_folder.DESIGN, result_json.RESULT, PLAN, FIT, "study.json", CAMPAIGN_TABLE, PAYLOAD)
@@ -154,14 +171,7 @@ def _files(folder: Path) -> list[Path]:
 
 def _record(path: Path, schema: object) -> Filed | None:
     """The record that a file holds; None where it is of another kind."""
-    readers: dict[str, Callable[[Path], Record]] = {
-        VERIFICATION: load_verification,
-        STUDY: load_time_study,
-        FRICTION_PLAN: load_friction_plan,
-        CAMPAIGN: load_sweep,
-        FRICTION_FIT: load_friction_fit,
-    }
-    return next((Filed(read(path), path) for kind, read in readers.items() if is_of_kind(kind, schema)), None)
+    return next((Filed(read(path), path) for kind, read in _READERS.items() if is_of_kind(kind, schema)), None)
 
 
 def _of_file(path: Path, part: Collection[str]) -> Subject:

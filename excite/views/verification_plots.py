@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.views.bars import NumberColumn, bar_panel, write_columns
 from excite.views.identification_plots import (
     MEASURED,
     PREDICTED,
@@ -22,7 +21,20 @@ from excite.views.identification_plots import (
     fit_panels,
     relative_error,
 )
-from excite.views.panels import BINS, Panel, Timeline, ends, extremes, head, legend_below, panels, value_axis
+from excite.views.panels import (
+    BINS,
+    NumberColumn,
+    Panel,
+    Timeline,
+    bar_panel,
+    ends,
+    extremes,
+    head,
+    legend_below,
+    panels,
+    value_axis,
+    write_columns,
+)
 from excite.views.style import DARK, LABEL, NOTE, ORANGE, PURPLE, SKY, VERMILLION, figure_of, significant, typeset
 from regressors.errors import InputError
 from regressors.samples import Array

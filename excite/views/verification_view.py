@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 
 from excite.verification.verification import Verification
-from excite.views.view import BRIEF_UNIT, UNIT, Drawing, View, ViewTable, numbers, percents, texts
+from excite.views.view import Drawing, View, ViewTable, headed, texts
 
 TITLES = {
     "torques": "Predicted and measured",
@@ -29,7 +29,6 @@ def verification_view(verification: Verification, name: str = "") -> View:
         verdict=v.verdict.text,
         holds=v.holds,
         summary=(_predicted(v),),
-        against=v.verdict.against,
         remarks=(*v.verdict.remarks, *log.notes),
         asked=tuple((f"tolerance of the {name}", f"{100 * value:g} %") for name, value in tolerances.items()),
         tables=(_torques(v), _parts(v), *_motions(v), _errors(v)),
@@ -37,6 +36,33 @@ def verification_view(verification: Verification, name: str = "") -> View:
         filed=name,
         stem=f"{name}_",
         facts={**robot, "log": log.file, "log_sha256": log.sha256},
+    )
+
+
+def verifications_view(judged: Sequence[Verification]) -> View:
+    """View of the verifications of one result, of which those that do not hold are first."""
+    if len(judged) == 1:
+        return verification_view(judged[0])
+    negative = sum(not each.holds for each in judged)
+    columns = headed("*log:text, *verdict:text, *error of torques:%, *largest of a motion:%")
+    rows = tuple(
+        (
+            each.log.file,
+            "holds" if each.holds else "DOES NOT HOLD",
+            each.relative_error,
+            max((m.relative for m in each.motions or () if math.isfinite(m.relative)), default=None),
+        )
+        for each in sorted(judged, key=lambda each: each.holds)
+    )
+    return View(
+        kind="verification",
+        title=f"verification on {len(judged)} logs",
+        verdict=f"Do not rely on the result: it does not hold on {negative} of {len(judged)} logs."
+        if negative
+        else f"The result predicts each of {len(judged)} logs: you can rely on it for motions of these kinds.",
+        holds=not negative,
+        remarks=tuple(f"{v.log.file}: {text}" for v in judged for text in (*v.verdict.against, *v.verdict.remarks)),
+        tables=(ViewTable("logs", "Verdict on each log", columns, rows),),
     )
 
 
@@ -55,15 +81,9 @@ def _predicted(v: Verification) -> str:
 def _torques(v: Verification) -> ViewTable:
     moved = {motion.name: motion.relative for motion in v.motions or ()}
     less: Sequence[float | None] = [part.relative for part in v.corrected] or [None] * len(v.torques)
-    columns = (
-        *texts("equation", brief=True),
-        *numbers("measured"),
-        *numbers("torque error", brief=True),
-        BRIEF_UNIT,
-        *percents("of measured", brief=True),
-        *percents("less noise"),
-        *percents("simulated motion", brief=True),
-        *numbers("worst", "at [s]"),
+    columns = headed(
+        "*equation:text, measured, *torque error, *unit:unit, *of measured:%, less noise:%, "
+        "*simulated motion:%, worst, at [s]"
     )
     rows = tuple(
         (t.name, t.measured, t.error, t.unit, t.relative, part, moved.get(t.name), t.worst, t.worst_time)
@@ -73,7 +93,7 @@ def _torques(v: Verification) -> ViewTable:
 
 
 def _parts(v: Verification) -> ViewTable:
-    columns = (*texts("equation"), *percents("noise", "standstill", "model"), *texts("limited by"))
+    columns = headed("equation:text, noise:%, standstill:%, model:%, limited by:text")
     rows = tuple((t.name, t.noise, t.standstill, t.systematic, t.limited_by) for t in v.torques)
     return ViewTable("parts", "What the errors are made of", columns, rows)
 
@@ -81,7 +101,7 @@ def _parts(v: Verification) -> ViewTable:
 def _motions(v: Verification) -> tuple[ViewTable, ...]:
     if v.motions is None:
         return ()
-    columns = (*texts("joint"), *numbers("travel", "error"), UNIT, *percents("of travel"), *numbers("worst", "at [s]"))
+    columns = headed("joint:text, travel, error, unit:unit, of travel:%, worst, at [s]")
     rows = tuple((m.name, m.travel, m.error, m.unit, m.relative, m.worst, m.worst_time) for m in v.motions)
     return (ViewTable("motions", "Simulated against measured motion", columns, rows),)
 
@@ -93,7 +113,7 @@ def _errors(v: Verification) -> ViewTable:
         ("on this log, without the noise of the measurement", None if whole is None else whole.relative),
         ("on the logs of the identification", v.training_error),
     )
-    columns = (*texts(""), *percents("relative error"))
+    columns = (*texts(""), *headed("relative error:%"))
     return ViewTable("errors", "Error of the predicted torques over all equations", columns, rows)
 
 

@@ -165,3 +165,19 @@ def numbers(*headings: str, **how: Any) -> tuple[Column, ...]:
 def percents(*headings: str, **how: Any) -> tuple[Column, ...]:
     """Columns of fractions in percent."""
     return tuple(Column(heading, Format.PERCENT, **how) for heading in headings)
+
+
+_FORMATS = {"text": Format.TEXT, "unit": Format.UNIT, "%": Format.PERCENT, "kept": Format.KEPT}
+
+
+def headed(headings: str) -> tuple[Column, ...]:
+    """Columns by their headings, as ``*drive:text, torque, *used:%``.
+
+    A star marks those of a short summary; behind the colon is the format, or the digits of a number in a summary.
+    """
+    columns = []
+    for each in headings.split(", "):
+        heading, _, form = each.removeprefix("*").partition(":")
+        digits = int(form) if form.isdigit() else Column.digits
+        columns.append(Column(heading, _FORMATS.get(form, Format.NUMBER), each.startswith("*"), digits=digits))
+    return tuple(columns)

@@ -90,143 +90,133 @@ class Api:
     def values(self) -> dict[str, Arguments]:
         """Classes whose objects users make."""
         robot, q = self.design.robot, np.linspace(0.0, 1.0, 12).reshape(4, 3)
-        time = np.arange(4.0)
-        motion = excite.TaskMotion("m", ("a", "b", "c"), q, q, q)
+        time, joints = np.arange(4.0), ("a", "b", "c")
+        motion = excite.TaskMotion("m", joints, q, q, q)
         window, curves = Window(), FrictionCurves({"1": CoulombViscous(1.0, 1.0)})
-        gains = {"factor": np.ones(2), "covariance": np.eye(2), "origin": "here", "logs": ()}
         families = {name: {"period": 4.0, "harmonics": 5} for name in ("Cosine", "Fourier", "FourierQuintic", "Sines")}
         parts = ("Installation", "LimitChoice", "ModelChoice", "Objective", "Output", "Search", "TrajectoryChoice")
         settings = ("FitSettings", "LogChoice", "Recipe", "Schedule", "SimulationSettings")
-        return {
-            **families,
-            **{name: defaults_of(name) for name in (*parts, *settings, "PrecisionTarget", "Tolerances")},
-            "BSpline": {"period": 4.0, "intervals": 9, "order": 6},
-            "Waypoints": {"period": 4.0, "intervals": 9},
-            "Belief": {"name": "m1", "value": 1.0, "deviation": 0.1},
-            "Collisions": {"world": World((Part("1", Capsule((0.0,) * 3, (0.1, 0.0, 0.0), 0.05)),), ())},
-            "Column": {"name": "m1", "unit": "kg", "kind": "mass", "owner": 1},
-            "DifferentialModel": {"robot": robot, "terms": Terms(), "sign_width": 0.0, "carried": None},
-            "EnergyModel": {"robot": robot, "terms": None, "window": window, "sign_width": 0.0},
-            "ImpactPulse": {"joint": "1", "time": 1.0, "torque": 5.0, "duration": 0.01},
-            "KnownGains": {"drives": ("1", "2"), **gains},
-            "LoadIntegralModel": {"robot": robot, "sensor": excite.Sensor(), "window": window},
-            "LoadModel": {"robot": robot, "sensor": excite.Sensor()},
-            "Log": {
-                "source": "x", "sha256": "", "joints": ("a", "b", "c"), "time": time, "q": q, "dq": q, "effort": q,
-                "wrench": np.ones((4, 6)), "temperature": q, "left_out": (), "truth": None, "saturated": (),
-                "numbers": np.arange(1, 5), "removed": (),
-            },
-            "NonlinearConstraint": {
-                "joints": 3, "expression": lambda q, dq, ddq: q, "lower": -np.ones(3), "upper": np.ones(3),
-                "scale": np.ones(3), "labels": ("a", "b", "c"), "units": ("rad",) * 3, "quantity": "other",
-            },
-            "Payload": {"phi": [1.0, 0.0, 0.0, 0.1, 0.02, 0.0, 0.0, 0.02, 0.0, 0.02]},
-            "PayloadModel": {"robot": robot},
-            "PlausibleTorqueLimit": {"uncertainty": 0.2, "friction": curves},
-            "Robot": {field: getattr(robot, field) for field in robot.__dataclass_fields__},
-            "Samples": {"time": time, "q": q, "dq": q, "ddq": q, "dddq": q},
-            "Sensor": {"link": None, "rotation": np.eye(3), "translation": np.zeros(3), "equations": ("fx", "nz")},
-            "Task": {"robot": "irp6", "base_link": None, "tip": None, "snap_angles": True, "period": 4.0, "noise": 1.0,
-                     "gravity": (0.0, 0.0, -9.81), "friction": True, "friction_curves": curves},
-            "TaskMotion": {"name": "m", "joints": ("a", "b", "c"), "q": q, "dq": q, "ddq": q},
-            "TaskTorques": {"share": 0.1, "motion": motion},
-            "ToolBox": {"lower": (-1.0,) * 3, "upper": (1.0,) * 3, "point": (0.0,) * 3},
-            "ToolSpeed": {"speed": 1.0, "point": (0.0,) * 3},
-            "TorqueLimit": {"margin": 0.1, "friction": curves},
-        }  # fmt: skip
+        return complete(
+            {
+                **families,
+                **{name: defaults_of(name) for name in (*parts, *settings, "PrecisionTarget", "Tolerances")},
+                "BSpline": {"period": 4.0, "intervals": 9},
+                "Waypoints": {"period": 4.0, "intervals": 9},
+                "Belief": {"name": "m1", "value": 1.0, "deviation": 0.1},
+                "Collisions": {"world": World((Part("1", Capsule((0.0,) * 3, (0.1, 0.0, 0.0), 0.05)),), ())},
+                "Column": {"name": "m1", "unit": "kg", "kind": "mass", "owner": 1},
+                "DifferentialModel": {"robot": robot, "terms": Terms()},
+                "EnergyModel": {"robot": robot, "window": window},
+                "ImpactPulse": {"joint": "1", "time": 1.0, "torque": 5.0},
+                "KnownGains": {"drives": ("1", "2"), "factor": np.ones(2), "covariance": np.eye(2), "origin": "here"},
+                "LoadIntegralModel": {"robot": robot, "sensor": excite.Sensor(), "window": window},
+                "LoadModel": {"robot": robot, "sensor": excite.Sensor()},
+                "Log": {"source": "x", "sha256": "", "joints": joints, "time": time, "q": q, "dq": q, "effort": q,
+                        "wrench": np.ones((4, 6)), "temperature": q, "numbers": np.arange(1, 5)},
+                "NonlinearConstraint": {
+                    "joints": 3, "expression": lambda q, dq, ddq: q, "lower": -np.ones(3), "upper": np.ones(3),
+                    "scale": np.ones(3), "labels": joints, "units": ("rad",) * 3,
+                },
+                "Payload": {"phi": [1.0, 0.0, 0.0, 0.1, 0.02, 0.0, 0.0, 0.02, 0.0, 0.02]},
+                "PayloadModel": {"robot": robot},
+                "PlausibleTorqueLimit": {"uncertainty": 0.2, "friction": curves},
+                "Robot": {field: getattr(robot, field) for field in robot.__dataclass_fields__},
+                "Samples": {"time": time, "q": q, "dq": q, "ddq": q, "dddq": q},
+                "Sensor": {"rotation": np.eye(3), "translation": np.zeros(3), "equations": ("fx", "nz")},
+                "Task": {"robot": "irp6", "period": 4.0, "noise": 1.0, "gravity": (0.0, 0.0, -9.81), "friction": True,
+                         "friction_curves": curves},
+                "TaskMotion": {"name": "m", "joints": joints, "q": q, "dq": q, "ddq": q},
+                "TaskTorques": {"share": 0.1, "motion": motion},
+                "ToolBox": {"lower": (-1.0,) * 3, "upper": (1.0,) * 3},
+                "ToolSpeed": {"speed": 1.0},
+                "TorqueLimit": {"margin": 0.1, "friction": curves},
+            }
+        )  # fmt: skip
 
     def files(self) -> dict[str, Arguments]:
         """What reads files and small things."""
         run, design, robot = self.folder / "run.csv", self.folder / "design", self.design.robot
         (self.folder / "friction.yaml").write_text("drives:\n  '1': {coulomb: 1.0, viscous: 1.0}\n")
         (self.folder / "world.yaml").write_text("robot: []\nobjects: {}\n")
-        return {
-            "load_robot": {"spec": "irp6", "base": None, "tip": None, "snap_angles": True},
-            "load_design": {"folder": design, "part": ()},
-            "load_result": {"folder": self.folder / "result", "part": ()},
-            "load": {"path": design, "part": ()},
-            "read_log": {"path": run, "joints": None, "mapping": None, "drop": (), "only": (1, 90), "robot": robot},
+        calls: dict[str, Arguments] = {
+            "load_robot": {"spec": "irp6"},
+            "load_design": {"folder": design},
+            "load_result": {"folder": self.folder / "result"},
+            "load": {"path": design},
+            "read_log": {"path": run, "only": (1, 90), "robot": robot},
             "read_mapping": {"path": self.folder / "friction.yaml"},
-            "read_recording": {"path": run, "columns": None},
+            "read_recording": {"path": run},
             "read_friction": {"path": self.folder / "friction.yaml"},
-            "read_world": {"path": self.folder / "world.yaml", "robot": "", "base": None, "tip": None},
+            "read_world": {"path": self.folder / "world.yaml"},
             "guess_mapping": {"path": run, "robot": robot},
-            "measured_noise": {"result": self.result, "log": 0},
-            "base_parameters": {"model": excite.DifferentialModel(robot), "choice": "gautier", "tolerance": 1e-8},
+            "measured_noise": {"result": self.result},
+            "base_parameters": {"model": excite.DifferentialModel(robot)},
         }
+        return complete(calls)
 
     def designs(self) -> dict[str, Arguments]:
         """What plans motions."""
         search, task = excite.Search(starts=1, executor="serial"), self.design.task
-        return {
-            "design_trajectory": {
-                "robot_or_model": "irp6", "trajectory": None, "criterion": "condition", "constraints": (),
-                "limits": None, "search": search, "output": None, "folder": None, "fresh": False, "period": 4.0,
-                "noise": 1.0, "joints": None, "progress": None,
-            },
-            "design_for_precision": {"robot_or_model": task, "precision": 0.5, "folder": None, "fresh": False},
-            "next_motion": {"robot_or_model": task, "precision": 0.5, "of": "measured", "after": (self.result,)},
-            "plan_campaign": {"robot_or_model": "irp6", "at_once": 1, "period": 4.0, "search": search},
-            "design_payload_motion": {
-                "robot": "irp6", "box": 0.2, "sensor": "torque", "pose": None, "centre": None, "swing": None,
-                "period": 4.0, "harmonics": 3, "starts": 1, "seed": 0, "rate": 100.0, "limits": None,
-                "installation": None, "frame": None,
-            },
-            "plan_friction": {
-                "robot": "irp6", "schedule": None, "joints": ("1",), "drives": None, "limits": None, "pose": None,
-                "balanced": False, "world": None, "torque_ramp": None, "seed": 0,
-            },
-            "run_sweep": {"cells": {"a": task}, "folder": self.folder / "o", "executor": "serial", "workers": None},
-            "compare": {"designs": [self.design], "model": None, "window": None},
-            "bound": {"design": self.design, "criteria": ("condition",), "rounds": 1, "seed": 0},
-        }  # fmt: skip
+        return complete(
+            {
+                "design_trajectory": {
+                    "robot_or_model": "irp6", "criterion": "condition", "search": search, "period": 4.0, "noise": 1.0,
+                    "joints": None,
+                },
+                "design_for_precision": {"robot_or_model": task, "precision": 0.5},
+                "next_motion": {"robot_or_model": task, "precision": 0.5, "of": "measured", "after": (self.result,)},
+                "plan_campaign": {"robot_or_model": "irp6", "at_once": 1, "period": 4.0, "search": search},
+                "design_payload_motion": {
+                    "robot": "irp6", "box": 0.2, "sensor": "torque", "period": 4.0, "harmonics": 3, "starts": 1,
+                },
+                "plan_friction": {"robot": "irp6", "joints": ("1",), "torque_ramp": None},
+                "run_sweep": {"cells": {"a": task}, "folder": self.folder / "o", "executor": "serial"},
+                "compare": {"designs": [self.design]},
+                "bound": {"design": self.design, "criteria": ("condition",), "rounds": 1},
+            }
+        )  # fmt: skip
 
     def measurements(self) -> dict[str, Arguments]:
         """What computes with logs and results."""
         log, design, result, task = self.log, self.design, self.result, self.design.task
-        return {
-            "simulate": {
-                "source": design, "settings": None, "noise": 1.0, "friction": None, "load": None, "trajectory": None,
-                "approach_and_return": True, "beyond_limits": False, "rate": 200.0,
-            },
-            "identify": {
-                "model": task, "logs": log, "design": design, "friction_curves": None, "recipe": None,
-                "estimator": "weighted", "mapping": None, "drop": (), "loaded": (), "known_mass": None,
-                "gains": "each", "each": False, "seed": 0, "choose": False,
-            },
-            "verify": {
-                "result": result, "log": log, "mapping": None, "drop": (), "rows": None, "tolerances": None,
-                "horizon": 0.5, "signals": None, "temperature": None, "training_too": True,
-            },
-            "identify_payload": {
-                "robot": "irp6", "loaded": log, "without": log, "result": None, "wrench": False, "gains": None,
-                "gain_deviation": None, "logs": None, "frame": None, "frame_name": None, "rated": None,
-            },
-            "calibrate_gains": {"robot": "irp6", "loaded": log, "without": log, "mass": 1.0, "kind": "each"},
-            "fit_friction": {"robot": "irp6", "logs": log, "settings": None, "plan": None, "drives": None, "drop": ()},
-            "predict_accuracy": {"design": design, "settings": NOISY, "noise": None, "recipe": None, "count": 4},
-            "sample_posterior": {"result": result, "samples": 3, "seed": 0, "prior": 0.3},
-            "study_over_time": {
-                "model": task, "logs": (log,), "designs": (), "repeats": 0, "below": 0.05, "points": 3,
-                "executor": "serial", "workers": None,
-            },
-        }  # fmt: skip
+        calls: dict[str, Arguments] = {
+            "simulate": {"source": design, "noise": 1.0, "rate": 200.0},
+            "identify": {"model": task, "logs": log, "design": design, "estimator": "weighted", "choose": False},
+            "verify": {"result": result, "log": log, "horizon": 0.5, "training_too": True},
+            "identify_payload": {"robot": "irp6", "loaded": log, "without": log},
+            "calibrate_gains": {"robot": "irp6", "loaded": log, "without": log, "mass": 1.0},
+            "fit_friction": {"robot": "irp6", "logs": log},
+            "predict_accuracy": {"design": design, "settings": NOISY, "count": 4},
+            "sample_posterior": {"result": result, "samples": 3, "prior": 0.3},
+            "study_over_time": {"model": task, "logs": (log,), "points": 3, "executor": "serial"},
+        }
+        return complete(calls)
 
     def outputs(self) -> dict[str, Arguments]:
         """What draws and writes."""
         out = self.folder / "o"
-        model = {"result": self.result, "format": "csv", "out": out / "m.csv", "robot_file": None, "replace": True}
-        motion = {"format": "npz", "out": out / "m.npz", "rate": None, "replace": True}
-        made = {
-            "draw": {"result": self.design, "width": "screen"},
-            "write_figures": {"design": self.design, "folder": out, "formats": ("png",), "width": "screen"},
-            "write_report": {"paths_or_objects": self.design, "out": out / "r.html", "replace": True, "part": ()},
-            "export_model": model,
-            "export_ensemble": {**model, "format": "npz", "out": out / "e", "samples": 3, "seed": 0, "level": 0.9},
-            "export_motion": {"design": self.design, **motion},
-        }
         out.mkdir(exist_ok=True)
-        return made
+        model = {"result": self.result, "format": "csv", "out": out / "m.csv", "replace": True}
+        calls: dict[str, Arguments] = {
+            "draw": {"result": self.design},
+            "write_figures": {"design": self.design, "folder": out},
+            "write_report": {"paths_or_objects": self.design, "out": out / "r.html", "replace": True},
+            "export_model": model,
+            "export_ensemble": {**model, "format": "npz", "out": out / "e", "samples": 3},
+            "export_motion": {"design": self.design, "format": "npz", "out": out / "m.npz", "replace": True},
+        }
+        return complete(calls)
+
+
+def complete(calls: Mapping[str, Arguments]) -> dict[str, Arguments]:
+    """The same calls with the defaults of all other parameters, so that each of them may be changed."""
+    return {name: {**_defaults(getattr(excite, name)), **given} for name, given in calls.items()}
+
+
+def _defaults(function: Callable[..., Any]) -> dict[str, Any]:
+    parameters = inspect.signature(function).parameters.values()
+    known = [p for p in parameters if p.default is not p.empty and repr(p.default) != "<factory>"]
+    return {p.name: p.default for p in known if p.name != "progress"}
 
 
 def defaults_of(name: str) -> dict[str, Any]:

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from played import irp6
 
-from excite.friction.fit.breakaway_torque import BreakAway
-from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow
+from excite.friction.breakaway_torque import BreakAway
+from excite.friction.plan_match import PlannedRuns, PlannedWindow
 from excite.logs.log import Log
 from regressors.samples import Array
 

@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 from played import irp6, torques
 
-from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.friction_fit import Characteristic, characteristics
-from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow
-from excite.friction.fit.points import described_model
+from excite.friction.constant_speed_windows import FitSettings
+from excite.friction.friction_fit import Characteristic, characteristics
+from excite.friction.plan_match import PlannedRuns, PlannedWindow
+from excite.friction.points import described_model
 from excite.logs.log import Log
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
 from regressors.robot.friction.curves import Side

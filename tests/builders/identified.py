@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import excite
-from excite.identification.estimate import Estimate
+from excite.identification.estimator import Estimate
 from excite.identification.identification import Identification, torque_target
 from excite.identification.prediction import instantaneous_target
 from excite.identification.recipe import Recipe

@@ -14,8 +14,8 @@ from pinocchio_chains import chain_model, inertia
 from excite.design.design_folder import save_design
 from excite.design.design_json import load_design
 from excite.design.optimisation import design_trajectory
-from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.identification.result import reference_of
 from excite.logs.log import Log

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from excite.logs.log import Log
-from excite.logs.log_reading import read_log
+from excite.logs.log_reading import SCHEMA, log_entry, read_log, sidecar_path
 from excite.logs.mapping import read_mapping
-from excite.logs.sidecar import SCHEMA, log_entry, sidecar_path
 from excite.storage.atomic import write_json
 from regressors.samples import Array, Index
 

@@ -12,8 +12,7 @@ from slow_dynamics import random_chain
 
 from excite.design.executors.unit_executor import LostUnit, Work
 from excite.errors import LostWorkersError
-from excite.logs.signals.butterworth import Butterworth, Differences
-from excite.logs.signals.savitzky_golay import SavitzkyGolay
+from excite.logs.signals.filters import Butterworth, Differences, SavitzkyGolay
 from excite.study.experiment import Experiment, Noise
 from excite.study.repetitions import Repetitions
 from regressors.models.base import base_parameters

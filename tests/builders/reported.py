@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import itertools
 import json
 import os
 import select
@@ -17,6 +18,10 @@ from html.parser import HTMLParser
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 
 import excite
 from constraints.world_file import world_of
@@ -215,3 +220,38 @@ def browser_page() -> Iterator[Page]:
             process.wait(10)
             os.close(to_browser)
             os.close(from_browser)
+
+
+def misplaced(figure: Figure) -> list[str | tuple[str, str]]:
+    """Texts of a figure that reach out of it, and pairs of texts that overlap."""
+    figure.draw_without_rendering()
+    frame, boxes = figure.bbox.padded(1.0), {text: _box_of(text) for text in _seen(figure)}
+    outside = [
+        text.get_text()
+        for text, box in boxes.items()
+        if not (frame.contains(box.x0, box.y0) and frame.contains(box.x1, box.y1))
+    ]
+    pairs = itertools.combinations(boxes, 2)
+    return [*outside, *((a.get_text(), b.get_text()) for a, b in pairs if boxes[a].overlaps(boxes[b]))]
+
+
+def _box_of(text: Text) -> Bbox:
+    """Where a text is drawn, without the empty lines at its end."""
+    box, whole = text.get_window_extent(), text.get_text()
+    text.set_text(whole.rstrip("\n"))
+    height = text.get_window_extent().height
+    text.set_text(whole)
+    return Bbox([[box.x0, box.y1 - height], [box.x1, box.y1]])
+
+
+def _seen(figure: Figure) -> list[Text]:
+    """Every text that is drawn: of ticks only those in view."""
+    hidden: set[Text] = set()
+    for ax in figure.axes:
+        for axis, (low, high) in ((ax.xaxis, sorted(ax.get_xlim())), (ax.yaxis, sorted(ax.get_ylim()))):
+            hidden |= {label for tick in axis.get_minor_ticks() for label in (tick.label1, tick.label2)}
+            for tick in axis.get_major_ticks():
+                hidden |= {tick.label2} if low <= tick.get_loc() <= high else {tick.label1, tick.label2}
+    return [
+        text for text in figure.findobj(Text) if text.get_text().strip() and text.get_visible() and text not in hidden
+    ]

@@ -55,73 +55,34 @@ NASTY = (
 )  # fmt: skip
 NAMES = (*["1", "2", "1,2", "a", "b", "z1", "z2", "all", "none", "nope", ",", "1,1", "é", "0", "3", "-1", "A", "B"], "")
 JOINED = ("0", "1", "-1", "0.5", "1e-12", "1e4", "-1e4", "1e6", "1e-300", "1e308", "nan", "", "x", "1e9", "3.14159")
+# options that decide how long a command takes: a part of their values is small, another of any size
 SMALL: Mapping[str, tuple[str, ...]] = {
-    "starts": ("1", "2"),
-    "harmonics": ("1", "2", "3"),
-    "intervals": ("6", "8", "15"),
-    "order": ("4", "5", "6"),
-    "period": ("1", "2", "0.5"),
-    "rate": ("50", "100", "20"),
-    "settle": ("0", "0.5"),
-    "workers": ("1", "2"),
-    "solver": ("sqp",),
-    "speed": ("0.5", "1", "0.3"),
-    "periods": ("1", "2"),
-    "wrench_rate": ("50",),
-    "repeat": ("0", "2", "3"),
-    "repeats": ("0", "2"),
-    "points": ("2", "5"),
-    "warm_up": ("0", "1"),
-    "breakaways": ("0", "1"),
-    "creeping": ("1", "2"),
-    "creep": ("10", "100", "50"),
-    "ramping": ("1", "2"),
-    "pause": ("0", "0.5"),
-    "shortest": ("0.2", "0.3"),
-    "longest": ("0.5", "1"),
-    "stroke": ("0.5", "inf"),
-    "percent": ("30,100", "50", "100"),
-    "window_length": ("0.005", "0.02"),
-    "velocity": ("1", "2,2", "0.5"),
-    "acceleration": ("10", "5,10"),
-    "jerk": ("200", "100,100"),
-    "position": ("-1:1,-1:1", "-2:2,-2:2"),
-}  # options that decide how long a command takes: a part of their values is small, another of any size
+    "starts": ("1", "2"), "harmonics": ("1", "2", "3"), "intervals": ("6", "8", "15"), "order": ("4", "5", "6"),
+    "period": ("1", "2", "0.5"), "rate": ("50", "100", "20"), "settle": ("0", "0.5"), "workers": ("1", "2"),
+    "solver": ("sqp",), "speed": ("0.5", "1", "0.3"), "periods": ("1", "2"), "wrench_rate": ("50",),
+    "repeat": ("0", "2", "3"), "repeats": ("0", "2"), "points": ("2", "5"), "warm_up": ("0", "1"),
+    "breakaways": ("0", "1"), "creeping": ("1", "2"), "creep": ("10", "100", "50"), "ramping": ("1", "2"),
+    "pause": ("0", "0.5"), "shortest": ("0.2", "0.3"), "longest": ("0.5", "1"), "stroke": ("0.5", "inf"),
+    "percent": ("30,100", "50", "100"), "window_length": ("0.005", "0.02"), "velocity": ("1", "2,2", "0.5"),
+    "acceleration": ("10", "5,10"), "jerk": ("200", "100,100"), "position": ("-1:1,-1:1", "-2:2,-2:2"),
+}  # fmt: skip
 ABSURD = ("0", "-1", "1e-300", "1e308", "nan", "inf", "1e20", "9" * 400, "9" * 5000, "", "1_0", "x", "true", "-0")
 RIGHT: Mapping[str, tuple[str, ...]] = {
-    "robot": ("two.yaml",),
-    "task_file": ("task.yaml", "absurd.yaml"),
-    "world": ("world.yaml",),
+    "robot": ("two.yaml",), "task_file": ("task.yaml", "absurd.yaml"), "world": ("world.yaml",),
     "prior": ("prior.yaml", "0.2", "1e-9", "1e9"),
     "load": ("load.yaml", "1,0,0,0,1,0,0,1,0,1", "1e9,0,0,0,1e9,0,0,1e9,0,1e9", "1e-9,0,0,0,0,0,0,0,0,0"),
-    "friction": ("friction.yaml",),
-    "friction_curves": ("friction.yaml",),
-    "parameters": ("r",),
-    "plan": ("p",),
-    "design_folder": ("d",),
-    "designs": ("d",),
-    "paths": ("d", "r", "d/design.json"),
-    "robot_file": ("two.yaml",),
-    "begin": ("d",),
-    "impact": ("a:0.5:10", "b:1:1e9", "a:1:1:1e-6", "b:1:-1:1e5"),
-    "drives": ("1", "2", "1,2", "z1", "none", "all"),
-    "joints": ("1", "2", "1,2", "a"),
+    "friction": ("friction.yaml",), "friction_curves": ("friction.yaml",), "parameters": ("r",), "plan": ("p",),
+    "design_folder": ("d",), "designs": ("d",), "paths": ("d", "r", "d/design.json"), "robot_file": ("two.yaml",),
+    "begin": ("d",), "impact": ("a:0.5:10", "b:1:1e9", "a:1:1:1e-6", "b:1:-1:1e5"),
+    "drives": ("1", "2", "1,2", "z1", "none", "all"), "joints": ("1", "2", "1,2", "a"),
     "rows": ("auto", "all", "1:50", "10:12", "1:2"),
     "payload": ("1,0,0,0", "1e9,0,0,0", "1e-9,1e4,0,0", "load.yaml", "2,0,0,0.1,0.01,0,0,0.01,0,0.01"),
-    "tool_box": ("-1:1,-1:1,-1:1", "-1e4:1e4,:,:", ":,:,:", "0.1:0.2,:,0:"),
-    "loaded": ("other.csv",),
-    "known_mass": ("1", "1e-9", "1e9"),
-    "box": ("2", "1,2,1", "-2:2,-2:2,-2:2", "0.01", ":,:,:"),
-    "pose": ("0,0", "0.1,-0.1", "3,3"),
-    "centre": ("0.5,0,0", "0,0,0"),
-    "swing": ("1", "0.5,1", "1e-6"),
-    "frame": ("0,0,0.107", "0,0,0,1,1,1", "1e4,0,0"),
-    "gains": ("gains.yaml",),
-    "gain_deviation": ("0", "0.01", "1"),
-    "without": ("bare.csv", "log.csv"),
-    "wrench": ("held.wrench.csv",),
-    "result": ("r",),
-}
+    "tool_box": ("-1:1,-1:1,-1:1", "-1e4:1e4,:,:", ":,:,:", "0.1:0.2,:,0:"), "loaded": ("other.csv",),
+    "known_mass": ("1", "1e-9", "1e9"), "box": ("2", "1,2,1", "-2:2,-2:2,-2:2", "0.01", ":,:,:"),
+    "pose": ("0,0", "0.1,-0.1", "3,3"), "centre": ("0.5,0,0", "0,0,0"), "swing": ("1", "0.5,1", "1e-6"),
+    "frame": ("0,0,0.107", "0,0,0,1,1,1", "1e4,0,0"), "gains": ("gains.yaml",), "gain_deviation": ("0", "0.01", "1"),
+    "without": ("bare.csv", "log.csv"), "wrench": ("held.wrench.csv",), "result": ("r",),
+}  # fmt: skip
 LEFT_OUT = {"help", "help_all", "set_options", "ways", "executor"}
 
 ROBOT = """\
@@ -501,24 +462,8 @@ def _memory_from_here() -> float:
 def without_figures() -> Iterator[None]:
     """Nothing is rendered: figures are made, but their files stay empty, and their texts are not looked at."""
     savefig = patch("matplotlib.figure.Figure.savefig", lambda self, stream, **_: None)
-    in_pages = patch("excite.views.figure_files.svg_text", lambda *_: "<svg></svg>")
-    with savefig, in_pages, patch("excite.views.figure_files.literal", lambda figure: None):
-        yield
-
-
-FIGURES = (
-    "excite.views.figures.write_figures",
-    "excite.views.figures.write_view_figures",
-    "excite.views.drawings.drawn",
-)
-
-
-@contextlib.contextmanager
-def nothing_drawn() -> Iterator[None]:
-    """Figures, which take half of the time, are not made."""
-    with contextlib.ExitStack() as stack:
-        for name in FIGURES:
-            stack.enter_context(patch(name, lambda *_, **__: {}))
+    in_pages = patch("excite.views.figures.svg_text", lambda *_: "<svg></svg>")
+    with savefig, in_pages, patch("excite.views.figures.literal", lambda figure: None):
         yield
 
 

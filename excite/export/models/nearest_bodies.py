@@ -19,7 +19,7 @@ import scipy.linalg
 
 from excite.errors import ConicSolverError
 from excite.identification.estimators.physical import nearest_possible
-from excite.identification.estimators.standard import StandardProblem, problem_of_factor
+from excite.identification.estimators.possible_set import StandardProblem, problem_of_factor
 from excite.information.target import IdentificationTarget
 from regressors.models.base import random_states, triangular_factor
 from regressors.robot.columns import BODY_KINDS, ROTOR

@@ -53,7 +53,7 @@ def choose_cutoff_and_timing(
 Scored = Callable[[float], LeftOut]
 
 _STEP = 2.0  # between the cutoffs that are tried first
-PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.logs.signals.butterworth.edge`
+PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.logs.signals.filters.edge`
 _CUT = 0.05  # largest share of a log that may be cut from each end
 _HIGHEST = 0.35  # of the sample rate
 

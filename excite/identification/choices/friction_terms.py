@@ -77,11 +77,7 @@ def choose_terms(
 
 
 def _with_all(
-    task: Task,
-    kinds: frozenset[str],
-    scoring: Scoring,
-    statistics: BlockStatistics,
-    parts: Sequence[PreparedLog],
+    task: Task, kinds: frozenset[str], scoring: Scoring, statistics: BlockStatistics, parts: Sequence[PreparedLog]
 ) -> Task:
     """The task with every term that may be chosen, of the drives whose friction is not known."""
     every = without_curve(True, scoring.target.robot, scoring.trial.friction)

@@ -16,8 +16,7 @@ import numpy as np
 from excite.identification.biases import SPEEDS, least_speeds, standstill_candidates, typical_speed
 from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing, choose_delay
 from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, jackknife
-from excite.identification.choices.scoring import Scoring
-from excite.identification.choices.trial import Mask
+from excite.identification.choices.scoring import Mask, Scoring
 from excite.identification.equations import nearest
 from excite.identification.recipe import Recipe
 from regressors.samples import Array

@@ -6,21 +6,28 @@ would decide on every parameter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
+import scipy.optimize
 
-from excite.identification.estimate import Estimate
 from excite.identification.estimator import (
     Context,
+    Estimate,
     Estimator,
     LinearSolution,
     solve_triangular_system,
     stated_estimate,
 )
 from excite.identification.observations import GroupFactors, Observations
-from regressors.errors import InputError
-from regressors.samples import Array
+from regressors.errors import InputError, UnknownName
+from regressors.models.nominal import parameter_values, standard_values
+from regressors.samples import Array, Index
+
+_EQUAL_NOISE = "the intervals assume independent noise of equal variance in all rows"
+_GIVEN_NOISE = "the intervals use the given noise"
 
 
 def least_squares(observations: Observations) -> Estimate:
@@ -35,12 +42,8 @@ def least_squares(observations: Observations) -> Estimate:
     variance = solution.square / freedom if freedom > 0 else np.nan
     covariance = plain_covariance(observations, factors, solution, variance)
     noise = residual_noise(observations, factors, solution.values, factors.leverages(solution.half))
-    equal = "the intervals assume independent noise of equal variance in all rows"
-    note = equal if observations.noise is None else "the intervals use the given noise"
-    values = solution.values
-    return stated_estimate(
-        "least-squares", observations, solution, variance, freedom, values, covariance, noise, (note,)
-    )
+    notes = (_EQUAL_NOISE if observations.noise is None else _GIVEN_NOISE,)
+    return stated_estimate("least-squares", observations, solution, variance, solution.values, covariance, noise, notes)
 
 
 def plain_covariance(
@@ -141,9 +144,7 @@ class GroupWeights:
         """Estimate with some values, and the noise of the residuals that they leave."""
         leverages = self.factors.leverages(self.solution.half) / self.scale**2
         noise = residual_noise(observations, self.factors, values, leverages)
-        return stated_estimate(
-            method, observations, self.solution, variance, self.freedom, values, covariance, noise, notes
-        )
+        return stated_estimate(method, observations, self.solution, variance, values, covariance, noise, notes)
 
 
 _GIVEN = "rows weighted by the given noise"
@@ -186,3 +187,171 @@ def _problem(factors: GroupFactors, scale: Array, p: int, notes: tuple[str, ...]
     R = factors.stacked(scale)
     solution = solve_triangular_system(R[:, -p - 1 :])
     return GroupWeights(factors, scale, R, solution, factors.rows - solution.rank, notes)
+
+
+PRIOR = 1e8
+_BLOCK = 64
+
+
+def recursive(observations: Observations, prior: float = PRIOR, forgetting: float = 1.0, every: int = 1) -> Estimate:
+    """Estimate after all rows, taken in their order, with its whole history.
+
+    ``X_{L+1} = X_L + P_{L+1} d_L (y_L - d_L' X_L)``, ``P_{L+1} = P_L - P_L d_L d_L' P_L / (1 + d_L' P_L d_L)``,
+    from ``P_0 = c E``, ``X_0 = 0`` [KD96] eq. (17), (18), read with P_L as the last factor of (18). After the last
+    row it is the minimiser of ``||W X - y||^2 + ||X||^2 / c``.
+    """  # result (k,)
+    if not (np.isfinite(prior) and prior > 0):
+        raise InputError(f"recursive: the prior c must be a positive number, given {prior}")
+    if not 0 < forgetting <= 1:
+        raise InputError(f"recursive: the forgetting factor must be in (0, 1], given {forgetting}")
+    if every < 1:
+        raise InputError(f"recursive: every must be 1 or more, given {every}")
+    factors = GroupFactors.of(observations)
+    last = _ends_of_instants(observations)
+    kept = np.unique(np.append(np.arange(every - 1, last.size, every), last.size - 1))
+    p, wanted = observations.W.shape[1], last[kept]
+    estimates, values, root = np.empty((kept.size, p)), np.zeros(p), np.sqrt(prior) * np.eye(p)
+    for rows, age in _blocks(last):
+        D, y = observations.W[rows], observations.y[rows]
+        path, root = _block_of_rows(values, root, D, y, forgetting ** age.astype(float))
+        a, b = np.searchsorted(wanted, (rows.start, rows.stop))
+        estimates[a:b] = path[wanted[a:b] - rows.start]
+        values, root = path[-1], root / forgetting ** (age[-1] / 2)
+    solution = solve_triangular_system(factors.stacked(np.ones(factors.count.size)))
+    freedom = factors.rows - solution.rank
+    variance = float(factors.squares(values).sum()) / freedom if freedom > 0 else np.nan
+    if observations.noise is None or forgetting < 1:
+        covariance, note = scaled_covariance(root, variance), _EQUAL_NOISE
+    else:
+        covariance, note = plain_covariance(observations, factors, solution, variance), _GIVEN_NOISE
+    noise = residual_noise(observations, factors, values, factors.leverages(solution.half))
+    notes = (f"started from zero with P = {prior:g} E", f"forgetting factor {forgetting:g}", note)
+    estimate = stated_estimate("recursive", observations, solution, variance, values, covariance, noise, notes)
+    return replace(estimate, history=(observations.time[wanted], estimates))
+
+
+def _block_of_rows(values: Array, root: Array, D: Array, y: Array, variance: Array) -> tuple[Array, Array]:
+    """Estimates after each of some rows, shape (rows, p), and F with ``P = F F'`` after them."""
+    # values (p,): X before them; root (p, p): F before them
+    k, p = D.shape
+    array = np.zeros((k + p, k + p))  # transposed [[V^1/2, D F], [0, F]]
+    array[np.arange(k), np.arange(k)] = np.sqrt(variance)
+    array[k:, :k] = (D @ root).T
+    array[k:, k:] = root.T
+    lower = np.asarray(np.linalg.qr(array, mode="r")).T
+    S, K = lower[:k, :k], lower[k:, :k]
+    innovation = scipy.linalg.lapack.dtrtrs(S, y - D @ values, lower=1)[0]  # S^-1 (y - D X)
+    return np.asarray(values + np.cumsum((K * innovation).T, axis=0)), lower[k:, k:].copy()
+
+
+def _ends_of_instants(observations: Observations) -> Index:
+    """Last row of every instant, shape (instants,)."""
+    changed = (np.diff(observations.time) != 0) | (np.diff(observations.log) != 0)
+    return np.append(np.flatnonzero(changed), observations.time.size - 1)
+
+
+def _blocks(last: Index) -> Iterator[tuple[slice, Index]]:
+    """Blocks of rows of whole instants, with the number of each row's instant within its block, counted from one."""
+    start = first = 0
+    while first < last.size:
+        end = max(int(np.searchsorted(last, start + _BLOCK)), first + 1)
+        counts = np.diff(np.concatenate([[start - 1], last[first:end]]))
+        yield slice(start, int(last[end - 1]) + 1), np.repeat(np.arange(1, end - first + 1), counts)
+        start, first = int(last[end - 1]) + 1, end
+
+
+class Recursive(Estimator):
+    """Unweighted recursive least squares, with the estimate after every instant."""
+
+    name = "recursive"
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        """See `recursive`."""
+        return recursive(observations)
+
+
+TOWARDS = ("description", "zero")
+_LEAST, _MOST = 1e-14, 1e4  # weights that are tried
+_GRID = 200
+
+
+def ridge(observations: Observations, weight: float | None = None, reference: Array | None = None) -> Estimate:
+    """Minimiser of ``||Sigma^-1/2 (y - W beta)||^2 + weight ||S (beta - beta_0)||^2``.
+
+    Rows are divided by their noise, as by `excite.identification.estimators.least_squares.weighted`; S has the lengths
+    of the resulting columns, so that the weight has no unit and units of parameters do not matter. With
+    ``Sigma^-1/2 W S^-1 = U diag(s) V'`` the shrinkage factors are ``f = s^2 / (s^2 + weight)``, and the covariance, of
+    the noise alone, is ``S^-1 V diag(f^2 / s^2) V' S^-1``: the bias ``S^-1 V diag(1 - f) V' S (beta_0 - beta)`` is not
+    in it. If no weight is given, it minimises ``||e||^2 / (m - sum f)^2`` with the residuals e of the m rows [Golub,
+    Heath, Wahba 1979].
+    """  # reference (p,)
+    if weight is not None and not (np.isfinite(weight) and weight >= 0):
+        raise InputError(f"ridge: the weight must be zero or a positive number, given {weight}")
+    p = observations.W.shape[1]
+    reference = np.zeros(p) if reference is None else np.asarray(reference, dtype=float)
+    if reference.shape != (p,) or not np.all(np.isfinite(reference)):
+        raise InputError(f"ridge: the reference must be {p} finite numbers, given {reference.tolist()}")
+    problem = weighting(observations)
+    solution, A, r = problem.solution, problem.R[:, :-1], problem.R[:, -1]
+    s = solution.singular_values[: solution.rank]
+    # of the least-squares solution about the reference, along the singular directions, in standard deviations
+    coordinates = (A @ solution.half).T @ (r - A @ reference)
+    how = "as given" if weight is not None else "by generalised cross-validation"
+    weight = _best_weight(s, coordinates, solution.square, problem.factors.rows) if weight is None else weight
+    factors = s**2 / (s**2 + weight)
+    values = reference + solution.half @ (factors * coordinates)
+    covariance = scaled_covariance(solution.half * factors, problem.variance)
+    notes = (
+        f"weight {weight:.3g}, {how}: {factors.sum():.4g} effective parameters of {p}",
+        "intervals are those of the noise alone: they ignore the bias that the pull causes",
+        *problem.notes,
+    )
+    return problem.stated("ridge", observations, problem.variance, values, covariance, notes)
+
+
+def _best_weight(s: Array, coordinates: Array, left: float, rows: int) -> float:
+    """Minimum of the cross-validation function, on a logarithmic grid and then between its neighbours."""
+
+    def score(logarithm: float) -> float:
+        shrinkage = s**2 / (s**2 + float(np.exp(logarithm)))
+        square = left + float(np.sum(((1 - shrinkage) * coordinates) ** 2))
+        return square / (rows - float(shrinkage.sum())) ** 2
+
+    grid = np.linspace(np.log(_LEAST), np.log(_MOST), _GRID)
+    k = int(np.argmin([score(logarithm) for logarithm in grid]))
+    ends = grid[max(k - 1, 0)], grid[min(k + 1, _GRID - 1)]
+    return float(np.exp(scipy.optimize.minimize_scalar(score, bounds=ends, method="bounded").x))
+
+
+class Ridge(Estimator):
+    """Weighted least squares with a pull towards the described values, or towards zero.
+
+    Parameters
+    ----------
+    weight : float, optional
+        Of the pull, relative to the squared length of a column over the noise; by generalised cross-validation if not
+        given.
+    towards : {"description", "zero"}
+        What the parameters are pulled to: the values of the robot's description, where it states them, or zero.
+
+    Raises
+    ------
+    UnknownName
+        `towards` is neither of the two.
+    """
+
+    name = "ridge"
+    holds_rows = False
+
+    def __init__(self, weight: float | None = None, towards: str = "description") -> None:
+        if towards not in TOWARDS:
+            raise UnknownName("value to pull towards", towards, TOWARDS)
+        self.weight, self.towards = weight, towards
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        """See `ridge`; the pull is towards zero without a context."""
+        if context is None or self.towards == "zero":
+            return ridge(observations, self.weight)
+        target = context.target  # its robot, whose locked links are merged into others
+        described = parameter_values(target.model, target.base, standard_values(target.robot))
+        return ridge(observations, self.weight, np.nan_to_num(described, nan=0.0))

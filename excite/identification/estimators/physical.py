@@ -17,24 +17,21 @@ import scipy.linalg
 import scipy.optimize
 
 from excite.errors import ConicSolverError
-from excite.identification.estimate import Estimate
-from excite.identification.estimator import Context, Estimator
+from excite.identification.estimator import Context, Estimate, Estimator
 from excite.identification.estimators.least_squares import weighting
 from excite.identification.estimators.possible_set import (
-    PossibleSet,
-    nearest,
-    own_scale,
-    possible_estimate,
-    possible_set,
-)
-from excite.identification.estimators.standard import (
     Body,
     Entropic,
+    PossibleSet,
     Pull,
     Quadratic,
     StandardProblem,
     exact_torques,
     near_described,
+    nearest,
+    own_scale,
+    possible_estimate,
+    possible_set,
     standard_problem,
 )
 from excite.identification.observations import Observations
@@ -208,10 +205,10 @@ class Physical(Estimator):
     Parameters
     ----------
     pull : float
-        Weight of the pull towards the described values, see `excite.identification.estimators.standard.Entropic`.
+        Weight of the pull towards the described values, see `excite.identification.estimators.possible_set.Entropic`.
     described_within : float, optional
         Instead: standard deviation of the described bodies, in their sizes, see
-        `excite.identification.estimators.standard.near_described`.
+        `excite.identification.estimators.possible_set.near_described`.
 
     Raises
     ------

@@ -10,8 +10,7 @@ import numpy as np
 
 from excite.logs.guess.units import Clock
 from excite.logs.log import WRENCH
-from excite.logs.recordings.column_name import ColumnName, parsed_name
-from excite.logs.recordings.recording import Contents, Recording, StreamContents
+from excite.logs.recordings.recording import ColumnName, Contents, Recording, StreamContents, parsed_name
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 

@@ -13,10 +13,9 @@ from itertools import product
 
 import numpy as np
 
-from excite.logs.gaps import LEAST, STEPS
+from excite.logs.event import LEAST, STEPS
 from excite.logs.mapping import SECONDS, PositionSection, VelocitySection
-from excite.logs.recordings.column_name import is_clock, parsed_name
-from excite.logs.recordings.recording import Contents, Numbers, Recording, StreamContents
+from excite.logs.recordings.recording import Contents, Numbers, Recording, StreamContents, is_clock, parsed_name
 from regressors.samples import Array
 
 _FEW = 0.01  # of the steps, that may be zero

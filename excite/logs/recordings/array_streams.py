@@ -19,7 +19,6 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from excite.logs.recordings.column_name import is_clock
 from excite.logs.recordings.recording import (
     LARGEST_ARRAY,
     Contents,
@@ -28,12 +27,15 @@ from excite.logs.recordings.recording import (
     Stream,
     StreamContents,
     check_table,
+    check_wanted,
     foreign_reader,
+    is_clock,
     left_out_note,
     numbers_of,
     optional_package,
 )
-from regressors.errors import InputError, cut, listed_names
+from excite.logs.text import log_opened
+from regressors.errors import InputError, cut
 from regressors.input_files import LOG, in_bytes, opened
 
 _SHORTEST = 2  # rows of a stream
@@ -143,10 +145,9 @@ class ArrayFile:
 
     def read(self, wanted: Mapping[str, Sequence[str]]) -> Recording:
         """Columns of the file; see `RecordingFormat.read`."""
-        streams = self.streams()
-        if missing := [name for name in wanted if name not in streams]:
-            raise InputError(f"{self.path} has no {cut(missing[0])}; it has {listed_names(streams)}")
-        read = {}
+        streams, read = self.streams(), {}
+        known = {name: [c for array in arrays for c in array.columns(rows)] for name, (rows, arrays) in streams.items()}
+        check_wanted(self.path, wanted, known)
         for name, columns in wanted.items():
             rows, arrays = streams[name]
             asked = set(columns)
@@ -157,8 +158,6 @@ class ArrayFile:
                 table = array.table(rows)
                 named = enumerate(array.columns(rows))
                 values.update({column: numbers_of(table[:, k]) for k, column in named if column in asked})
-            if absent := [column for column in columns if column not in values]:
-                raise InputError(f"{self.path} has no column {cut(absent[0])}; it has {listed_names(values)}")
             read[name] = Stream(name, {column: values[column] for column in columns})
         return Recording(str(self.path), self.form, read, left_out_note(self.left_out))
 
@@ -185,10 +184,7 @@ class ArrayFormat(RecordingFormat):
     """
 
     def __init__(
-        self,
-        name: str,
-        recognises: Callable[[bytes], bool],
-        fill: Callable[[ArrayFile], AbstractContextManager[Any]],
+        self, name: str, recognises: Callable[[bytes], bool], fill: Callable[[ArrayFile], AbstractContextManager[Any]]
     ) -> None:
         self.name, self._recognises, self._fill = name, recognises, fill
 
@@ -293,11 +289,8 @@ def _fill_from_hdf5(file: ArrayFile) -> Iterator[None]:
 def hdf5_opened(path: Path, extra: str) -> Any:
     """An HDF5 file, opened by h5py."""
     h5py = optional_package("h5py", extra, path)
-    try:
-        with opened(path, LOG) as stream:  # not a device or a pipe
-            stream.read(1)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
+    with log_opened(path) as stream:  # not a device or a pipe
+        stream.read(1)
     return h5py.File(path, "r", locking=False)
 
 
@@ -349,7 +342,5 @@ def _loaded_hdf5(data: Any, field: str = "") -> NDArray[Any]:
 
 
 HDF5 = ArrayFormat(
-    "HDF5",
-    lambda head: any(head[start : start + len(_SIGNATURE)] == _SIGNATURE for start in _STARTS),
-    _fill_from_hdf5,
+    "HDF5", lambda head: any(head[start : start + len(_SIGNATURE)] == _SIGNATURE for start in _STARTS), _fill_from_hdf5
 )

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
 
 from excite.logs.recordings.recording import check_bytes, foreign_reader, optional_package
+from excite.logs.text import log_opened
 from regressors.errors import InputError, cut
-from regressors.input_files import LOG, opened
 
 MCAP = b"\x89MCAP0\r\n"
 _LATEST = 2**63 - 1  # [ns]
@@ -258,12 +258,8 @@ class BagOfRos1(BagFile):
 @contextmanager
 def bag_opened(path: Path, form: str) -> Iterator[BinaryIO]:
     """A file; that it is not readable, and what rosbags says of a damaged one, is one line."""
-    with foreign_reader(path, form):
-        try:
-            with opened(path, LOG) as stream:
-                yield stream
-        except OSError as error:
-            raise InputError(f"cannot read {path}: {error.strerror}") from error
+    with foreign_reader(path, form), log_opened(path) as stream:
+        yield stream
 
 
 def topics_of(connections: Iterable[Any]) -> dict[int, Topic]:

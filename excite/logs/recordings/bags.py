@@ -28,12 +28,7 @@ from excite.logs.recordings.bag_records import (
     topics_of,
     zstandard,
 )
-from excite.logs.recordings.recording import (
-    Contents,
-    Recording,
-    RecordingFormat,
-    optional_package,
-)
+from excite.logs.recordings.recording import Contents, Recording, RecordingFormat, optional_package
 from excite.logs.recordings.ros_streams import LARGEST_MESSAGE, bag_columns, bag_contents
 from regressors.errors import InputError, cut, listed_names
 from regressors.input_files import LOG, in_bytes, opened, read_text

@@ -25,14 +25,7 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.logs.recordings.array_streams import (
-    DEEPEST,
-    MOST_OBJECTS,
-    ArrayFile,
-    ArrayFormat,
-    hdf5_opened,
-    left_unread,
-)
+from excite.logs.recordings.array_streams import DEEPEST, MOST_OBJECTS, ArrayFile, ArrayFormat, hdf5_opened, left_unread
 from excite.logs.recordings.recording import Contents, check_bytes, foreign_reader
 from regressors.errors import InputError, cut, one_line
 from regressors.input_files import LOG, opened

@@ -25,6 +25,7 @@ from excite.logs.recordings.recording import (
     Stream,
     StreamContents,
     check_table,
+    check_wanted,
     foreign_reader,
     numbers_of,
     optional_package,
@@ -66,12 +67,8 @@ class ParquetTable(RecordingFormat):
     def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
         """See `RecordingFormat.read`."""
         table = _Table(path)
-        if missing := [name for name in wanted if name != _STREAM]:
-            raise InputError(f"{path} has no stream {cut(missing[0])}; it has {_STREAM}")
+        check_wanted(path, wanted, {_STREAM: [name for column in table.columns for name in column.names]})
         names = list(wanted.get(_STREAM, ()))
-        known = {name for column in table.columns for name in column.names}
-        if absent := [name for name in names if name not in known]:
-            raise InputError(f"{path} has no column {cut(absent[0])}; it has {listed_names(known)}")
         values, notes = table.load(set(names))
         stream = Stream(_STREAM, {name: values[name] for name in names})
         return Recording(str(path), table.form, {_STREAM: stream}, (*table.notes(), *notes))

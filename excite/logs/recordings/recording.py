@@ -1,4 +1,4 @@
-"""Recordings: streams of columns, each stream with rows of its own; the interface of their formats, and its guards.
+"""Recordings: streams of columns, the interface of their formats, its guards, and what names of columns say.
 
 Every format predicts the memory of what a file declares before it is read, and turns what its library raises into one
 line.
@@ -6,8 +6,9 @@ line.
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -17,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.logs.text import log_opened
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
-from regressors.errors import ExciteError, InputError, cut, one_line
-from regressors.input_files import LOG, opened
+from regressors.errors import ExciteError, InputError, cut, listed_names, one_line
 
 HEAD = 4096  # bytes by which a file is recognised
 LARGEST_ARRAY = 100  # elements of one row; what has more, such as an image, is no measurement of joints
@@ -145,6 +146,14 @@ def check_table(source: Path, rows: float, columns: float, copies: float = _COPI
     WorkPrediction(f"reading {source}", (part,)).check()
 
 
+def check_wanted(source: Path, wanted: Mapping[str, Sequence[str]], streams: Mapping[str, Collection[str]]) -> None:
+    """Refuse streams, or columns of these, that a recording does not have."""
+    for name, columns in wanted.items():
+        for one, known in ((name, streams), *((column, streams.get(name, ())) for column in columns)):
+            if one not in known:
+                raise InputError(f"{source} has no {cut(one)}; it has {listed_names(known)}")
+
+
 def left_out_note(left_out: Mapping[str, str]) -> tuple[str, ...]:
     """Note on what is not read, with the reasons; none where nothing is left out."""
     listed = "; ".join(f"{cut(name)} {why}" for name, why in list(left_out.items())[:5])
@@ -156,11 +165,8 @@ def head_of(path: Path) -> bytes:
     """First bytes of a file; empty for a folder."""
     if path.is_dir():
         return b""
-    try:
-        with opened(path, LOG) as stream:
-            return stream.read(HEAD)
-    except OSError as error:
-        raise InputError(f"cannot read log {path}: {error.strerror}") from error
+    with log_opened(path) as stream:
+        return stream.read(HEAD)
 
 
 def check_bytes(source: Path, size: float) -> None:
@@ -196,3 +202,102 @@ def foreign_reader(path: Path, form: str) -> Iterator[None]:
         raise InputError(
             f"{path} cannot be read as {form}; it is damaged or was not written to its end: {reason}"
         ) from error
+
+
+_WORDS: Mapping[str, str] = {
+    "position": "position positions pos q qs angle angles theta phi qpos jointpos jointposition jointpositions",
+    "velocity": "velocity velocities vel dq qd qdot qvel dtheta thetadot omega speed speeds dqs qds jointvel",
+    "effort": "effort efforts torque torques tau moment moments trq",
+    "current": "current currents cur i iq amps motorcurrent",
+    "temperature": "temperature temperatures temp temps",
+    "time": "time times timestamp timestamps t stamp elapsed clock",
+}
+_QUANTITY_OF = {word: quantity for quantity, words in _WORDS.items() for word in words.split()}
+_REFERRED = (
+    "target targets desired des d cmd command commanded commands reference ref goal setpoint error err errors "
+    "feedforward ff ddq acc acceleration accelerations ddtheta qddot qdd ext external hat filtered limit limits tcp "
+    "cartesian min max std"
+)
+_NOT_MEASURED = frozenset(_REFERRED.split())
+_BRACKET = re.compile(r"[\[(]([^\])]*)[\])]\s*$")
+_PART = re.compile(r"[A-Z]{2,}(?=[A-Z][a-z]|\d|\b|_)|[A-Z]?[a-z]+|[A-Z]+|\d+")
+_DEGREE, _MICRO, _DOT = "\N{DEGREE SIGN}", "\N{MICRO SIGN}", "\N{MIDDLE DOT}"
+_WRITTEN: Mapping[tuple[str, str], str] = {  # quantity and unit of the mapping: how it is written, in lower case
+    ("position", "rad"): "rad radian radians",
+    ("position", "deg"): f"deg degree degrees {_DEGREE}",
+    ("position", "turns"): "turns",
+    ("position", "rev"): "rev",
+    ("position", "ticks"): "ticks counts inc",
+    ("position", "m"): "m",
+    ("position", "mm"): "mm",
+    ("velocity", "rad/s"): "rad/s rad/sec rad_s radps rads",
+    ("velocity", "deg/s"): f"deg/s deg/sec deg_s degps dps {_DEGREE}/s",
+    ("velocity", "rpm"): "rpm 1/min",
+    ("velocity", "rev/s"): "rev/s",
+    ("velocity", "m/s"): "m/s",
+    ("velocity", "mm/s"): "mm/s",
+    ("effort", "Nm"): f"nm n.m n*m n{_DOT}m",
+    ("effort", "mNm"): "mnm",
+    ("effort", "kNm"): "knm",
+    ("effort", "N"): "n",
+    ("effort", "kN"): "kn",
+    ("current", "A"): "a amp ampere",
+    ("current", "mA"): "ma",
+    ("temperature", "degC"): f"degc celsius c {_DEGREE}c",
+    ("temperature", "K"): "k",
+    ("temperature", "degF"): "degf",
+    ("time", "s"): "s sec secs seconds",
+    ("time", "ms"): "ms msec",
+    ("time", "us"): f"us usec {_MICRO}s",
+    ("time", "ns"): "ns nsec nanosec",
+}
+_KNOWN = {text: meaning for meaning, texts in _WRITTEN.items() for text in texts.split()}
+_NONE = ("", "")
+
+
+@dataclass(frozen=True)
+class ColumnName:
+    """What a name says."""
+
+    quantity: str  # time, position, velocity, effort, current or temperature; empty where it says nothing
+    unit: str  # in the words of the mapping; empty where it says nothing
+    label: tuple[str, ...]  # what is left of its words: a number or the name of a joint, and what stands before it
+    measured: bool  # not of something desired, commanded or limited
+
+
+def parsed_name(name: str, unit: str = "") -> ColumnName:
+    """What the name of a column says, and the unit that the file states beside it, literally."""
+    of, given = stated_unit(unit)
+    if not given and (bracket := _BRACKET.search(name)):
+        of, given = stated_unit(bracket[1])
+        name = name[: bracket.start()] if given else name
+    words = [part.lower() for part in _PART.findall(name)]
+    if not given:
+        words, (of, given) = _without_unit(words)
+    place = next((k for k in reversed(range(len(words))) if words[k] in _QUANTITY_OF), None)
+    quantity = "" if place is None else _QUANTITY_OF[words[place]]
+    if not quantity or (quantity == "time" and of not in ("", "time")):
+        quantity = of
+    rest = tuple(word for k, word in enumerate(words) if k != place)
+    fits = of == quantity
+    return ColumnName(quantity, given if fits else "", rest, not _NOT_MEASURED.intersection(rest))
+
+
+def _without_unit(words: list[str]) -> tuple[list[str], tuple[str, str]]:
+    """Words without those of a unit at the end, as in ``pos_deg`` and ``vel_deg_s``, and that unit."""
+    for count in (2, 1):
+        unit = stated_unit("_".join(words[-count:]))
+        if unit != _NONE and len(words) > count and len("".join(words[-count:])) > 1:
+            return words[:-count], unit
+    return words, _NONE
+
+
+def is_clock(name: str, unit: str = "") -> bool:
+    """Whether a name says that a column is a time."""
+    parsed = parsed_name(name, unit)
+    return parsed.quantity == "time" and not any(word.isdigit() for word in parsed.label)
+
+
+def stated_unit(text: str) -> tuple[str, str]:
+    """Quantity and unit that a text such as ``[deg/s]`` states; two empty strings for none."""
+    return _KNOWN.get(text.strip().strip("[]()").strip().lower().replace("n m", "nm"), _NONE)

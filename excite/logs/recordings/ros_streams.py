@@ -23,6 +23,7 @@ from excite.logs.recordings.recording import (
     Stream,
     StreamContents,
     check_table,
+    check_wanted,
 )
 from excite.logs.recordings.ros_decoding import (
     MESSAGE_TIME,
@@ -37,7 +38,7 @@ from excite.logs.recordings.ros_decoding import (
     layout_columns,
     message_layout,
 )
-from regressors.errors import InputError, cut, listed_names
+from regressors.errors import InputError, cut
 from regressors.samples import Index
 
 Bytes: TypeAlias = NDArray[np.uint8]
@@ -79,6 +80,7 @@ def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamCo
 def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) -> Recording:
     """Columns of a bag, by the names of their streams."""
     topics, notes = _scan_of(type(bag), bag.path, bag.state)
+    check_wanted(bag.path, dict.fromkeys(wanted, ()), {name: () for rows in topics.values() for name in rows.streams()})
     tables: dict[str, _Table] = {}
     by_topic: dict[Topic, dict[int, _Table]] = {}
     for topic, rows in topics.items():
@@ -88,9 +90,6 @@ def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) ->
                 tables[name] = table = _Table(topic, wanted[name], layouts)
                 rows.faulty = 0
                 by_topic.setdefault(topic, {}).update({id(one): table for one in layouts})
-    if missing := [name for name in wanted if name not in tables]:
-        names = [name for rows in topics.values() for name in rows.streams()]
-        raise InputError(f"{bag.path} has no topic {cut(missing[0])}; it has {listed_names(names)}")
     for topic, times, raws in _batches(bag, by_topic.__contains__):
         _fill(by_topic[topic], topics[topic], times, raws)
     streams = {name: Stream(name, table.columns) for name, table in tables.items()}

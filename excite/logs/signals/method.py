@@ -1,16 +1,21 @@
-"""How motion is obtained from sampled positions: one interface, one file per method."""
+"""How motion is obtained from sampled positions: the interface of its methods, and uniform instants."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.interpolate
+from scipy.interpolate import CubicSpline
 
+from excite.logs.event import LONGEST, Gap, gaps
+from excite.logs.log import Log
 from excite.registry import SIGNALS, built_in
+from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array, Samples
 
@@ -119,3 +124,166 @@ def signal_method(name: str, *, measured_velocity: bool = False, **options: Any)
             raise UnknownName(f"setting of {name}", option, settings)
     method: Method = kind(**options)
     return MeasuredVelocity(method) if measured_velocity else method
+
+
+_UNIFORM = 1e-6
+_COARSER = 0.9
+_EVEN = 0.01  # of a step
+_COPIES = 3.0
+_CHANNELS, _SMOOTH = ("q", "dq", "effort", "wrench", "temperature"), ("q", "dq")
+
+
+@dataclass(frozen=True, eq=False)
+class Resampled:
+    """A log on uniform instants."""
+
+    log: Log
+    note: str  # unevenness of the time stamps, and how they were resampled
+
+
+def resample(log: Log, rate: float | None = None) -> Resampled:
+    """Log on uniform instants from its first to its last.
+
+    Positions and velocities by cubic splines, torques, wrenches and temperatures linearly. A log whose instants are
+    uniform to 1e-6 of its sample time is left as it is. Where rows are missing, the others keep their instants; gaps of
+    up to a second are bridged by polynomials, see `excite.logs.signals.method`.
+    """
+    check_positive("resampling", rate=rate)
+    if log.count < 4:
+        raise InputError(f"{log.source}: resampling needs 4 rows or more, given {log.count}")
+    intervals = gaps(log)
+    if long := [gap for gap in intervals if gap.length > LONGEST]:
+        raise InputError(f"{log.source}: not resampled across gaps of {', '.join(map(str, long))}; split the log")
+    mean = _own_rate(log)
+    wanted = mean if rate is None else rate
+    if wanted < _COARSER * mean:
+        raise InputError(f"{log.source}: {wanted:g} Hz is less than its {mean:.4g} Hz; filter before leaving out rows")
+    step = np.diff(log.time)
+    uneven = float(np.abs(step - 1 / mean).max())
+    if rate is None and uneven <= _UNIFORM / mean:
+        return Resampled(log, f"time stamps are uniform, {mean:.6g} Hz")
+    _prediction(log, log.duration * wanted).check()
+    time = log.time[0] + np.arange(int(np.floor(log.duration * wanted + 1e-9)) + 1) / wanted
+    time = np.minimum(time, log.time[-1])
+    known = {name: x for name in _CHANNELS if (x := getattr(log, name)) is not None}
+    smooth = {name: _smooth(log, x, intervals, time) for name, x in known.items() if name in _SMOOTH}
+    linear = {name: _linear(log.time, x, time) for name, x in known.items() if name not in _SMOOTH}
+    channels: dict[str, Any] = dict.fromkeys(_CHANNELS) | smooth | linear
+    new = Log(log.source, log.sha256, log.joints, time, **channels, left_out=log.left_out)
+    return Resampled(
+        new,
+        f"time stamps {1e3 * step.min():.3g} to {1e3 * step.max():.3g} ms apart (standard deviation "
+        f"{1e3 * step.std():.2g} ms) taken as true; resampled at {wanted:.6g} Hz, positions and velocities by cubic "
+        "splines, the rest linearly",
+    )
+
+
+def _prediction(log: Log, instants: float) -> WorkPrediction:
+    """Memory of the resampled log: time stamps in another unit, or a few close together, make many instants of it."""
+    columns = 1 + sum(x.shape[1] for name in _CHANNELS if (x := getattr(log, name)) is not None)
+    remedy = f"check the unit of the time stamps, which last {log.duration:.3g} s, or choose fewer rows with `rows`"
+    held = FLOAT * _COPIES * instants * columns
+    return WorkPrediction(
+        f"{log.source}: resampling", (MemoryPart("instants", instants, columns, held, remedy=remedy),)
+    )
+
+
+def _own_rate(log: Log) -> float:
+    """Rate at which all rows are samples, where some are missing between others at even steps, else the mean [Hz]."""
+    step = np.diff(log.time)
+    usual = float(np.median(step))
+    steps = np.round(step / usual)
+    total = float(steps.sum())
+    if total > step.size and steps.min() >= 1 and np.abs(step / steps - log.duration / total).max() <= _EVEN * usual:
+        return total / log.duration
+    return float(step.size / log.duration)
+
+
+def _smooth(log: Log, x: Array, intervals: tuple[Gap, ...], new: Array) -> Array:
+    if not intervals:
+        return _cubic(log.time, x, new)
+    return _cubic(*bridged(log.time, x, intervals, float(np.median(np.diff(log.time)))), new)
+
+
+def _cubic(time: Array, x: Array, new: Array) -> Array:
+    return np.asarray(scipy.interpolate.CubicSpline(time, x, axis=0)(new))
+
+
+def _linear(time: Array, x: Array, new: Array) -> Array:
+    return np.column_stack([np.interp(new, time, column) for column in x.T])
+
+
+_DEGREE = 5
+_BESIDE = 0.05  # least length of the fit on either side of a gap [s]
+_FEWEST = 5  # rows on either side
+
+
+def bridged(time: Array, x: Array, gaps: tuple[Gap, ...], step: float) -> tuple[Array, Array]:
+    """Samples with further ones in the gaps, on polynomials of degree 5 through both sides."""
+    # time (N,); x (N, n); result (M,); result (M, n)
+    rows = [_bridge(time, x, gap, step) for gap in gaps]
+    after = np.concatenate([np.full(t.size, gap.row + 1) for gap, (t, _) in zip(gaps, rows, strict=True)])
+    times = np.concatenate([t for t, _ in rows])
+    values = np.concatenate([values for _, values in rows])
+    return np.insert(time, after, times), np.insert(x, after, values, axis=0)
+
+
+def _bridge(time: Array, x: Array, gap: Gap, step: float) -> tuple[Array, Array]:
+    """Times and values in one gap."""
+    count = max(1, round(gap.length / step) - 1)
+    inside = gap.time + gap.length * np.arange(1, count + 1) / (count + 1)
+    length = max(gap.length, _BESIDE)
+    first = min(int(np.searchsorted(time, gap.time - length)), gap.row + 1 - _FEWEST)
+    last = max(int(np.searchsorted(time, gap.time + gap.length + length)), gap.row + 1 + _FEWEST)
+    near = slice(max(0, first), min(time.size, last))
+    middle, scale = gap.time + gap.length / 2, length + gap.length / 2
+    powers = ((time[near] - middle) / scale)[:, None] ** np.arange(_DEGREE + 1)
+    coefficients = np.linalg.lstsq(powers, x[near], rcond=None)[0]
+    return inside, ((inside - middle) / scale)[:, None] ** np.arange(_DEGREE + 1) @ coefficients
+
+
+_QUANTITIES = ("q", "dq", "ddq", "dddq")
+_STRETCH = 2**16  # instants of a long motion whose splines are held at once
+_FORGOTTEN = 64  # instants after which a cubic spline does not depend on its end, to 1e-16
+
+
+def delayed(samples: Samples, delay: float) -> Samples:
+    """Motion as it was some time before each instant.
+
+    A torque that is recorded at t, but acted at ``t - delay``, belongs to the motion at ``t - delay``. The motion is
+    smooth, so it is what is interpolated, by cubic splines, and not the torque.
+    """
+    if delay == 0.0:
+        return samples
+    if samples.time.size <= _STRETCH:
+        return DelayedMotion(samples).by(delay)
+    moved = {name: np.empty_like(samples.q) for name in _QUANTITIES}
+    beside = _FORGOTTEN + int(np.ceil(abs(delay) / float(samples.time[1] - samples.time[0])))
+    for first in range(0, samples.time.size, _STRETCH):
+        begin, stop = max(first - beside, 0), first + _STRETCH
+        part = DelayedMotion(samples.rows(slice(begin, stop + beside))).by(delay)
+        for name in _QUANTITIES:
+            moved[name][first:stop] = getattr(part, name)[first - begin : stop - begin]
+    return Samples(samples.time, **moved)
+
+
+class DelayedMotion:
+    """Motion to be delayed by one time after another, see `delayed`."""
+
+    def __init__(self, samples: Samples) -> None:
+        self.samples = samples
+
+    @cached_property
+    def _splines(self) -> list[CubicSpline | None]:
+        """Of the quantities that are known."""
+        values = (getattr(self.samples, name) for name in _QUANTITIES)
+        return [CubicSpline(self.samples.time, x) if np.all(np.isfinite(x)) else None for x in values]
+
+    def by(self, delay: float) -> Samples:
+        """The motion as it was some time before [s]; see `delayed`."""
+        samples = self.samples
+        if delay == 0.0:
+            return samples
+        at = np.clip(samples.time - delay, samples.time[0], samples.time[-1])
+        unknown = np.full_like(samples.q, np.nan)
+        return Samples(samples.time, *(unknown if spline is None else spline(at) for spline in self._splines))

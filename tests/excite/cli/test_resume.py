@@ -82,21 +82,11 @@ def check_resumed(cwd: Path, before: dict[str, bytes], undisturbed: Path) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_kill_loses_nothing(seed: int, undisturbed: Path, tmp_path: Path) -> None:
     rng = random.Random(seed)
     whom = ("parent", "worker", "both")[seed % 3]
     before = killed(tmp_path, whom, after=rng.randint(0, 8), wait=rng.uniform(0.0, 1.5))
-    check_resumed(tmp_path, before, undisturbed)
-
-
-@pytest.mark.slow
-def test_kills_again_and_again(undisturbed: Path, tmp_path: Path) -> None:
-    before: dict[str, bytes] = {}
-    for after in (1, 3, 6):
-        now = killed(tmp_path, "parent", after, 0.1)
-        assert {name: now[name] for name in before} == before
-        before = now
     check_resumed(tmp_path, before, undisturbed)
 
 
@@ -187,18 +177,13 @@ def test_starts_without_a_hash_of_their_content_are_kept(quick: Here) -> None:
     assert "excite: 1 of 1 starts is already done in out/starts; 0 are left\n" in ended.stderr
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        (("--harmonics", "4"), "trajectory.harmonics 3 -> 4"),
-        (("--seed", "1", "--period", "8"), "search.seed 0 -> 1, trajectory.period 10.0 -> 8.0"),
-    ],
-)
-def test_starts_of_another_problem_are_refused(options: tuple[str, ...], told: str, quick: Here) -> None:
+def test_starts_of_another_problem_are_refused(quick: Here) -> None:
     folder = stopped_before_the_end(quick, "--starts", "1")
     before = finished(folder)
+    options = ("--seed", "1", "--period", "8")
     assert quick.refused("design", *SHORT, *options, "--starts", "1", "--out", "out") == (
-        f"excite: out/starts holds starts of another problem ({told}); --fresh removes them, or choose another --out\n"
+        "excite: out/starts holds starts of another problem (search.seed 0 -> 1, trajectory.period 10.0 -> 8.0); "
+        "--fresh removes them, or choose another --out\n"
     )
     assert finished(folder) == before
     anew = quick.run("design", *SHORT, *options, "--starts", "1", "--out", "out", "--fresh")
@@ -233,17 +218,6 @@ def test_a_replacement_that_was_killed_is_resumed(quick: Here) -> None:
     assert after["start-0001.json"] != old["start-0001.json"]
 
 
-@pytest.mark.slow
-def test_a_design_without_its_figures_is_completed(here: Here) -> None:
-    folder = here.designed(*SHORT, "--starts", "1")
-    before = finished(folder)
-    for figure in folder.glob("*.png"):
-        figure.unlink()
-    here.designed(*SHORT, "--starts", "1")
-    assert finished(folder) == before
-    assert (folder / "motion.png").exists()
-
-
 OWN = """\
 from excite.tasks.criteria import ConditionNumber
 
@@ -276,7 +250,7 @@ def test_own_code_is_part_of_the_problem(here: Here) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("closed", ["2>&-", ">&-", ">&- 2>&-", "2>/dev/full"])
+@pytest.mark.parametrize("closed", [">&- 2>&-", "2>/dev/full"])
 def test_closed_streams_cost_no_design(closed: str, tmp_path: Path) -> None:
     line = " ".join([*MODULE, "design", *SHORT, "--starts", "1", "--out", "out", closed])
     ended = subprocess.run(["sh", "-c", line], cwd=tmp_path, env=ENVIRONMENT, capture_output=True, check=False)

@@ -26,7 +26,7 @@ SESSION = {
     "compare": "compare d dh",
     "bound": "bound d",
     "predict": "predict d --torque-noise 0.3 --rate 200 --count 10",
-    "sweep run": "sweep run ROBOT.yaml --executor serial --out c",
+    "sweep run": "sweep run irp6.yaml --executor serial --out c",
     "plan": "plan ROBOT",
     "plan towards a precision": "plan ROBOT --precision 1000% --after r,d",
     "export": "export d --format npz --out play.npz",
@@ -34,31 +34,21 @@ SESSION = {
     "logs": "logs run.csv --robot ROBOT",
     "study": "study ROBOT run.csv --design d --repeats 2 --points 5 --rate 200 --out s",
     "friction plan": "friction plan ROBOT --drives 2 --speeds 20,40,60,80 --warm-up 0 --breakaways 0 --out p",
-    "the runs": "simulate p/DRIVE.csv --controller pd --bandwidth 10 --rate 500 FRICTION --out f.csv",
+    "the runs": "simulate p/z2.csv --controller pd --bandwidth 10 --rate 500 --out f.csv",
     "friction fit": "friction fit ROBOT f.csv --plan p --out f",
     "payload design": "payload design ROBOT --starts 1 --out m",
     "payload gains": "payload gains ROBOT --without run.csv --with held.csv --mass 2 --out gains.yaml",
     "payload identify": "payload identify ROBOT --without run.csv --with held.csv --out held",
-    "report": "report d r --out page.html",
+    "report": "report r --out page.html",
     "robots": "robots ROBOT",
 }
-CAMPAIGN = "{common: {robot: ROBOT, starts: 1, harmonics: 3}, grid: {seed: [0, 1], trajectory: [fourier, cosine]}}"
+CAMPAIGN = "{common: {robot: irp6, starts: 1, harmonics: 3}, grid: {trajectory: [fourier, cosine]}}"
 FORCED = ("design", "simulate", "identify", "export", "study", "friction", "payload", "report")
-REPLACED = {
-    "irp6": {"DRIVE": "z2", "FRICTION": ""},
-    "panda": {"DRIVE": "panda_joint2", "FRICTION": "--friction f.yaml"},
-}
-FRICTION = """schema: excite.friction/1
-drives:
-  panda_joint2: {model: coulomb-viscous, coulomb: 2.0, viscous: 1.5, offset: 0.0}
-"""
 
 
-def words_of(line: str, robot: str, *, again: bool) -> list[str]:
+def words_of(line: str, *, again: bool) -> list[str]:
     """The words of a command of the session."""
-    for name, value in {"ROBOT": robot, **REPLACED[robot]}.items():
-        line = line.replace(name, value)
-    words = line.split()
+    words = line.replace("ROBOT", "irp6").split()
     return [*words, "--force"] if again and words[0] in FORCED else words
 
 
@@ -82,38 +72,26 @@ def faults(ended, name: str) -> list[str]:  # type: ignore[no-untyped-def]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["irp6", "panda"])
-def test_summaries_fit_a_screen(
-    robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    here, found = Here(tmp_path, monkeypatch, capfd), list[str]()
-    (tmp_path / f"{robot}.yaml").write_text(CAMPAIGN.replace("ROBOT", robot))
-    (tmp_path / "f.yaml").write_text(FRICTION)
-    for name, line in SESSION.items():
-        if name == "bound" and robot == "panda":
-            continue  # takes minutes
-        ended = here.run(*words_of(line, robot, again=False))
-        found += faults(ended, name)
-        (tmp_path / "held.json").unlink(missing_ok=True)  # says that the load is a part of the robot
-
-    assert found == []
-
-
-@pytest.mark.slow
-def test_every_command_is_quiet_or_json(
+def test_summaries_fit_a_screen_and_are_quiet_or_json_if_asked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    here = Here(tmp_path, monkeypatch, capfd)
-    (tmp_path / "irp6.yaml").write_text(CAMPAIGN.replace("ROBOT", "irp6"))
-    for name, line in SESSION.items():
-        quiet = here.run(*words_of(line, "irp6", again=False), "-q")
-        assert quiet.returncode in (0, 1), f"{name}: {quiet.stderr}"
-        assert (quiet.stdout.count("\n"), quiet.stderr) == (1, ""), name
-        shown = here.run(*words_of(line, "irp6", again=True), "--json")
-        (tmp_path / "held.json").unlink(missing_ok=True)
-        assert shown.returncode == quiet.returncode, f"{name}: {shown.stderr}"
-        content = json.loads(shown.stdout)
-        verdicts = [one["verdict"] for one in content] if isinstance(content, list) else [content["verdict"]]
-        assert all(isinstance(text, str) and text for text in verdicts), name
-        if len(verdicts) == 1:
-            assert verdicts[0].split()[:2] == quiet.stdout.split()[:2], name
+    """Every command twice: as text, and every second one with ``--quiet``, the others with ``--json``."""
+    here, found = Here(tmp_path, monkeypatch, capfd), list[str]()
+    (tmp_path / "irp6.yaml").write_text(CAMPAIGN)
+    for number, (name, line) in enumerate(SESSION.items()):
+        text = here.run(*words_of(line, again=False))
+        found += faults(text, name)
+        way = ("--json", "-q")[number % 2]
+        ended = here.run(*words_of(line, again=True), way)
+        (tmp_path / "held.json").unlink(missing_ok=True)  # says that the load is a part of the robot
+        assert ended.returncode == text.returncode, f"{name}: {ended.stderr}"
+        if way == "-q":
+            assert (ended.stdout.count("\n"), ended.stderr) == (1, ""), name
+            verdicts = [ended.stdout]
+        else:
+            content = json.loads(ended.stdout)
+            verdicts = [one["verdict"] for one in (content if isinstance(content, list) else [content])]
+        assert all(isinstance(verdict, str) and verdict for verdict in verdicts), name
+        if len(verdicts) == 1 and name != "robots":
+            assert verdicts[0].split()[:2] == text.stdout.split()[:2], name
+    assert found == []

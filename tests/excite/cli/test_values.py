@@ -1,4 +1,4 @@
-"""Values that no quantity may be: one line with the option or key, what was read, and the range; exit status 2."""
+"""Values that no quantity may be, and any value of any option of any command: a documented status, no traceback."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ import click
 import numpy as np
 import pytest
 from commands import COMMANDS, files_below
-from value_fuzzer import BASE, DESIGN, ROBOT, prepared, run
+from hypothesis import HealthCheck, Phase, given, settings
+from value_fuzzer import BASE, DESIGN, ROBOT, command_lines, file_cases, memory, prepared, run
 
 from excite.cli.option_types import Number, Numbers
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS
 from regressors.quantities import QUANTITIES
+
+# Values that no quantity may be: one line with the option or key, what was read, and the range; exit status 2.
+
 
 # where each command calls the work, and the work as its error names it
 WORK = {
@@ -27,68 +31,41 @@ WORK = {
     "study": ("excite.study.study_over_time.identify", "the study"),
     "plan": ("excite.design.campaign.moving_robot", "the campaign"),
     "compare": ("excite.design.comparison.weighting_of", "the comparison"),
-    "friction plan": ("excite.friction.plan.plan_friction._coordinate_plan", "the friction plan"),
-    "friction fit": ("excite.friction.fit.fit_friction.read_logs", "the friction fit"),
+    "friction plan": ("excite.design.friction_runs.plan_friction._coordinate_plan", "the friction plan"),
+    "friction fit": ("excite.friction.fit_friction.read_logs", "the friction fit"),
 }
 NUMBERS = ("integer", "number", "numbers", "ranges", "box", "triple", "poses", "mount", "payload", "parameters")
 PLAN = BASE["friction plan"]
 FIT = BASE["friction fit"]
 OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (DESIGN, "--noise 1e-308", "'--noise': must be a number from 1e-12 to 1e+12, given 1e-308"),
-    (DESIGN, "--prior 1e-300", "'--prior': must be a number from 1e-09 to 1e+09, given 1e-300"),
     (DESIGN, "--velocity-limit 1e154", "'--velocity-limit': must be a number from 1e-09 to 1000000 rad/s or m/s"),
     (DESIGN, "--position-limit=-1e20:1e20,-1:1", "must be a number from -10000 to 10000 rad or m, given -1e+20"),
-    (DESIGN, "--jerk-limit 1e300", "'--jerk-limit': must be a number from 1e-09 to 1e+12 rad/s^3 or m/s^3"),
     (DESIGN, "--sensor-xyz 1e308,0,0", "'--sensor-xyz': must be a number from -10000 to 10000 m, given 1e+308"),
-    (DESIGN, "--tool-point 1e308,0,0 --tool-speed 1", "'--tool-point': must be a number from -10000 to 10000 m"),
     (DESIGN, "--tool-box 1e300:2e300,:,:", "'--tool-box': must be a number from -10000 to 10000 m, given 1e+300"),
-    (
-        DESIGN,
-        "--starts 12345678901234567890",
-        "'--starts': must be a whole number from 1 to 10000000, given 12345678901",
-    ),
-    (
-        DESIGN,
-        f"--seed {'9' * 400}",
-        "'--seed': must be a whole number from 0 to 2^63 - 1, given a whole number of about",
-    ),
+    (DESIGN, f"--starts 1{'0' * 20}", "'--starts': must be a whole number from 1 to 10000000, given 10000000000000"),
+    (DESIGN, f"--seed {'9' * 400}", "must be a whole number from 0 to 2^63 - 1, given a whole number of about"),
     (DESIGN, f"--seed {'9' * 5000}", "'--seed': expected a whole number, given '9999999999999"),
-    (DESIGN, "--period 1_0", "'--period': expected a number, given '1_0'"),
     (DESIGN, "--period \u0661", r"'--period': expected a number, given '\u0661'"),
-    (DESIGN, "--period inf", "'--period': must be a number from 0.001 to 100000 s, given inf"),
-    (DESIGN, "--harmonics 2.5", "'--harmonics': expected auto or a whole number, given '2.5'"),
     (BASE["identify"], "--delay 0,0", "'--delay': expected auto or a number, given '0,0'"),
     (PLAN, "--velocity-limit 1e-9", "a stroke of 7.5e-10 rad to each side is too short for a run"),
     (PLAN, "--breakaways 2 --creep 1e-6 --creeping 1e-3", "the break-away tests creep only 2e-11 far"),
     (DESIGN, "--mount 1,2,1e99", "expected floor, wall, ceiling, or roll, pitch, yaw [rad]; given '1,2,1e99'"),
     (BASE["simulate"], "--encoder 1e-300", "'--encoder': must be a number from 1 to 1e+12 counts per revolution"),
-    (
-        BASE["simulate"],
-        "--torque-noise 1e308",
-        "'--torque-noise': must be 0 or a number from 1e-12 to 1e+12 Nm or N, given",
-    ),
     (BASE["simulate"], "--breakaway 1e9", "'--breakaway': must be 0 or a number from 1e-12 to 10000"),
     (BASE["simulate"], "--impact a:1:1e300", "--impact on a: the torque must be a number from -1e+09 to"),
     (BASE["simulate"], "--load 1e300,0,0,0,1,0,0,1,0,1", "load: each of its numbers must be a number from -1e+09"),
     (BASE["identify"], "--sign-width 1e300", "expected auto or a number; must be 0 or a number from 1e-12 to 1000000"),
-    (BASE["identify"], "--repeat 1000000000000000000000000", "'--repeat': must be a whole number from 0 to 1000000"),
-    (BASE["verify"], "--horizon 1e-300", "'--horizon': must be a number from 1e-06 to 100000 s, given 1e-300"),
-    (PLAN, "--creep 1e-9", "'--creep': must be a number from 1e-06 to 100 %, given 1e-09"),
-    (PLAN, "--jerk-limit 1e300", "'--jerk-limit': must be a number from 1e-09 to 1e+12 rad/s^3 or m/s^3, given 1e+300"),
     (PLAN, "--warm-up 1e9", "'--warm-up': must be 0 or a number from 1e-06 to 100000 s, given 1e+09"),
     (FIT, "--exponent 1e9", "'--exponent': must be a number from 0.01 to 100, given 1e+09"),
 )
 TASKS = {
-    "period: true": "period (line 1): should be a valid number, given True",
     "period: 1e308": "period (line 1): must be a number from 0.001 to 100000 s, given 1e+308",
     "period: 1:30": "period (line 1): should be a valid number, given '1:30'",
     "period: 1_0": "period (line 1): '1_0' is not a number: write it without underscores",
     'period: "1e3"': "period (line 1): should be a valid number, given '1e3'",
-    "period: .inf": "period (line 1): should be a finite number, given inf",
-    "period: .nan": "period (line 1): should be a finite number, given nan",
     f"seed: {'9' * 100_000}": "seed (line 1): '99999",
     f"seed: {'9' * 400}": "seed (line 1): must be a whole number from 0 to 2^63 - 1, given a whole number of about 401",
-    "starts: true": "starts (line 1): should be a valid integer, given True",
     "prior: 1e-300": "prior (line 1): must be a number from 1e-09 to 1e+09, given 1e-300",
     "prior: {F1c: {value: 1e300, deviation: 1}}": "F1c: value must be a number from -1e+12 to 1e+12, given 1e+300",
     "limits: {velocity: [1, 1e99]}": "limits.velocity (line 1): must be a number from 1e-09 to 1000000 rad/s or m/s",
@@ -108,10 +85,7 @@ ROBOTS = {
     ("a: 0.5", "a: 1e200"): "joint b: translation must be a number from -10000 to 10000 m, given 1e+200",
     ("ratio: 2.0", "ratio: 1e200"): "drive z1: ratio must be a number from -1e+09 to 1e+09, given 1e+200",
     ("coulomb: 1.0", "coulomb: 1e200"): "drive z1: friction must be a number from -1e+12 to 1e+12, given 1e+200",
-    (
-        "torque: 60",
-        "torque: 1e30",
-    ): "limits of joints: torque must be inf or a number from -1e+20 to 1e+20, given 1e+30",
+    ("torque: 60", "torque: 1e30"): "limits of joints: torque must be inf or a number from -1e+20 to 1e+20, given",
     ("gravity: 9.81", "gravity: 1e9"): "gravity must be a number from -10000 to 10000 m/s^2, given -1e+09",
     ("mass: 4.0", "mass: true"): "links[1].mass (line 9): should be a valid number, given True",
 }
@@ -125,20 +99,18 @@ def put(key: str, value: object) -> Callable[[dict[str, Any]], str]:
     return changed
 
 
-STORED: dict[str, tuple[Callable[[dict[str, Any]], str], str]] = {
-    "whole number of 5000 digits": (
-        lambda content: json.dumps(content).replace('"seed": 0', f'"seed": {"9" * 5000}', 1),
-        "99999999999999999999... is a whole number of 5000 digits",
-    ),
-    "whole number of 401 digits": (put("period", 10**400), "10000000000000000000... is a whole number of 401 digits"),
-    "infinite": (put("period", float("inf")), "Infinity is not a finite number"),
-    "too large": (
-        lambda content: json.dumps(content).replace('"period": 2.0', '"period": 1e999', 1),
-        "1e999 is too large for a number",
-    ),
-    "text for a box": (put("tool_box", ["", "", ""]), "tool_box: expected a pair [lower, upper] for each of x, y, z"),
-    "out of range": (put("period", 1e300), "period` must be a number from 0.001 to 100000 s, given 1e+300"),
-}
+def typed(old: str, new: str) -> Callable[[dict[str, Any]], str]:
+    return lambda content: json.dumps(content).replace(old, new, 1)
+
+
+STORED: tuple[tuple[Callable[[dict[str, Any]], str], str], ...] = (
+    (typed('"seed": 0', f'"seed": {"9" * 5000}'), "99999999999999999999... is a whole number of 5000 digits"),
+    (put("period", 10**400), "10000000000000000000... is a whole number of 401 digits"),
+    (put("period", float("inf")), "Infinity is not a finite number"),
+    (typed('"period": 2.0', '"period": 1e999'), "1e999 is too large for a number"),
+    (put("tool_box", ["", "", ""]), "tool_box: expected a pair [lower, upper] for each of x, y, z"),
+    (put("period", 1e300), "must be a number from 0.001 to 100000 s, given 1e+300"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -157,67 +129,41 @@ def refused(arguments: tuple[str, ...], message: str, folder: Path) -> None:
     assert files_below(folder) == before
 
 
-@pytest.mark.parametrize(("command", "options", "message"), OPTIONS, ids=lambda value: str(value)[:40])
-def test_an_option_out_of_its_range(command: tuple[str, ...], options: str, message: str, folder: Path) -> None:
-    out = () if "--out" in command else ("--out", "o")
-    refused((*command, *options.split(), *out), message, folder)
+def test_an_option_out_of_its_range(folder: Path) -> None:
+    for command, options, message in OPTIONS:
+        out = () if "--out" in command else ("--out", "o")
+        refused((*command, *options.split(), *out), message, folder)
 
 
-@pytest.mark.parametrize(("text", "message"), TASKS.items(), ids=lambda text: text[:40])
-def test_a_key_of_a_task_file_out_of_its_range(text: str, message: str, folder: Path) -> None:
-    (folder / "wrong.yaml").write_text(text)
-    refused((*DESIGN, "--task", "wrong.yaml", "--out", "o"), message, folder)
+def test_a_key_of_a_file_out_of_its_range(folder: Path) -> None:
+    for text, message in TASKS.items():
+        (folder / "wrong.yaml").write_text(text)
+        refused((*DESIGN, "--task", "wrong.yaml", "--out", "o"), message, folder)
+    for text, message in WORLDS.items():
+        (folder / "wrong.yaml").write_text(f"{text}\n{WORLD}")
+        refused((*DESIGN, "--world", "wrong.yaml", "--out", "o"), f"wrong.yaml: {message}", folder)
+    for change, message in ROBOTS.items():
+        (folder / "wrong.yaml").write_text(ROBOT.replace(*change, 1))
+        refused(("robots", "wrong.yaml"), f"wrong.yaml: {message}", folder)
 
 
-@pytest.mark.parametrize(("text", "message"), WORLDS.items())
-def test_a_key_of_a_world_file_out_of_its_range(text: str, message: str, folder: Path) -> None:
-    (folder / "wrong.yaml").write_text(f"{text}\n{WORLD}")
-    refused((*DESIGN, "--world", "wrong.yaml", "--out", "o"), f"wrong.yaml: {message}", folder)
-
-
-@pytest.mark.parametrize(("change", "message"), ROBOTS.items(), ids=str)
-def test_a_number_of_a_robot_out_of_its_range(change: tuple[str, str], message: str, folder: Path) -> None:
-    (folder / "wrong.yaml").write_text(ROBOT.replace(*change, 1))
-    refused(("robots", "wrong.yaml"), f"wrong.yaml: {message}", folder)
-
-
-@pytest.mark.parametrize("what", STORED)
-def test_a_number_of_a_stored_design_out_of_its_range(what: str, folder: Path) -> None:
-    change, message = STORED[what]
+def test_a_number_of_a_stored_design_out_of_its_range(folder: Path) -> None:
     stored = folder / "wrong"
-    stored.mkdir(exist_ok=True)
+    stored.mkdir()
     for file in (folder / "d").glob("*.[cj]s*"):
         (stored / file.name).write_bytes(file.read_bytes())
-    content = json.loads((folder / "d" / "design.json").read_text())
-    (stored / "design.json").write_text(change(content))
-    refused(("compare", "wrong"), message.removeprefix("period` ") if what == "out of range" else message, folder)
+    text = (folder / "d" / "design.json").read_text()
+    for change, message in STORED:
+        (stored / "design.json").write_text(change(json.loads(text)))
+        refused(("compare", "wrong"), message, folder)
 
 
-@pytest.mark.parametrize("value", ["", "x", "'1'", "[1]"])
-def test_a_prior_that_is_no_number(value: str, folder: Path) -> None:
-    (folder / "wrong.yaml").write_text(f"F1c: {{value: {value}, deviation: 1}}\n")
-    message = "wrong.yaml: F1c (line 1): expected finite numbers {value: ..., deviation: ...}, given a mapping of value"
-    refused((*DESIGN, "--prior", "wrong.yaml", "--out", "o"), message, folder)
-
-
-def test_a_prior_of_four_hundred_digits(folder: Path) -> None:
-    (folder / "wrong.yaml").write_text(f"F1c: {{value: 1{'0' * 400}, deviation: 1}}\n")
-    message = "wrong.yaml: F1c (line 1): value must be a number from -1e+12 to 1e+12, given a whole number of about 401"
-    refused((*DESIGN, "--prior", "wrong.yaml", "--out", "o"), message, folder)
-
-
-@pytest.mark.parametrize("capsules", [(), ("--capsules",)])
-def test_prefixed_tags_of_a_urdf(capsules: tuple[str, ...], folder: Path) -> None:
-    joint = '<x:joint name="j" type="revolute"><x:parent link="b"/><x:child link="c"/></x:joint>'
-    body = '<x:link name="b"/><x:link name="c"><x:collision/></x:link>'
-    (folder / "prefixed.urdf").write_text(f'<x:robot xmlns:x="http://x" name="a">{body}{joint}</x:robot>')
-    message = "prefixed.urdf, line 1: <x:robot>: expected <robot> as the outermost element"
-    refused(("robots", "prefixed.urdf", *capsules), message, folder)
-
-
-def test_a_long_period_at_a_low_rate_works(folder: Path) -> None:
-    ended = run((*DESIGN, "--period", "1e4", "--rate", "1", "--out", "o"), folder)
-    assert (ended.status, ended.problems) == (0, ()), ended.errors
+def test_a_prior_that_is_no_number(folder: Path) -> None:
+    shape = "F1c (line 1): expected finite numbers {value: ..., deviation: ...}, given a mapping of value"
+    long = "F1c (line 1): value must be a number from -1e+12 to 1e+12, given a whole number of about 401"
+    for value, message in {"": shape, "x": shape, "'1'": shape, "[1]": shape, f"1{'0' * 400}": long}.items():
+        (folder / "wrong.yaml").write_text(f"F1c: {{value: {value}, deviation: 1}}\n")
+        refused((*DESIGN, "--prior", "wrong.yaml", "--out", "o"), f"wrong.yaml: {message}", folder)
 
 
 def test_every_option_that_is_a_number_has_a_quantity() -> None:
@@ -249,3 +195,68 @@ def test_a_numerical_failure_is_one_line(name: str, folder: Path, monkeypatch: p
     assert (ended.status, ended.problems) == (2, ())
     message = f"excite: {work} failed numerically (SVD did not converge); "
     assert ended.errors.splitlines()[-1].startswith(message)
+
+
+# Any value of any option of any command: an exit status that is documented, no traceback, no warning, finite files.
+
+
+CASES = 32  # of each command
+GROWTH = 500.0  # of the memory over all cases of a command [MB]
+OF_TESTS = settings(  # the first case that fails is short enough
+    derandomize=True, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+)
+
+
+def fuzz(name: str, folder: Path, cases: int) -> None:
+    """Run command lines of a command until one does not end as it must."""
+
+    @settings(OF_TESTS, max_examples=cases)
+    @given(command_lines(name))
+    def ends_as_it_must(arguments: list[str]) -> None:
+        assert run(arguments, folder).problems == ()
+
+    before = memory()
+    check: Callable[[], None] = ends_as_it_must
+    check()
+    assert memory() < before + GROWTH
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BASE)
+def test_values_of_options(name: str, folder: Path) -> None:
+    ended = run(BASE[name], folder)
+    assert (ended.status in (0, 1), ended.problems) == (True, ()), ended.errors
+    fuzz(name, folder, CASES)
+
+
+@pytest.mark.slow
+def test_numbers_in_files(folder: Path) -> None:
+    @settings(OF_TESTS, max_examples=2 * CASES)
+    @given(file_cases())
+    def ends_as_it_must(case: tuple[list[str], dict[str, str]]) -> None:
+        arguments, files = case
+        assert run(arguments, folder, files=files).problems == ()
+
+    check: Callable[[], None] = ends_as_it_must
+    check()
+
+
+def test_every_case_begins_with_the_same_files(folder: Path) -> None:
+    before = (folder / "two.yaml").read_bytes()
+    assert run(("robots", "two.yaml", "--mount", "wall", "--out", "two.yaml", "--force"), folder).status == 0
+    assert (folder / "two.yaml").read_bytes() == before
+
+
+def test_the_fuzzer_sees_what_must_not_be(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import numpy as np
+
+    from excite.tasks.task import Task
+
+    def warns(*_: object, **__: object) -> None:
+        with np.errstate(divide="warn"):
+            np.ones(1) / np.zeros(1)
+        raise KeyError("x")
+
+    monkeypatch.setattr(Task, "__init__", warns)
+    problems = run(BASE["robots"], folder).problems
+    assert [problem.partition(":")[0] for problem in problems[:2]] == ["KeyError", "warning"]

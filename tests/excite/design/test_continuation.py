@@ -14,7 +14,6 @@ from excite.design import search_rounds as continuation
 from excite.design.solvers.descent import SqpOptions
 from excite.design.solvers.sqp import SequentialQuadratic
 from excite.design.start_results import read_starts
-from excite.design.task_file import read_task_file, task_from_options
 from excite.tasks.task import Task
 from excite.trajectories.fourier import Fourier
 from regressors.errors import InputError
@@ -38,7 +37,7 @@ def test_harmonics_are_added_while_they_pay(monkeypatch: pytest.MonkeyPatch, tmp
     assert [trial.harmonics for trial in design.harmonics_trials] == [5, 6, 7]
     assert values == sorted(values, reverse=True)
     assert design.task.trajectory.harmonics == 7
-    assert design.trajectory.family.harmonics == 7  # type: ignore[attr-defined]
+    assert design.trajectory.family.harmonics == 7
     assert design.notes[-1] == "7 harmonics: 7 are the most that are tried"
     design.save(tmp_path / "design")
     content = json.loads((tmp_path / "design" / "design.json").read_text(encoding="utf-8"))
@@ -79,13 +78,6 @@ def up_to(hz: float) -> Task:
     return QUICK.changed(bandwidth=hz)
 
 
-def test_a_number_that_is_not_possible_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of samples there must be more than terms of the series."""
-    design = designed(0.0, (5, 60), monkeypatch, QUICK.changed(rate=10.0))
-    assert design.task.trajectory.harmonics == 5
-    assert "60 harmonics are not possible: 10 s at 10 Hz is 100 samples" in design.notes[-1]
-
-
 @pytest.mark.parametrize("interrupted", ["result", "raised"])
 def test_an_interruption_ends_it_with_the_best_so_far(interrupted: str, monkeypatch: pytest.MonkeyPatch) -> None:
     real = continuation._searched
@@ -93,7 +85,7 @@ def test_an_interruption_ends_it_with_the_best_so_far(interrupted: str, monkeypa
     def searched(robot: object, task: Task, *given: object, fresh: bool) -> object:
         if fresh and interrupted == "raised":
             raise KeyboardInterrupt
-        step = real(robot, task, *given, fresh=fresh)  # type: ignore[arg-type]
+        step = real(robot, task, *given, fresh=fresh)
         return replace(step, design=replace(step.design, interrupted=fresh))
 
     monkeypatch.setattr(continuation, "_searched", searched)
@@ -103,9 +95,8 @@ def test_an_interruption_ends_it_with_the_best_so_far(interrupted: str, monkeypa
     assert [trial.harmonics for trial in design.harmonics_trials] == ([5] if interrupted == "raised" else [5, 6])
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
+def test_what_cannot_be_continued_is_refused() -> None:
+    for options, message in (
         ({"trajectory": "bspline"}, "not for bspline; give `intervals`"),
         ({"trajectory": "waypoints"}, "not for waypoints; give `intervals`"),
         ({"trajectory": "sines"}, "not for sines; give a number"),
@@ -113,21 +104,12 @@ def test_an_interruption_ends_it_with_the_best_so_far(interrupted: str, monkeypa
         ({"harmonics": 5.5}, "harmonics: expected a whole number, or auto, given"),
         ({"harmonics": 5, "bandwidth": 1.0}, "give both, or neither"),
         ({"bandwidth": -1.0}, "bandwidth"),
-    ],
-)
-def test_what_cannot_be_continued_is_refused(options: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        SMALL.changed(**options)
-
-
-def test_a_task_file_may_leave_the_number_open(tmp_path: Path) -> None:
-    (tmp_path / "task.yaml").write_text("harmonics: auto\nbandwidth: 1.5\n", encoding="utf-8")
-    task = task_from_options({"robot": "irp6", **read_task_file(tmp_path / "task.yaml")})
-    assert task.trajectory.grows
-    assert task.trajectory.bandwidth == 1.5
-    (tmp_path / "task.yaml").write_text("harmonics: 0\n", encoding="utf-8")
-    with pytest.raises(InputError, match="harmonics"):
-        read_task_file(tmp_path / "task.yaml")
+    ):
+        with pytest.raises(InputError, match=message):
+            SMALL.changed(**options)
+    with pytest.raises(InputError, match="expected a whole number"):
+        SMALL.trajectory.family()
+    assert SMALL.changed(trajectory=Fourier(8.0, 6)).trajectory.harmonics == 6
 
 
 @pytest.mark.parametrize("family", ["fourier", "cosine", "fourier-quintic"])
@@ -138,9 +120,3 @@ def test_motions_are_among_those_of_more_harmonics(family: str) -> None:
     x = rng.normal(size=(3, few.size))
     q = few.motion(x, time, 0)
     np.testing.assert_allclose(more.motion(more.nearest(time, q), time, 0), q, atol=1e-9)
-
-
-def test_the_number_is_open_until_a_search_chooses_it() -> None:
-    with pytest.raises(InputError, match="expected a whole number"):
-        SMALL.trajectory.family()
-    assert SMALL.changed(trajectory=Fourier(8.0, 6)).trajectory.harmonics == 6

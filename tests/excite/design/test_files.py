@@ -4,8 +4,9 @@ import dataclasses
 import itertools
 import json
 import os
+import re
 import stat
-from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -37,17 +38,9 @@ RESTING = {"q4": 0.25, "q5": -0.5}
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    task = Task(
-        "irp6",
-        starts=2,
-        harmonics=4,
-        period=8.0,
-        rate=50.0,
-        executor="serial",
-        noise=(0.5,),
-        limits=LimitChoice(position=POSITIONS, jerk=(20.0,)),
-    )
-    return design_trajectory(task)
+    limits = LimitChoice(position=POSITIONS, jerk=(20.0,))
+    few = {"starts": 2, "harmonics": 4, "period": 8.0, "executor": "serial"}
+    return design_trajectory(Task("irp6", rate=50.0, noise=(0.5,), limits=limits, **few))
 
 
 @pytest.fixture(scope="module")
@@ -89,10 +82,6 @@ def test_content_survives_json(design: Design, folder: Path) -> None:
     assert set(content["provenance"]["versions"]) >= {"excite-trajectories", "casadi", "numpy"}
 
 
-def test_starts_are_written_and_read(design: Design, folder: Path) -> None:
-    assert read_starts(folder / "starts") == list(design.starts)
-
-
 def same_but_for_rounding(ours: Any, theirs: Any) -> None:
     """Entries of `theirs` are in `ours`, with the same numbers but for how sums are rounded."""
     if isinstance(theirs, dict):
@@ -121,101 +110,76 @@ def test_a_loaded_design_is_written_as_it_was(kept: str, folder: Path, tmp_path:
 
 def test_infinite_measures_are_null(design: Design, tmp_path: Path) -> None:
     criteria = {**design.criteria, "condition_number": float("inf"), "log_det": -float("inf")}
-    save_design(replaced(design, measured=dataclasses.replace(design.measured, criteria=criteria)), tmp_path)
+    save_design(dataclasses.replace(design, measured=dataclasses.replace(design.measured, criteria=criteria)), tmp_path)
     content = content_of(tmp_path)
     assert (content["criteria"]["condition_number"], content["criteria"]["log_det"]) == (None, None)
     assert "Infinity" not in (tmp_path / "design.json").read_text()
 
 
-def replaced(design: Design, **changes: object) -> Design:
-    return dataclasses.replace(design, **changes)  # type: ignore[arg-type]
-
-
-def without(content: dict[str, Any], *path: str) -> None:
-    """Leave out one field."""
+def put(content: Any, value: Any, *path: str | int) -> None:
+    """Set, change or leave out one field."""
     for step in path[:-1]:
         content = content[step]
-    del content[path[-1]]
+    if value is GONE:
+        del content[path[-1]]
+    else:
+        content[path[-1]] = value(content[path[-1]]) if callable(value) else value
 
 
-def put(content: Any, value: object, *path: str | int) -> None:
-    for step in path[:-1]:
-        content = content[step]
-    content[path[-1]] = value
-
-
-TAMPERED: tuple[tuple[str, Callable[[dict[str, Any]], object], str], ...] = (
-    (
-        "other schema",
-        lambda c: put(c, "excite.design/9", "schema"),
-        "expected schema excite.design/1, given 'excite.des",
-    ),
-    ("no schema", lambda c: without(c, "schema"), "expected schema excite.design/1, given None"),
-    ("hash", lambda c: put(c, "0" * 64, "robot", "sha256"), "the robot's description does not have the hash"),
-    ("limit", lambda c: put(c, [9.0] * 5, "robot", "description", "limits", "upper"), "does not have the hash"),
-    ("no robot", lambda c: without(c, "robot"), "not a complete design: 'robot' is missing"),
-    ("robot of another kind", lambda c: put(c, [], "robot"), "not a complete design: "),
-    (
-        "no joints",
-        lambda c: without(c, "robot", "description", "joints"),
-        "not a robot description: 'joints' is missing",
-    ),
-    ("limits of a list", lambda c: put(c, [], "robot", "description", "limits"), "not a robot description: "),
-    (
-        "text in numbers",
-        lambda c: put(c, ["a"] * 5, "robot", "description", "limits", "upper"),
-        "not a robot description",
-    ),
-    ("unknown option", lambda c: put(c, 3, "task", "wheels"), "no option of a task named 'wheels'"),
-    (
-        "impossible option",
-        lambda c: put(c, -1.0, "task", "period"),
-        "`period` must be a number from 0.001 to 100000 s, given -1",
-    ),
-    ("unknown joint", lambda c: put(c, ["q9"], "task", "joints"), "no joint named 'q9'"),
-    ("limits of a task", lambda c: put(c, 3, "task", "limits"), "not a complete design: "),
-    ("no trajectory", lambda c: without(c, "trajectory"), "not a complete design: 'trajectory' is missing"),
-    ("no sines", lambda c: without(c, "trajectory", "sine"), "not a complete design: 'sine' is missing"),
-    (
-        "harmonics",
-        lambda c: put(c, 5, "trajectory", "harmonics"),
-        "trajectory: expected 11 finite coefficients for each of 3",
-    ),
-    (
-        "too few joints",
-        lambda c: [c["trajectory"][p].pop() for p in ("offset", "cosine", "sine")],
-        "for each of 3 joints",
-    ),
-    ("ragged", lambda c: c["trajectory"]["cosine"][0].pop(), "not a complete design: "),
-    ("text in series", lambda c: put(c, ["x", "y", "z"], "trajectory", "offset"), "not a complete design: "),
-    ("NaN in series", lambda c: put(c, [float("nan")] * 3, "trajectory", "offset"), "NaN is not a finite number"),
-    ("no provenance", lambda c: without(c, "provenance"), "not a complete design: 'provenance' is missing"),
+GONE = object()
+TAMPERED: tuple[tuple[str, Any, str], ...] = (
+    ("schema", "excite.design/9", "expected schema excite.design/1, given 'excite.des"),
+    ("schema", GONE, "expected schema excite.design/1, given None"),
+    ("robot.sha256", "0" * 64, "the robot's description does not have the hash"),
+    ("robot.description.limits.upper", [9.0] * 5, "does not have the hash"),
+    ("robot", GONE, "not a complete design: 'robot' is missing"),
+    ("robot", [], "not a complete design: "),
+    ("robot.description.joints", GONE, "not a robot description: 'joints' is missing"),
+    ("robot.description.limits", [], "not a robot description: "),
+    ("robot.description.limits.upper", ["a"] * 5, "not a robot description"),
+    ("task.wheels", 3, "no option of a task named 'wheels'"),
+    ("task.period", -1.0, "`period` must be a number from 0.001 to 100000 s, given -1"),
+    ("task.joints", ["q9"], "no joint named 'q9'"),
+    ("task.limits", 3, "not a complete design: "),
+    ("trajectory", GONE, "not a complete design: 'trajectory' is missing"),
+    ("trajectory", lambda t: {k: v[:2] if isinstance(v, list) else v for k, v in t.items()}, "for each of 3 joints"),
+    ("trajectory.sine", GONE, "not a complete design: 'sine' is missing"),
+    ("trajectory.harmonics", 5, "trajectory: expected 11 finite coefficients for each of 3"),
+    ("trajectory.cosine", lambda rows: [rows[0][:-1], *rows[1:]], "not a complete design: "),
+    ("trajectory.offset", ["x", "y", "z"], "not a complete design: "),
+    ("trajectory.offset", [float("nan")] * 3, "NaN is not a finite number"),
+    ("provenance", GONE, "not a complete design: 'provenance' is missing"),
 )
 
 
-@pytest.mark.parametrize(("change", "message"), [row[1:] for row in TAMPERED], ids=[row[0] for row in TAMPERED])
-def test_tampered_designs_are_refused(
-    change: Callable[[dict[str, Any]], object], message: str, folder: Path, tmp_path: Path
-) -> None:
-    content = content_of(folder)
-    change(content)
-    path = tmp_path / "design.json"
-    path.write_text(json.dumps(content))
+def refusal(folder: Path, content: bytes) -> str:
+    """The one line that refuses a design of this content."""
+    (folder / "design.json").write_bytes(content)
     with pytest.raises(InputError) as refused:
-        load_design(tmp_path)
-    assert str(refused.value).startswith(f"{path}: ")
-    assert message in str(refused.value)
+        load_design(folder)
     assert "\n" not in str(refused.value)
+    assert str(refused.value).startswith(str(folder / "design.json"))
+    return str(refused.value)
 
 
-@pytest.mark.parametrize("part", [0.0, 0.1, 0.5, 0.999])
-def test_truncated_designs_are_refused_with_the_line(part: float, folder: Path, tmp_path: Path) -> None:
-    text = (folder / "design.json").read_text()
-    path = tmp_path / "design.json"
-    path.write_text(text[: int(part * len(text))])
-    with pytest.raises(InputError, match=r"design\.json is not JSON \(line \d+: ") as refused:
-        load_design(tmp_path)
-    assert "\n" not in str(refused.value)
+def test_tampered_designs_are_refused(folder: Path, tmp_path: Path) -> None:
+    for place, value, message in TAMPERED:
+        content = content_of(folder)
+        put(content, value, *place.split("."))
+        assert message in refusal(tmp_path, json.dumps(content).encode()), place
+
+
+def test_other_content_is_refused_with_the_line(folder: Path, tmp_path: Path) -> None:
+    text = (folder / "design.json").read_bytes()
+    for content, message in (
+        (b"", r"is not JSON \(line 1: "),
+        (text[: len(text) // 10], r"is not JSON \(line \d+: "),
+        (text[:-9], r"is not JSON \(line \d+: "),
+        (b"[1, 2]", "holds no JSON object"),
+        (b"\xff\xfe\x00", "is not JSON"),
+        (b"[" * 100_000, "nested too deeply"),
+    ):
+        assert re.search(message, refusal(tmp_path, content)), content[:9]
 
 
 def places(content: object, path: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
@@ -231,10 +195,7 @@ def read_or_refused(path: Path) -> None:
     try:
         load_design(path)
     except InputError as error:
-        refusal = str(error)
-    else:
-        return
-    assert "\n" not in refusal
+        assert "\n" not in str(error)  # noqa: PT017
 
 
 @settings(max_examples=50)
@@ -265,22 +226,6 @@ def test_a_field_of_any_value_is_read_or_refused_in_one_line(
     read_or_refused(path)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"[1, 2]", "holds no JSON object"),
-        (b"\xff\xfe\x00", "is not JSON"),
-        (b"[" * 100_000, "nested too deeply"),
-        (b"", "is not JSON (line 1: "),
-    ],
-)
-def test_other_content_is_refused(content: bytes, message: str, tmp_path: Path) -> None:
-    (tmp_path / "design.json").write_bytes(content)
-    with pytest.raises(InputError) as refused:
-        read_json(tmp_path / "design.json")
-    assert message in str(refused.value)
-
-
 def test_no_design_to_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"x holds no design: there is no .*x/design\.json"):
         load_design(tmp_path / "x")
@@ -302,65 +247,42 @@ def column(table: tuple[list[str], np.ndarray], name: str, what: str) -> np.ndar
     return values[:, header.index(f"{name}.{what}")]
 
 
-def test_header_and_time(table: tuple[list[str], np.ndarray]) -> None:
+def test_the_table_is_the_motion_to_the_last_bit_and_at_rest_at_both_ends(
+    design: Design, table: tuple[list[str], np.ndarray]
+) -> None:
     header, values = table
+    time = values[:, 0]
     assert header == ["time", *(f"{name}.{what}" for name in NAMES for what in WHAT)]
-    assert np.array_equal(values[:, 0], np.linspace(0.0, 8.0, 401))
-    assert np.allclose(np.diff(values[:, 0]), 0.02, rtol=1e-12)
-
-
-def test_numbers_are_the_motions_to_the_last_bit(design: Design, table: tuple[list[str], np.ndarray]) -> None:
-    header, values = motion_columns(design.robot.joint_names, design.sequence.sampled(1.0)[0])
-    assert header == table[0]
-    assert np.array_equal(values, table[1])
-    samples = design.trajectory.samples(table[1][:, 0])
-    for k, name in enumerate(NAMES[:3]):
-        assert np.array_equal(column(table, name, "position"), samples.q[:, k])
-        assert np.array_equal(column(table, name, "velocity")[1:-1], samples.dq[1:-1, k])
-        assert np.array_equal(column(table, name, "acceleration")[1:-1], samples.ddq[1:-1, k])
-
-
-def test_rest_at_both_ends_is_exact(table: tuple[list[str], np.ndarray]) -> None:
-    for name in NAMES:
-        position = column(table, name, "position")
-        assert position[0] == pytest.approx(position[-1], abs=1e-12)
-        for what in WHAT[1:]:
-            assert column(table, name, what)[0] == column(table, name, what)[-1] == 0.0
-
-
-def test_what_was_replaced_by_zeros_was_rounding(design: Design) -> None:
-    samples = design.samples
-    assert np.abs(samples.dq[[0, -1]]).max() < 1e-12
-    assert np.abs(samples.ddq[[0, -1]]).max() < 1e-12
-
-
-def test_resting_joints_stand_still_inside_their_limits(table: tuple[list[str], np.ndarray]) -> None:
-    for name, position in RESTING.items():
-        assert np.all(column(table, name, "position") == position)
-        assert not np.any(column(table, name, "velocity"))
-        assert not np.any(column(table, name, "acceleration"))
-
-
-def test_each_column_is_the_slope_of_the_one_before(table: tuple[list[str], np.ndarray]) -> None:
-    time = table[1][:, 0]
-    for name in NAMES:
-        for what, slope in itertools.pairwise(WHAT):
-            value, given = column(table, name, what), column(table, name, slope)
+    assert np.array_equal(time, np.linspace(0.0, 8.0, 401))
+    again = motion_columns(design.robot.joint_names, design.sequence.sampled(1.0)[0])
+    assert again[0] == header
+    assert np.array_equal(again[1], values)
+    samples = design.trajectory.samples(time)
+    for k, name in enumerate(NAMES):
+        columns = [column(table, name, what) for what in WHAT]
+        assert columns[0][0] == pytest.approx(columns[0][-1], abs=1e-12)
+        assert not np.any([values[[0, -1]] for values in columns[1:]])
+        if name in RESTING:
+            assert np.all(columns[0] == RESTING[name])
+            assert not np.any(columns[1:])
+        else:
+            assert np.array_equal(columns[0], samples.q[:, k])
+            assert np.array_equal(columns[1][1:-1], samples.dq[1:-1, k])
+            assert np.array_equal(columns[2][1:-1], samples.ddq[1:-1, k])
+        for value, slope in itertools.pairwise(columns):
             central = (value[2:] - value[:-2]) / (time[2:] - time[:-2])
-            bend = np.abs(np.diff(given, 2)).max()  # error of a central difference, h^2/6 q''', is a third of it
-            assert np.allclose(central, given[1:-1], rtol=0.0, atol=bend + 1e-12)
+            bend = np.abs(np.diff(slope, 2)).max()  # error of a central difference, h^2/6 q''', is a third of it
+            assert np.allclose(central, slope[1:-1], rtol=0.0, atol=bend + 1e-12)
+    assert np.abs([design.samples.dq[[0, -1]], design.samples.ddq[[0, -1]]]).max() < 1e-12
 
 
 def test_limits_hold_in_the_samples(design: Design, table: tuple[list[str], np.ndarray]) -> None:
     # Limits of the whole robot on the file's columns: the transmission's matrix is used on all five joints.
     robot = design.task.limits.applied(design.robot)
     q, dq, ddq = (np.column_stack([column(table, name, what) for name in NAMES]) for what in WHAT)
-    assert robot.transmission is not None
     C = robot.transmission.coupling
-    for limits, values in (
-        (robot.limits, (q, dq, ddq)),
-        (robot.transmission.limits, (q @ C.T + robot.transmission.offset, dq @ C.T, ddq @ C.T)),
-    ):
+    at_drives = q @ C.T + robot.transmission.offset, dq @ C.T, ddq @ C.T
+    for limits, values in ((robot.limits, (q, dq, ddq)), (robot.transmission.limits, at_drives)):
         assert np.all(values[0] >= limits.lower)
         assert np.all(values[0] <= limits.upper)
         assert np.all(np.abs(values[1]) <= limits.velocity)
@@ -389,41 +311,27 @@ def test_certificate_is_that_of_the_written_motion(design: Design, folder: Path)
 # Complete or absent
 
 
-def test_replacing_leaves_the_old_file_where_writing_fails(tmp_path: Path) -> None:
-    path = tmp_path / "file"
-    path.write_text("old")
-
-    def fail(error: type[BaseException]) -> None:
-        with replacing(path) as stream:
-            stream.write("new and long")
-            stream.flush()
-            raise error
-
-    for error in (ValueError, SystemExit, KeyboardInterrupt):
-        with pytest.raises(error):
-            fail(error)
-        assert path.read_text() == "old"
-        assert files_below(tmp_path) == {"file"}
-
-
 @settings(max_examples=25)
-@given(old=st.binary(max_size=50), new=st.binary(max_size=50), fails=st.booleans(), binary=st.booleans())
+@given(
+    old=st.binary(max_size=50),
+    new=st.binary(max_size=50),
+    error=st.sampled_from([None, ValueError, SystemExit, KeyboardInterrupt]),
+    binary=st.booleans(),
+)
 def test_a_file_is_the_old_one_or_the_new_one(
-    old: bytes, new: bytes, fails: bool, binary: bool, tmp_path_factory: pytest.TempPathFactory
+    old: bytes, new: bytes, error: type | None, binary: bool, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     folder = tmp_path_factory.mktemp("atomic")
     path = folder / "file"
     path.write_bytes(old)
-    try:
-        with replacing(path, "wb" if binary else "w") as stream:
-            stream.write(new if binary else new.decode("latin-1"))
-            assert path.read_bytes() == old
-            if fails:
-                raise RuntimeError
-    except RuntimeError:
-        assert fails
+    with suppress(error or ZeroDivisionError), replacing(path, "wb" if binary else "w") as stream:
+        stream.write(new if binary else new.decode("latin-1"))
+        stream.flush()
+        assert path.read_bytes() == old
+        if error:
+            raise error
     written = new if binary else new.decode("latin-1").encode()
-    assert path.read_bytes() == (old if fails else written)
+    assert path.read_bytes() == (old if error else written)
     assert files_below(folder) == {"file"}
 
 
@@ -437,22 +345,10 @@ def test_json_that_cannot_be_written_leaves_the_old_file(tmp_path: Path) -> None
     assert files_below(tmp_path) == {"file.json"}
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_numbers_survive_json(tmp_path_factory: pytest.TempPathFactory, value: float) -> None:
-    path = tmp_path_factory.getbasetemp() / "number.json"
-    write_json(path, {"a": value})
-    read = read_json(path)["a"]
-    assert np.float64(read).tobytes() == np.float64(value).tobytes()
-
-
 def test_a_folder_that_is_not_there_or_closed(tmp_path: Path) -> None:
-    with (
-        pytest.raises(InputError, match=r"^cannot write .*none/file: No such file or directory$"),
-        replacing(tmp_path / "none" / "file"),
-    ):
-        pass
-    with pytest.raises(InputError, match=r"^cannot write /proc/file: "), replacing(Path("/proc/file")):
-        pass
+    for path, why in ((tmp_path / "none" / "file", "No such file or directory$"), (Path("/proc/file"), "")):
+        with pytest.raises(InputError, match=rf"^cannot write {path}: {why}"), replacing(path):
+            pass
 
 
 @pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
@@ -479,16 +375,6 @@ def test_a_design_is_kept_unless_forced(design: Design, tmp_path: Path) -> None:
         save_design(design, tmp_path)
     assert (tmp_path / "design.json").read_bytes() == before
     assert (tmp_path / "starts" / "start-0007.json").exists()
-    save_design(replaced(design, notes=("another",)), tmp_path, replace=True)
+    save_design(dataclasses.replace(design, notes=("another",)), tmp_path, replace=True)
     assert content_of(tmp_path)["notes"] == ["another"]
     assert files_below(tmp_path / "starts") == {"start-0000.json", "start-0001.json"}
-
-
-def test_design_json_comes_last(design: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("excite.design.design_folder.write_trajectory", broken)
-    with pytest.raises(OSError, match="No space left"):
-        save_design(design, tmp_path)
-    assert files_below(tmp_path) == {"starts", "starts/start-0000.json", "starts/start-0001.json"}

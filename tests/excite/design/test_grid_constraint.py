@@ -1,30 +1,37 @@
-"""Constraints on the grid of a family, linear in x or not: tangents, largest steps; what every family says of its x."""
+"""Constraints on the grid of a family, linear in x or not: tangents, largest steps, where a search looks."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from constraints.linear import LinearConstraint
-from constraints.power import tool_speed
+from constraints.nonlinear import NonlinearConstraint
+from constraints.power import tool_box, tool_speed
+from constraints.torque import torque_limits
 from excite.design import formulation
 from excite.design.formulation import formulate
 from excite.design.grid_limits import GridConstraint, GridJoints
 from excite.design.initial_guesses import random_motion
 from excite.design.multistart import serial
+from excite.design.problem import Problem
 from excite.design.solvers.ipopt import Ipopt
+from excite.design.solvers.limit_rows import NearRows
 from excite.design.solvers.solver import Solver
 from excite.design.stated_limits import nonlinear_limits
 from excite.tasks.task import Task
 from excite.trajectories.bspline import BSpline
-from excite.trajectories.family import Family, Trajectory
+from excite.trajectories.family import Family
 from excite.trajectories.fourier import Fourier
 from excite.trajectories.sines import Sines
 from excite.trajectories.waypoints import Waypoints
 from regressors.errors import InputError
+from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
 from regressors.samples import Array
@@ -117,57 +124,100 @@ def test_families_move_draw_and_step_their_coefficients_alone(family: Family) ->
     assert (family.split(x)[1].size == 0) == family.linear
 
 
-def test_the_grid_is_the_motion(family: Family) -> None:
-    """What a constraint sees: the motion of a trajectory, of which the grid has the extrema nearly."""
-    x = motion(family, 8)
-    for derivative in range(3):
-        values = family.on_grid(512).values(x, derivative)
-        extrema = family.combined_extrema(x, np.eye(2), np.zeros(2), derivative)
-        size = np.maximum(np.abs(extrema.low), np.abs(extrema.high))
-        assert np.all(values.max(axis=0) <= extrema.high + 1e-9 * size)
-        assert np.all(values.max(axis=0) >= extrema.high - 0.02 * size)
-        matrix = np.array([[1.0, 2.0]])
-        np.testing.assert_allclose(family.on_grid(512).combined(x, matrix, derivative), matrix @ values.T, atol=1e-12)
-    assert Trajectory(family, x).duration == 7.0
-
-
 # --- limits are built once, and kept by solvers that can
 
 
-@pytest.mark.parametrize(
-    ("changes", "builds"),
-    [
-        ({}, 1),
-        ({"home": (0.0, 0.2, -0.2, 0.0, 0.0)}, 2),  # those of the motion, and those of every joint
-        ({"home": (0.0, 0.2, -0.2, 0.0, 0.0), "joints": ("1", "2", "3", "4", "5")}, 1),
-    ],
-)
-def test_nonlinear_limits_are_built_once(
-    changes: dict[str, object], builds: int, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    """By the checks, the problem and the search of one process together."""
-    built = []
-
-    def counted(*given: object) -> object:
-        built.append(given)
-        return nonlinear_limits(*given)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(formulation, "nonlinear_limits", counted)
-    task = dataclasses.replace(Task("irp6", harmonics=4, tool_speed=3.0), **changes)  # type: ignore[arg-type]
-    made = formulate(built_in("irp6"), task)
-    (limit,) = made.problem.limits.nonlinear
-    assert limit.function.constraint is made.nonlinear[0]
-    serial(made, [], tmp_path_factory.mktemp("starts"), lambda _: None)
-    assert len(built) == builds
+def test_nonlinear_limits_are_built_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """By the checks, the problem and the search of one process together; from home also those of every joint."""
+    built, home = list[Any](), {"home": (0.0, 0.2, -0.2, 0.0, 0.0)}
+    monkeypatch.setattr(formulation, "nonlinear_limits", lambda *given: built.append(given) or nonlinear_limits(*given))
+    for changes, builds in (({}, 1), (home, 2), ({**home, "joints": tuple("12345")}, 1)):
+        built.clear()
+        made = formulate(built_in("irp6"), Task("irp6", harmonics=4, tool_speed=3.0).changed(**changes))
+        (limit,) = made.problem.limits.nonlinear
+        assert limit.function.constraint is made.nonlinear[0]
+        serial(made, [], tmp_path, lambda _: None)
+        assert len(built) == builds
 
 
-@pytest.mark.parametrize("changes", [{"tool_speed": 3.0}, {"trajectory": "sines"}])
-def test_solvers_for_rows_alone_are_refused_other_limits(changes: dict[str, object]) -> None:
-    task = Task("irp6", harmonics=3, **changes)  # type: ignore[arg-type]
-    problem = formulate(built_in("irp6"), task).problem
-    assert problem.limits.nonlinear_in_x
-    assert problem.violation(random_motion(problem, np.random.default_rng(0))) <= 0.0
+def test_solvers_for_rows_alone_are_refused_other_limits() -> None:
     assert Solver.takes_nonlinear_limits
     assert not Ipopt.takes_nonlinear_limits
-    with pytest.raises(InputError, match="for the solver sqp, not for ipopt"):
-        formulate(built_in("irp6"), task.changed(solver="ipopt"))
+    for changes in ({"tool_speed": 3.0}, {"trajectory": "sines"}):
+        task = Task("irp6", harmonics=3, **changes)
+        problem = formulate(built_in("irp6"), task).problem
+        assert problem.limits.nonlinear_in_x
+        assert problem.violation(random_motion(problem, np.random.default_rng(0))) <= 0.0
+        for solver in ("ipopt", "slsqp"):
+            with pytest.raises(InputError, match=f"for the solver sqp, not for {solver}"):
+                formulate(built_in("irp6"), task.changed(solver=solver))
+
+
+PANDA = built_in("panda")
+LINEAR_FAMILIES = ("fourier", "bspline", "fourier-quintic")
+
+
+@cache
+def problem(family: str) -> Problem:
+    return formulate(PANDA, Task("panda", trajectory=family, torque_margin="none", executor="serial")).problem
+
+
+@cache
+def limits(family: str) -> tuple[GridConstraint, ...]:
+    joints = GridJoints(problem(family).limits.linear[0].grid, of_joints(PANDA, range(PANDA.n)))
+    kinds: tuple[NonlinearConstraint, ...] = (
+        *torque_limits(PANDA, standard_values(PANDA), 0.5),
+        tool_box(PANDA, np.zeros(3), np.array([-0.4, -0.4, 0.2]), np.array([0.5, 0.5, 1.0])),
+        tool_speed(PANDA, np.zeros(3), 1.0),
+    )
+    return tuple(GridConstraint.on_joints(kind, joints) for kind in kinds)
+
+
+def motions(family: str, count: int) -> list[Array]:
+    """Random motions, drawn towards the centre until each uses about all of a limit at its peak."""
+    rng, near = np.random.default_rng(5), []
+    for k in range(count):
+        limit, x = limits(family)[k % 3], random_motion(problem(family), rng)
+        parts = [problem(family).drawn(x, part) for part in np.linspace(0.02, 1.0, 25)]
+        peaks = [abs(limit.uses(limit.values(x)).max() - 1.0) for x in parts]
+        near.append(parts[int(np.argmin(peaks))])
+    return near
+
+
+@pytest.mark.parametrize("family", LINEAR_FAMILIES)
+def test_a_search_overlooks_no_peak_of_the_grid(family: str) -> None:
+    """Its largest use is that of the whole grid wherever this is near a bound, and values are those of the grid."""
+    looked, tight = 0, 0
+    for x in motions(family, 15):
+        for limit in limits(family):
+            sampled, values = limit.sampled(x), limit.values(x)
+            np.testing.assert_allclose(sampled.values, values[:, sampled.instants], atol=1e-12)
+            np.testing.assert_allclose(sampled.use, limit.uses(values)[:, sampled.instants], atol=1e-12)
+            assert np.all(np.diff(sampled.instants) > 0)
+            most = limit.uses(values).max()
+            assert limit.holds(x) == (most <= 1.0)
+            if most > 0.95:
+                assert sampled.use.max() == pytest.approx(most, abs=1e-12)
+                tight += 1
+            looked += sampled.instants.size < values.shape[1]
+    assert tight > 5
+    assert looked > 10
+
+
+def test_rows_of_the_programme_forbid_what_they_linearise() -> None:
+    """A step that the rows allow keeps the linearised limits; one that breaks them adds rows."""
+    x, rng = motions("fourier", 1)[0], np.random.default_rng(6)
+    inside = problem("fourier").drawn(x, 0.98)
+    near = NearRows(limits("fourier"), inside)
+    before = len(near.rows()[0])
+    assert not near.broken(np.zeros(x.size))
+    step = rng.normal(size=x.size)
+    step *= np.sign(step @ (x - inside).ravel())
+    while not near.broken(step):
+        step *= 1.5
+    A, lower, upper = near.rows()
+    assert len(A) > before
+    assert np.any((A @ step > upper) | (A @ step < lower))
+    assert not near.broken(step)  # nothing new
+    assert np.all(lower <= 0.0)
+    assert np.all(upper >= 0.0)

@@ -14,7 +14,7 @@ import pytest
 
 import excite
 from excite.cli.main import main
-from excite.cli.sign_of_life import tell
+from excite.cli.streams import tell
 from excite.design import interruption, multistart, optimisation
 from excite.design.interruption import (
     SIGNALS,
@@ -49,6 +49,13 @@ def answered(monkeypatch: pytest.MonkeyPatch) -> Iterator[Interruption]:
     assert current_interruption() is None
 
 
+@pytest.fixture
+def soon(answered: Interruption, monkeypatch: pytest.MonkeyPatch) -> Interruption:
+    """What is swallowed is raised again after a moment."""
+    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+    return answered
+
+
 @pytest.mark.parametrize("number", SIGNALS)
 def test_the_first_signal_interrupts_and_the_second_leaves(number: int, answered: Interruption) -> None:
     assert answered.status == 130
@@ -60,12 +67,21 @@ def test_the_first_signal_interrupts_and_the_second_leaves(number: int, answered
     assert left.value.args == (143,)
 
 
+def interrupted(number: int) -> None:
+    with pytest.raises(Interrupted):
+        signal.raise_signal(number)
+
+
+def swallowed(number: int) -> None:
+    with suppress(Interrupted):  # as compiled code does that calls Python
+        signal.raise_signal(number)
+
+
 def test_a_signal_that_is_sent_twice_at_once_counts_once(
     answered: Interruption, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(interruption, "_DOUBLED", 60.0)
-    with pytest.raises(Interrupted):
-        signal.raise_signal(signal.SIGHUP)
+    interrupted(signal.SIGHUP)
     signal.raise_signal(signal.SIGHUP)
 
 
@@ -86,8 +102,7 @@ def test_an_ignored_signal_is_forgotten_afterwards(answered: Interruption) -> No
     answered.ignore()
     signal.raise_signal(signal.SIGINT)
     answered.heed()
-    with pytest.raises(Interrupted):
-        signal.raise_signal(signal.SIGTERM)
+    interrupted(signal.SIGTERM)
     assert answered.status == 143
 
 
@@ -103,8 +118,7 @@ def test_what_a_process_ignores_stays_ignored() -> None:
 
 def test_a_signal_that_is_swallowed_is_raised_at_the_next_step(answered: Interruption) -> None:
     repeat_lost_signal()
-    with suppress(Interrupted):  # as compiled code does that calls Python
-        signal.raise_signal(signal.SIGTERM)
+    swallowed(signal.SIGTERM)
     with pytest.raises(Interrupted) as again:
         tell("drawing")
     assert again.value.number == signal.SIGTERM
@@ -149,23 +163,16 @@ def test_what_compiled_code_makes_of_a_signal_is_that_signal(
     assert capsys.readouterr().err == "excite: interrupted before any result\n"
 
 
-def test_a_signal_that_is_swallowed_is_raised_again_soon(
-    answered: Interruption, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
-    with suppress(Interrupted):
-        signal.raise_signal(signal.SIGTERM)
+def test_a_signal_that_is_swallowed_is_raised_again_soon(soon: Interruption) -> None:
+    swallowed(signal.SIGTERM)
     with pytest.raises(Interrupted):
         time.sleep(5.0)
-    assert answered.status == 143
+    assert soon.status == 143
 
 
-def test_a_signal_that_is_swallowed_before_signals_are_deferred_is_deferred(
-    answered: Interruption, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
-    with suppress(Interrupted):
-        signal.raise_signal(signal.SIGINT)
+@pytest.mark.usefixtures("soon")
+def test_a_signal_that_is_swallowed_before_signals_are_deferred_is_deferred() -> None:
+    swallowed(signal.SIGINT)
     with deferred_interruption() as answer:
         time.sleep(0.3)
         with pytest.raises(Interrupted):
@@ -179,20 +186,14 @@ def _cleaned_up_for_long() -> None:
         time.sleep(0.3)
 
 
-def test_a_signal_is_not_raised_again_while_it_is_dealt_with(
-    answered: Interruption, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+@pytest.mark.usefixtures("soon")
+def test_a_signal_is_not_raised_again_while_it_is_dealt_with() -> None:
     with pytest.raises(Interrupted) as ended:
         _cleaned_up_for_long()
     assert ended.value.__context__ is None
 
 
-def test_a_signal_is_not_raised_again_once_it_was_dealt_with(
-    answered: Interruption, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
-    with suppress(Interrupted):
-        signal.raise_signal(signal.SIGINT)
-    answered.caught()
+def test_a_signal_is_not_raised_again_once_it_was_dealt_with(soon: Interruption) -> None:
+    swallowed(signal.SIGINT)
+    soon.caught()
     time.sleep(0.3)

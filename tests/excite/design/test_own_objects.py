@@ -1,18 +1,29 @@
-"""Objects of a user's own in the search: what is no part is refused by name; designs with them are copied and sent."""
+"""Objects and constraints of a user's own, campaigns of partial motions, and the first argument of both."""
+
+from __future__ import annotations
 
 import copy
 import pickle
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import Here
 from designed import short
 
 import excite
 from constraints.geometry import HalfSpace, Obstacle, Part, World
+from excite.design.campaign import plan_campaign
+from excite.design.formulation import formulate
+from excite.design.initial_guesses import candidates, shaped_motion
+from excite.registry import OwnPart
 from excite.tasks.criteria import ConditionNumber, Trace
+from excite.tasks.task import Task
+from regressors.errors import InputError, UnknownName
 from regressors.models.base import random_states
+from regressors.readers.library import built_in
 from regressors.robot.shapes import Capsule
 
 
@@ -66,30 +77,29 @@ def test_a_right_gradient_is_searched_with() -> None:
 
 
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
-    "a lambda as criterion": (lambda: excite.design_trajectory("irp6", criterion=lambda M: 1.0), "criterion: expected"),  # type: ignore[arg-type]
-    "a lambda as constraint": (
-        lambda: excite.design_trajectory("irp6", constraints=[lambda q: q]),  # type: ignore[list-item]
+    "lambda as criterion": (lambda: excite.design_trajectory("irp6", criterion=lambda M: 1.0), "criterion: expected"),
+    "lambda as constraint": (
+        lambda: excite.design_trajectory("irp6", constraints=[lambda q: q]),
         "constraints: expected a list, each a Limit or text",
     ),
-    "a limit not in a list": (
-        lambda: excite.design_trajectory("irp6", constraints=excite.TorqueLimit(0.1)),  # type: ignore[arg-type]
+    "limit not in a list": (
+        lambda: excite.design_trajectory("irp6", constraints=excite.TorqueLimit(0.1)),
         "constraints: expected a list",
     ),
-    "a lambda as model": (lambda: excite.Task("irp6", model=lambda robot: robot), "model: expected a RegressorModel"),
-    "a design to verify": (lambda: excite.verify(short(), "x.csv"), "result: expected a result of `identify`"),  # type: ignore[arg-type]
+    "lambda as model": (lambda: excite.Task("irp6", model=lambda robot: robot), "model: expected a RegressorModel"),
+    "a design to verify": (lambda: excite.verify(short(), "x.csv"), "result: expected a result of `identify`"),
     "an array of drives": (lambda: excite.Task("irp6", friction=np.array([1.0, 2.0])), "friction: expected all, none"),
     "an array without axes": (lambda: excite.Task("irp6", gravity=np.array(2.0)), "gravity: expected three numbers"),
     "no friction curves": (lambda: excite.Task("irp6", friction_curves=True), "friction_curves: expected curves"),
-    "an own solver that is none": (lambda: excite.Search(solver=object()), "solver: expected a Solver"),  # type: ignore[arg-type]
-    "an executor that is none": (lambda: excite.Search(executor=object()), "executor: expected a function"),  # type: ignore[arg-type]
+    "no solver": (lambda: excite.Search(solver=object()), "solver: expected a Solver"),
+    "no executor": (lambda: excite.Search(executor=object()), "executor: expected a function"),
 }
 
 
-@pytest.mark.parametrize("case", WRONG)
-def test_what_is_no_part_is_refused_by_name(case: str) -> None:
-    call, message = WRONG[case]
-    with pytest.raises(excite.InputError, match=f"^{message}"):
-        call()
+def test_what_is_no_part_is_refused_by_name() -> None:
+    for call, message in WRONG.values():
+        with pytest.raises(excite.InputError, match=f"^{message}"):
+            call()
 
 
 def table() -> World:
@@ -110,3 +120,104 @@ def test_a_design_is_copied_and_sent_to_other_processes(again: Callable[[Any], A
         few = limit.joints
         moving = excite.Samples(states.time, *(getattr(states, x)[:, :few] for x in ("q", "dq", "ddq", "dddq")))
         assert np.array_equal(same.shown(same.values(moving)), limit.shown(limit.values(moving)))
+
+
+# --- the first argument has no name, so that ``model`` is the option of a task
+
+
+@pytest.mark.parametrize("call", [excite.design_trajectory, excite.plan_campaign])
+def test_the_model_of_a_robot_or_a_task_is_an_option(call: Callable[..., Any]) -> None:
+    quick = {"search": SEARCH, "harmonics": 3, "period": 4.0} if call is excite.design_trajectory else {}
+
+    def model_of(made: Any) -> Any:
+        return made.model if call is excite.plan_campaign else type(made.target.model)
+
+    for given in ("irp6", excite.Task("irp6", harmonics=3)):
+        assert model_of(call(given, model="energy", **quick)) in ("energy", excite.EnergyModel)
+    with pytest.warns(DeprecationWarning, match=rf"{call.__name__}\(model=\.\.\.\) is now {call.__name__}") as said:
+        call(model="irp6", **quick)
+    assert said[0].filename == __file__
+    with pytest.raises(excite.InputError, match="a model is given already; give one of them"):
+        call(excite.DifferentialModel(excite.load_robot("irp6")), model="energy")
+    with pytest.raises(excite.InputError, match="needs a robot, a model or a task as its first argument"):
+        call()
+
+
+TASK = excite.Task("irp6", harmonics=2, friction=False, starts=1, executor="serial")
+
+
+def test_a_constraint_by_name_is_found_again(tmp_path: Path) -> None:
+    design = excite.design_trajectory(TASK.changed(constraints=("torque",)))
+    design.save(tmp_path / "design")
+    stored = excite.load_design(tmp_path / "design")
+    assert stored.task == design.task
+    again = excite.design_trajectory(stored.task)
+    assert again.trajectory.x.tobytes() == design.trajectory.x.tobytes()
+    assert "drive z1 torque" in {use.label for use in again.limits}
+
+
+def test_numbers_of_an_object_are_not_in_the_file_so_it_is_given_again(tmp_path: Path) -> None:
+    limit = excite.TorqueLimit(margin=0.2)
+    design = excite.design_trajectory(TASK.changed(constraints=(limit,)))
+    design.save(tmp_path / "design")
+    place = "constraints.torque:TorqueLimit"
+    stored = excite.load_design(tmp_path / "design")
+    (named,) = stored.task.limits.constraints
+    assert isinstance(named, OwnPart)
+    assert named.name == place
+    with pytest.raises(InputError, match=r"not built in.*such as constraints=\[TorqueLimit\]"):
+        excite.design_trajectory(stored.task)
+    assert excite.load_design(tmp_path / "design", constraints=[limit]).task == design.task
+
+
+def test_a_built_in_limit_that_needs_numbers_says_so(here: Here) -> None:
+    for name, missing in (("tool-box", "lower, upper"), ("tool-speed", "speed")):
+        said = here.refused("design", "irp6", "--constraint", name, "--out", "out")
+        assert f"constraint {name} needs its {missing}: in Python give an object with them" in said
+
+
+IRP6 = built_in("irp6")
+
+
+def test_fewest_motions_of_two_drives_show_all_thirteen() -> None:
+    found = plan_campaign(Task("irp6", model="energy").changed(robot=IRP6), at_once=2)
+    assert (found.rank, len(found.steps)) == (13, 2)
+    shown = [name for step in found.steps for name in step.parameters]
+    assert sorted(shown) == sorted([*(f"X{k}" for k in range(1, 8)), "F1c", "F2c", "F3c", "F1v", "F2v", "F3v"])
+    ranks = dict(found.subsets)
+    assert [ranks[drives] for drives in (("z2",), ("z3",), ("z1", "z3"), ("z2", "z3"))] == [4, 4, 8, 8]
+
+
+def test_as_many_drives_at_once_as_there_are_or_need_be() -> None:
+    task = Task("irp6", model="energy").changed(robot=IRP6)
+    assert len(plan_campaign(task, at_once=3).steps) == 1
+    with pytest.raises(InputError, match=r"at most 1 drive.* do not identify all 13 parameters; allow 2 at once"):
+        plan_campaign(task, at_once=1)
+    with pytest.raises(InputError, match="`at_once` must be from 1 to the 3 drives, given 4"):
+        plan_campaign(task, at_once=4)
+
+
+def test_required_parameter_that_the_motion_does_not_show_is_named_with_a_cure() -> None:
+    with pytest.raises(InputError, match="X5 is not identifiable from motions of z2; move z1, z3, which identifies it"):
+        formulate(IRP6, Task("irp6", model="energy", drives=("2",), require=("X5",)))
+    with pytest.raises(UnknownName, match="no parameter named 'X9'"):
+        formulate(IRP6, Task("irp6", require=("X9",)))
+    formulate(IRP6, Task("irp6", model="energy", drives=("1", "3"), require=("X5", "F3c")))
+
+
+@pytest.mark.parametrize("kinds", [("cosine",), ("quintic", "quintic", "cosine"), ("sines",)])
+def test_shaped_motion_is_inside_the_limits_and_uses_them(kinds: tuple[str, ...]) -> None:
+    problem = formulate(IRP6, Task("irp6", start=kinds)).problem
+    x = shaped_motion(problem, kinds)
+    assert -0.1 < problem.violation(x) <= 0.0
+    first = candidates(problem, 0, np.random.default_rng(0))
+    later = candidates(problem, 1, np.random.default_rng(0))
+    np.testing.assert_array_equal(first[0], x)
+    assert len(first) == 1
+    assert len(later) == 3
+    assert all(problem.violation(motion) <= 0.0 for motion in later)
+
+
+def test_number_of_shapes_must_fit() -> None:
+    with pytest.raises(InputError, match="start: expected one initial guess, or 3 for q1, q2, q3"):
+        formulate(IRP6, Task("irp6", start=("cosine", "sines")))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.cli.view_text import print_view
+from excite.cli.summary import print_view
 from excite.design.design import Design
 from excite.design.design_json import load_design
 from excite.design.optimisation import design_trajectory
@@ -62,11 +62,9 @@ def test_units_of_rotors_do_not_make_a_default_design_ill_conditioned() -> None:
     assert designed(False).condition_number > 1e5
 
 
-@pytest.mark.parametrize(
-    "task", [Task("irp6", joints=tuple("12345"), **QUICK), Task("irp6", **QUICK)], ids=["five axes", "three axes"]
-)
-def test_nor_that_of_an_arm_with_coupled_drives(task: Task) -> None:
-    assert design_trajectory(task).condition_number < 1000.0
+def test_nor_that_of_an_arm_with_coupled_drives() -> None:
+    for options in ({"joints": tuple("12345")}, {}):
+        assert design_trajectory(Task("irp6", **options, **QUICK)).condition_number < 1000.0
 
 
 def test_predictions_are_written_on_both_sides(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -99,17 +97,6 @@ def test_rotor_inertias_are_found_on_both_sides(capsys: pytest.CaptureFixture[st
         assert own["value"] * own["factor"] == pytest.approx(entry["value"])
     print_view(identification_view(found), [Path("results/result.json")])
     assert f"Ia3: {rotors['Iar3']['motor_side']['value']:.4g}" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-def test_both_forms_of_the_rotors_are_the_same_identification() -> None:
-    """The least-squares estimate does not know the units: one log, two forms, the same rotors."""
-    sides = {p["name"]: p for p in result_content(identified(True))["parameters"] if "motor_side" in p}
-    motors = {p["name"]: p for p in result_content(identified(False))["parameters"]}
-    for name, ours in sides.items():
-        theirs = motors[name.replace("Iar", "Ia")]
-        for what in ("value", "standard_deviation"):
-            assert ours["motor_side"][what] == pytest.approx(theirs[what], rel=1e-6)
 
 
 def as_written_before(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Limits that a description states hold by default, and what is not checked is said."""
+"""Limits that a description states hold by default; what is not checked, and what is suspicious, is said."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ import pytest
 from public_arms import robots_folder
 
 import excite
+from constraints.certificate import LimitUse
 from constraints.clearance import assumed_radius, skeleton
 from constraints.diagnosis import ContradictionError
 from excite.design.design_json import load_design
 from excite.design.formulation import formulate
 from excite.design.stated_limits import Unchecked, checked_text, kept_headline, kept_text, stated_world
+from excite.design.task_checks import suspecting, unidentifiable
 from excite.design.task_file import task_content, task_from_options
+from excite.errors import NoFeasibleMotionError
 from excite.export.models.robot_yaml import robot_text
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.stored_files import StoredRobot
@@ -31,7 +34,8 @@ from regressors.errors import InputError
 from regressors.readers.description import parse_description
 from regressors.readers.library import built_in, built_in_names
 from regressors.robot.archive import robot_from_description
-from regressors.robot.robot import Limits, Robot
+from regressors.robot.finding import Finding
+from regressors.robot.robot import Joint, Limits, Robot
 
 SHORT = {"harmonics": 3, "period": 5.0, "rate": 50.0, "starts": 2, "executor": "serial"}
 UR = {"velocity": (1.5,), "acceleration": (8.0,), "joints": ("1", "2", "3"), "floor": "none", **SHORT}
@@ -80,62 +84,41 @@ def test_a_motion_that_breaks_them_is_solved_again_with_them() -> None:
     assert kept.condition_number < 1.5 * free.condition_number  # it may be less: both are local minima
 
 
-def test_a_motion_that_keeps_them_is_the_same_as_without_them() -> None:
-    free, kept = (
-        excite.design_trajectory(excite.Task("ur10e", torque_margin=m, self_collision=False, **UR))
-        for m in ("none", "auto")
-    )
-    np.testing.assert_array_equal(free.trajectory.x, kept.trajectory.x)
-    assert any("torque" in use.label for use in kept.limits)
-    assert not any("torque" in use.label for use in free.limits)
-
-
-@pytest.mark.parametrize(
-    ("robot", "reason"),
-    [
+def test_what_cannot_be_checked_is_said() -> None:
+    robot = built_in("ur10e")
+    unlimited = dataclasses.replace(robot.limits, torque=np.full(6, np.inf))
+    alike = tuple(dataclasses.replace(link, theta=robot.links[0].theta) for link in robot.links)
+    for given, reason in (
         (built_in("iiwa7"), "no mass is stated"),
-        (built_in("ur10e").replace(limits=dataclasses.replace(built_in("ur10e").limits, torque=np.full(6, np.inf))),
-         "no limit is stated"),
-        (built_in("ur10e").replace(links=tuple(dataclasses.replace(link, theta=built_in("ur10e").links[0].theta)
-                                               for link in built_in("ur10e").links)),
-         "mass and inertia equal those of other links"),
-    ],
-    ids=["unknown masses", "no limits", "placeholders"],
-)  # fmt: skip
-def test_what_cannot_be_checked_is_said(robot: Robot, reason: str) -> None:
-    robot = robot.replace(shapes=())
-    made = formulate(robot, excite.Task(robot, **{**UR, "joints": ("1", "2")}))
-    reasons = {each.limit: each.reason for each in made.unchecked}
-    assert reason in reasons["torque"]
-    assert made.stated == ()
-    assert kept_text(made.unchecked).startswith(
-        "limits kept; collisions NOT checked (floor, self-collision); not checked:"
-    )
-    assert reasons["obstacles"] == "no world file is given"
-    with pytest.raises(InputError):
-        formulate(robot.replace(limits=Limits.none(robot.n)), excite.Task(robot, torque_margin=0.1, **UR))
+        (robot.replace(limits=unlimited), "no limit is stated"),
+        (robot.replace(links=alike), "mass and inertia equal those of other links"),
+    ):
+        bare = given.replace(shapes=())
+        made = formulate(bare, excite.Task(bare, **{**UR, "joints": ("1", "2")}))
+        reasons = {each.limit: each.reason for each in made.unchecked}
+        assert reason in reasons["torque"]
+        assert made.stated == ()
+        text = "limits kept; collisions NOT checked (floor, self-collision); not checked:"
+        assert kept_text(made.unchecked).startswith(text)
+        assert reasons["obstacles"] == "no world file is given"
+        with pytest.raises(InputError):
+            formulate(bare.replace(limits=Limits.none(bare.n)), excite.Task(bare, torque_margin=0.1, **UR))
 
 
-@pytest.mark.parametrize(
-    ("given", "reason"),
-    [
-        (weak(95.0).replace(shapes=()), "the robot is given as an object; give it `shapes`"),
-        (StoredRobot("arm.urdf", weak(95.0).replace(shapes=())), "the robot is that of a stored design"),
-    ],
-    ids=["object", "stored"],
-)
-def test_shapes_that_are_missing_are_named(given: Robot | StoredRobot, reason: str) -> None:
-    task = excite.Task(given)
-    robot = given if isinstance(given, Robot) else given.robot
-    reasons = {each.limit: each.reason for each in stated_world(robot, task).unchecked}
-    assert reasons["self-collision"].startswith(f"the description has no shapes, and {reason}")
+def test_shapes_that_are_missing_are_named() -> None:
+    robot = weak(95.0).replace(shapes=())
+    for given, reason in (
+        (robot, "the robot is given as an object; give it `shapes`"),
+        (StoredRobot("arm.urdf", robot), "the robot is that of a stored design"),
+    ):
+        reasons = {each.limit: each.reason for each in stated_world(robot, excite.Task(given)).unchecked}
+        assert reasons["self-collision"].startswith(f"the description has no shapes, and {reason}")
 
 
 @pytest.mark.parametrize("name", built_in_names())
 def test_built_in_robots_have_shapes(name: str) -> None:
     robot = built_in(name)
     stated = stated_world(robot, excite.Task(name))
-    assert stated.world is not None
     assert stated.world.parts == robot.shapes
     assert "self-collision" not in [each.limit for each in stated.unchecked]
     assert robot.replace(shapes=()).sha256() == robot.sha256()
@@ -143,46 +126,44 @@ def test_built_in_robots_have_shapes(name: str) -> None:
     assert again.shapes == robot.shapes == parse_description(robot_text(robot), name).shapes
 
 
-def test_links_that_cannot_touch_leave_the_design_as_it_is() -> None:
-    task = {"starts": 2, "harmonics": 3, "executor": "serial"}
-    ways = ({"self_collision": False, "floor": "none"}, {})
-    free, kept = (excite.design_trajectory(excite.Task("irp6", **way, **task)) for way in ways)
+def test_limits_that_a_motion_keeps_leave_it_as_it_is() -> None:
+    options = {"starts": 2, "harmonics": 3, "executor": "serial"}
+    ways = ({"self_collision": False, "floor": "none", "torque_margin": "none"}, {})
+    free, kept = (excite.design_trajectory(excite.Task("irp6", **way, **options)) for way in ways)
     np.testing.assert_array_equal(free.trajectory.x, kept.trajectory.x)
     assert "self-collision" not in unchecked(kept)
-    assert "distance" in {use.quantity for use in kept.limits}
+    assert {"distance", "torque"} <= {use.quantity for use in kept.limits}
+    assert not {"distance", "torque"} & {use.quantity for use in free.limits}
 
 
-def test_nothing_to_say_is_said_plainly() -> None:
-    assert kept_text(()) == "every limit is kept"
-    text = kept_text((Unchecked("jerk", "no limit is stated"), Unchecked("obstacles", "why")))
-    assert text == "every limit that was checked is kept; not checked: jerk (no limit is stated), obstacles (why)"
-
-
-def test_what_was_checked_is_counted_by_kind() -> None:
+def test_what_is_said_of_limits_that_were_kept_and_not_checked() -> None:
     quantities = ["wrench", "distance", "torque", "position", "distance", "tool", "jerk", "position"]
     assert checked_text(quantities) == "position (2), jerk (1), torque (1), tool (1), distance (2), wrench (1)"
     assert checked_text(()) == ""
+    assert kept_text(()) == "every limit is kept"
     assert kept_text((), ("torque",)) == "every limit is kept; checked: torque (1)"
-    text = kept_text((Unchecked("jerk", "no limit is stated"),), ("tool",))
-    end = "not checked: jerk (no limit is stated); checked: tool (1)"
-    assert text == f"every limit that was checked is kept; {end}"
-
-
-def test_the_verdict_says_what_the_designs_limits_are() -> None:
-    made = excite.design_trajectory(excite.Task("irp6", starts=1, harmonics=2, executor="serial"))
-    assert made.feasible
-    assert {use.label for use in made.limits if use.quantity == "distance"} > {"forearm to base", "wrist_turn to floor"}
-    assert checked_text(use.quantity for use in made.limits) == (
-        "position (5), velocity (4), acceleration (4), torque (5), distance (12)"
-    )
+    jerk = Unchecked("jerk", "no limit is stated")
+    text = "every limit that was checked is kept; not checked: jerk (no limit is stated)"
+    assert kept_text((jerk, Unchecked("obstacles", "why"))) == f"{text}, obstacles (why)"
+    assert kept_text((jerk,), ("tool",)) == f"{text}; checked: tool (1)"
+    for left_out, named in (
+        ((), None),
+        (("obstacles", "jerk"), None),
+        (("self-collision", "obstacles"), "self-collision"),
+        (("self-collision", "floor"), "self-collision, floor"),
+        (("ceiling",), "ceiling"),
+    ):
+        text = f"limits kept; collisions NOT checked ({named})" if named else "plain"
+        assert kept_headline(left_out, "plain") == text
+        if named:
+            assert kept_text([Unchecked(each, "why") for each in left_out]).startswith(f"{text}; not checked: ")
 
 
 def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:
     heavy = excite.Installation(payload=(900.0, 0.0, 0.0, 0.3)).applied(built_in("ur10e"))
     task = excite.Task(heavy, position=((-0.5, 0.5),) * 6, **UR)
-    with pytest.raises(
-        ContradictionError, match=r"shoulder_lift_joint torque beyond .* by .* Nm.*`torque_margin='none'`"
-    ):
+    message = r"shoulder_lift_joint torque beyond .* by .* Nm.*`torque_margin='none'`"
+    with pytest.raises(ContradictionError, match=message):
         formulate(heavy, task)
 
 
@@ -190,19 +171,17 @@ def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:
 @pytest.mark.parametrize("solver", ["slsqp", "ipopt"])
 def test_a_solver_that_cannot_keep_them_is_named_with_the_remedy(solver: str) -> None:
     task = excite.Task(weak(40.0), **{**UR, "starts": 1}, solver=solver, self_collision=False)
-    with pytest.raises(
-        excite.errors.NoFeasibleMotionError,
-        match=rf"torque at .*solver {solver} does not take .*`solver='sqp'` keeps it, `torque_margin='none'` leaves",
-    ):
+    message = rf"torque at .*solver {solver} does not take .*`solver='sqp'` keeps it, `torque_margin='none'` leaves"
+    with pytest.raises(excite.errors.NoFeasibleMotionError, match=message):
         excite.design_trajectory(task)
 
 
-@pytest.mark.parametrize("margin", ["auto", "none", None, 0.2])
-def test_the_choice_round_trips_through_a_task_file(margin: object) -> None:
-    task = excite.Task("ur10e", torque_margin=margin)
-    content = json.loads(json.dumps(task_content(task)))
-    assert content["torque_margin"] == ("none" if margin is None else margin)
-    assert task_from_options(content).limits == task.limits
+def test_the_choice_round_trips_through_a_task_file() -> None:
+    for margin in ("auto", "none", None, 0.2):
+        task = excite.Task("ur10e", torque_margin=margin)
+        content = json.loads(json.dumps(task_content(task)))
+        assert content["torque_margin"] == ("none" if margin is None else margin)
+        assert task_from_options(content).limits == task.limits
 
 
 def test_stored_tasks_of_older_files_keep_leaving_them_out() -> None:
@@ -214,17 +193,10 @@ def test_stored_tasks_of_older_files_keep_leaving_them_out() -> None:
     assert task_from_options(content).limits.torque_margin == "auto"
 
 
-@pytest.mark.parametrize("margin", ["often", True, -0.1, 1.0])
-def test_margins_that_cannot_be_are_refused(margin: object) -> None:
-    with pytest.raises(InputError, match="margin"):
-        formulate(built_in("ur10e"), excite.Task("ur10e", torque_margin=margin, **UR))
-
-
-def test_a_torque_limit_that_is_given_replaces_the_default() -> None:
-    task = excite.Task("ur10e", constraints=(excite.TorqueLimit(margin=0.3),), self_collision=False, **UR)
-    made = formulate(built_in("ur10e"), task)
-    assert made.stated == ()
-    np.testing.assert_allclose(made.nonlinear[0].upper[1], 0.7 * 330.0)
+def test_margins_that_cannot_be_are_refused() -> None:
+    for margin in ("often", True, -0.1, 1.0):
+        with pytest.raises(InputError, match="margin"):
+            formulate(built_in("ur10e"), excite.Task("ur10e", torque_margin=margin, **UR))
 
 
 @pytest.mark.slow
@@ -244,24 +216,6 @@ def test_contact_of_a_urdf_with_itself_is_avoided_where_the_motion_has_it(tmp_pa
     kept.save(tmp_path)
     assert load_design(tmp_path).task.limits.self_collision
     assert [each.limit for each in load_design(tmp_path).unchecked] == [e.limit for e in kept.unchecked]
-
-
-@pytest.mark.parametrize(
-    ("left_out", "text"),
-    [
-        ((), "plain"),
-        (("obstacles", "jerk"), "plain"),
-        (("self-collision", "obstacles"), "limits kept; collisions NOT checked (self-collision)"),
-        (("self-collision", "floor"), "limits kept; collisions NOT checked (self-collision, floor)"),
-        (("ceiling",), "limits kept; collisions NOT checked (ceiling)"),
-    ],
-)
-def test_nothing_is_said_to_hold_plainly_where_collisions_were_not_checked(
-    left_out: tuple[str, ...], text: str
-) -> None:
-    assert kept_headline(left_out, "plain") == text
-    if text != "plain":
-        assert kept_text([Unchecked(each, "why") for each in left_out]).startswith(f"{text}; not checked: ")
 
 
 @pytest.mark.slow
@@ -298,14 +252,80 @@ def test_meshes_that_cannot_be_read_are_capsules_and_the_others_stay(tmp_path: P
         task = excite.Task(str(path), velocity=(1.0,), acceleration=(3.0,))
         made[path.stem] = stated_world(installed_robot(task), task)
     worlds = {name: each.world for name, each in made.items()}
-    assert worlds["whole"] is not None
-    assert worlds["part"] is not None
     kept = [each for each in worlds["part"].parts if each.link != "b"]
     assert kept == [each for each in worlds["whole"].parts if each.link != "b"]
     robot = installed_robot(excite.Task(str(part)))
-    assert [each for each in worlds["part"].parts if each.link == "b"] == list(
-        skeleton(robot, assumed_radius(robot), ["b"])
-    )
+    capsules = list(skeleton(robot, assumed_radius(robot), ["b"]))
+    assert [each for each in worlds["part"].parts if each.link == "b"] == capsules
     assert "self-collision" not in [each.limit for each in made["part"].unchecked]
     assert made["whole"].notes == tuple(note for note in made["part"].notes if "assumed" not in note)
     assert any(re.match(r"shape of b assumed: a capsule of radius .*gone\.dae", note) for note in made["part"].notes)
+
+
+def use(part: float) -> LimitUse:
+    return LimitUse("joint j2 velocity", "rad/s", 2 * part, 1.0, 2.0, 2 - 2 * part, part)
+
+
+def test_no_limit_is_to_be_widened_that_is_used_at_90_percent_or_less() -> None:
+    for part in (0.0, 0.5, 0.9):
+        message = unidentifiable((use(part), use(part / 2)))
+        assert "widen" not in message
+        assert f"joint j2 velocity, is used at {100 * part:.0f} %" in message
+        assert "`harmonics`" in message
+    message = unidentifiable((use(0.3), use(0.99)))
+    assert "that of joint j2 velocity, 99 % of 2 rad/s: widen it if the robot allows more" in message
+    assert "limits are not the cause; give" in unidentifiable(())
+
+
+FINDINGS = (
+    Finding("snapped", "joint j1", "took 3.14 for pi"),
+    Finding("suspicious", "joint j1", "close to a right angle"),
+    Finding("suspicious", "joints j2, j3", "an effort limit of 1 Nm"),
+)
+
+
+@pytest.mark.parametrize("kind", [ContradictionError, NoFeasibleMotionError])
+@pytest.mark.parametrize(
+    ("message", "first"),
+    [
+        ("joint j3 torque", "joints j2, j3: an effort limit of 1 Nm (and 1 more, see the notes); joint j3 torque"),
+        ("no motion", "joint j1: close to a right angle (and 1 more, see the notes); no motion"),
+    ],
+)
+def test_what_is_suspicious_comes_first(kind: type[Exception], message: str, first: str) -> None:
+    robot = built_in("ur10e").replace(notes=FINDINGS)
+    with pytest.raises(kind) as caught, suspecting(robot):
+        raise kind(message)
+    assert str(caught.value) == f"look at the description first: {first}"
+
+
+def test_an_angle_as_if_rounded_is_suspicious() -> None:
+    robot = built_in("ur10e")
+    first, second = robot.joints[:2]
+    rounded = Joint.from_mdh(second.name, "revolute", alpha=1.57, a=0.0)
+    robot = robot.replace(joints=(first, rounded, *robot.joints[2:]))
+    with pytest.raises(NoFeasibleMotionError) as caught, suspecting(robot):
+        raise NoFeasibleMotionError("no motion")
+    assert "0.0008 rad from a right angle to that of joint" in str(caught.value)
+    assert str(caught.value).endswith("; state angles exactly; no motion")
+
+
+def test_a_description_without_doubts_and_other_errors_stay_as_they_are() -> None:
+    for error in (NoFeasibleMotionError("no motion"), InputError("bad")):
+        with pytest.raises(type(error)) as caught, suspecting(built_in("ur10e")):
+            raise error
+        assert caught.value is error
+
+
+def test_masses_in_grams_are_named_first_by_a_design(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(
+        '<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0.5 0 0"/><mass value="2000"/>'
+        '<inertia ixx="20" iyy="30" izz="20" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>'
+        '<limit lower="-0.5" upper="0.5" velocity="2" effort="50"/></joint></robot>'
+    )
+    with pytest.raises(
+        (ContradictionError, NoFeasibleMotionError), match=r"^look at the description first: joint.* grams"
+    ):
+        excite.design_trajectory(excite.Task(str(file), acceleration=5.0, starts=1, executor="serial"))

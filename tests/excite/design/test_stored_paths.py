@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +16,13 @@ import numpy as np
 import pytest
 
 import excite
-from excite.design.initial_guesses import initial_motion
-from excite.information.target import target_of
+from excite.design.formulation import formulate
+from excite.design.problem_identity import NotComparable, ProblemIdentity, plain_value
 from excite.storage.manifest import entry_sha256
+from excite.tasks.criteria import ConditionNumber
+from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.readers.library import load_robot
 
 _LINK = (
     '<link name="{0}"><inertial><origin xyz="0.1 0.02 0.03"/><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" '
@@ -123,13 +128,6 @@ def test_a_design_is_run_again_without_the_files_that_it_was_made_of(made: Path)
         assert "self-collision" not in {each.limit for each in again.unchecked}
 
 
-def test_the_motion_that_a_search_began_with_is_kept(made: Path) -> None:
-    first, second = (excite.load_design(made / name) for name in ("first", "second"))
-    q = initial_motion(target_of(second.robot, second.task), second.task)
-    assert q is not None
-    np.testing.assert_allclose(q, first.trajectory.sampled(200.0).q, atol=1e-12)
-
-
 def test_edited_coefficients_are_refused(folder: Path) -> None:
     def change(content: dict[str, Any]) -> None:
         content["trajectory"]["cosine"][0][0] += 1e-9
@@ -158,13 +156,12 @@ def test_a_design_without_hashes_and_one_written_anew_by_another_tool_are_read(f
     excite.load_design(folder)
 
 
-@pytest.mark.parametrize(
-    "hashes", [3, [], "x", {}, {"trajectory": None}, {"trajectory": "0", "files": []}, {"files": {"../x": "0"}}]
-)
-def test_hashes_of_another_form_are_refused(folder: Path, hashes: object) -> None:
-    edit(folder, lambda content: content.update(sha256=hashes))
-    with pytest.raises(InputError, match=r"design\.json"):
-        excite.load_design(folder)
+def test_hashes_of_another_form_are_refused(folder: Path) -> None:
+    null, part, outside = {"trajectory": None}, {"trajectory": "0", "files": []}, {"files": {"../x": "0"}}
+    for hashes in (3, [], "x", {}, null, part, outside):
+        edit(folder, lambda content, hashes=hashes: content.update(sha256=hashes))
+        with pytest.raises(InputError, match=r"design\.json"):
+            excite.load_design(folder)
 
 
 def test_files_outside_the_folder_are_not_hashed(folder: Path) -> None:
@@ -184,12 +181,98 @@ def test_the_hash_depends_on_numbers_and_not_on_their_form() -> None:
     assert entry_sha256([0.1]) != entry_sha256([np.nextafter(0.1, 1.0)])
 
 
-@pytest.mark.parametrize("name", ["a\x1b[31mb", "a\nb", 3, None, ["a"], "a\u202eb"])
-def test_names_that_break_lines_and_terminals_are_refused(folder: Path, name: object) -> None:
-    def change(content: dict[str, Any]) -> None:
-        content["robot"]["description"]["joints"][0]["name"] = name
+def test_names_that_break_lines_and_terminals_are_refused(folder: Path) -> None:
+    for name in ("a\x1b[31mb", "a\nb", 3, None, ["a"], "a\u202eb"):
+        edit(folder, lambda content, name=name: content["robot"]["description"]["joints"][0].update(name=name))
+        with pytest.raises(InputError, match="printable text") as refused:
+            excite.load_design(folder)
+        assert str(refused.value).isprintable()
 
-    edit(folder, change)
-    with pytest.raises(InputError, match="printable text") as refused:
-        excite.load_design(folder)
-    assert str(refused.value).isprintable()
+
+TASK = Task("irp6", harmonics=3, starts=2)
+
+
+def identity(task: Task) -> ProblemIdentity:
+    return formulate(load_robot("irp6"), task).identity
+
+
+@pytest.fixture(scope="module")
+def first() -> ProblemIdentity:
+    return identity(TASK)
+
+
+def test_what_no_start_depends_on_leaves_the_identity(first: ProblemIdentity) -> None:
+    for options in ({"starts": 9}, {"workers": 3}, {"executor": "serial"}, {"speed": (0.5,)}):
+        assert identity(TASK.changed(**options)).sha256 == first.sha256
+
+
+def test_what_a_start_depends_on_changes_it_and_is_named(first: ProblemIdentity) -> None:
+    for options, told in (
+        ({"seed": 1}, "search.seed 0 -> 1"),
+        ({"rate": 50.0}, "output.rate 100.0 -> 50.0"),
+        ({"harmonics": 4}, "trajectory.harmonics 3 -> 4"),
+        ({"velocity": (0.5,)}, "limits.velocity null -> [0.5]"),
+        ({"criterion": ConditionNumber()}, ""),
+    ):
+        other = identity(TASK.changed(**options))
+        assert other.sha256 != first.sha256
+        assert told in other.differences(first.content)
+
+
+def test_untrusted_content_is_not_echoed(first: ProblemIdentity) -> None:
+    content = {**first.content, "search": {"seed": "\x1b[31m" * 9, "y" * 900: 1}, "own": 3}
+    told = first.differences(content)
+    assert told.isprintable()
+    assert len(told) < 300
+
+
+def test_a_part_without_source_is_a_doubt() -> None:
+    hidden: dict[str, Any] = {"__name__": "nowhere"}
+    exec("from excite import ConditionNumber\nclass Mine(ConditionNumber): pass", hidden)
+    found = identity(TASK.changed(criterion=hidden["Mine"]()))
+    assert found.sha256 is None
+    assert found.doubt == "the source of Mine is not accessible"
+
+
+@dataclasses.dataclass
+class Part:
+    size: float
+    table: Any = None
+
+
+class Plain:
+    def __init__(self, size: float) -> None:
+        self.size = size
+
+    @cached_property
+    def double(self) -> float:
+        return 2 * self.size
+
+
+class Cyclic:
+    def __init__(self) -> None:
+        self.me = self
+
+
+SCALARS = [(1, 2), (1.0, 1.0 + 2**-52), (float("nan"), float("inf")), ("1", 1), (b"a", b"b"), (Path("a"), Path("b"))]
+ARRAYS = [(np.arange(3), np.arange(4)), (np.arange(100), np.arange(100) + 1), (np.arange(100), np.arange(100.0))]
+PARTS = [(Part(1.0), Part(2.0)), (Plain(1.0), Plain(2.0)), (Part(1.0), Plain(1.0)), (Part, Plain)]
+
+
+def test_other_values_are_others() -> None:
+    for a, b in (*SCALARS, *ARRAYS, *PARTS, ({"a": 1}, {"a": 2}), ((1, 2), (2, 1))):
+        assert plain_value(a) == plain_value(a)
+        assert plain_value(a) != plain_value(b)
+
+
+def test_what_is_computed_from_the_rest_does_not_count() -> None:
+    one, other = Plain(1.0), Plain(1.0)
+    assert one.double == 2.0
+    assert plain_value(one) == plain_value(other)
+    assert plain_value({"b", "a", "c"}) == plain_value({"c", "b", "a"})
+
+
+@pytest.mark.parametrize("value", [Cyclic(), (each for each in ())])
+def test_what_cannot_be_compared_is_said(value: Any) -> None:
+    with pytest.raises(NotComparable):
+        plain_value(value)

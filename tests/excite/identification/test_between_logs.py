@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.stats
-from played import EXACT, TASK, found, irp6, noisy, played, three_joints
+from played import EXACT, TASK, found, noisy, played, three_joints
 
 from excite.identification.between_logs import EachLog, allowing_for_logs, interval_scope, log_scatter, scatter_warning
-from excite.identification.estimate import Estimate
+from excite.identification.estimator import Estimate
 from excite.identification.identify import identify
 from excite.identification.result_json import result_content
 from excite.logs.log import Log
@@ -22,17 +22,10 @@ COUNT = 8  # parameters, of which the second half is friction
 
 def each_of(values: Array, deviations: Array | float = 1.0, freedom: float = 1e6) -> EachLog:
     K, p = values.shape
-    names = tuple(f"b{j}" for j in range(p))
-    friction = np.arange(p) >= p // 2
-    return EachLog(
-        tuple(f"log{k}" for k in range(K)),
-        names,
-        ("1",) * p,
-        friction,
-        values,
-        np.broadcast_to(deviations, values.shape).astype(float),
-        np.full(K, freedom),
-    )
+    names, units = tuple(f"b{j}" for j in range(p)), ("1",) * p
+    deviations = np.broadcast_to(deviations, values.shape).astype(float)
+    logs = tuple(f"log{k}" for k in range(K))
+    return EachLog(logs, names, units, np.arange(p) >= p // 2, values, deviations, np.full(K, freedom))
 
 
 def together(each: EachLog) -> Estimate:
@@ -40,17 +33,6 @@ def together(each: EachLog) -> Estimate:
     w = 1 / each.deviations**2
     values = np.sum(w * each.values, axis=0) / w.sum(axis=0)
     return Estimate("weighted", each.names, each.units, values, np.diag(1 / w.sum(axis=0)), np.ones((1, 1)), 10**6)
-
-
-def test_for_exact_deviations_the_test_is_chi_squared() -> None:
-    rng = np.random.default_rng(0)
-    s = rng.uniform(0.5, 2.0, (4, COUNT))
-    each = each_of(rng.normal(size=(4, COUNT)) * s, s)
-    scatter = log_scatter(each)
-    mean = np.sum(each.values / s**2, axis=0) / np.sum(1 / s**2, axis=0)
-    Q = np.sum(((each.values - mean) / s) ** 2, axis=0)
-    np.testing.assert_allclose(scatter.ratios, Q / 3)
-    np.testing.assert_allclose(scatter.probabilities, scipy.stats.chi2.sf(Q, 3), rtol=1e-4)
 
 
 @pytest.mark.parametrize("sizes", [(7, 12), (7, 12, 5)])
@@ -72,13 +54,11 @@ def test_noise_alone_seldom_warns_and_a_change_is_named() -> None:
     scatter = log_scatter(each_of(values))
     assert scatter.exceeding == ("b5",)
     warning = scatter_warning(scatter)
-    assert warning is not None
     assert warning.startswith("b5 differs between the logs")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("logs", [2, 3, 5])
-@pytest.mark.parametrize("change", [0.0, 1.0, 10.0])
+@pytest.mark.parametrize(("logs", "change"), [(2, 0.0), (2, 10.0), (3, 1.0), (5, 10.0)])
 def test_intervals_cover_the_mean_over_logs_whose_friction_changes(logs: int, change: float) -> None:
     rng = np.random.default_rng(logs)
     size = np.where(np.arange(COUNT) >= COUNT // 2, np.hypot(1.0, change), 1.0)
@@ -108,20 +88,15 @@ def test_variances_follow_the_scatter_with_as_many_degrees_of_freedom_as_logs() 
 
 def test_a_parameter_that_one_log_does_not_show_is_left_out() -> None:
     values = np.array([[1.0, 2.0, 3.0, 4.0], [1.1, np.nan, 3.1, 4.1]])
-    deviations = np.where(np.isnan(values), np.inf, 0.1)
-    scatter = log_scatter(each_of(values, deviations))
+    scatter = log_scatter(each_of(values, np.where(np.isnan(values), np.inf, 0.1)))
     assert list(scatter.counts) == [2, 1, 2, 2]
     assert np.isnan(scatter.ratios[1])
     assert np.all(scatter.factors() >= 1.0)
-
-
-def test_without_common_parameters_nothing_changes_but_a_note() -> None:
-    values = np.array([[1.0, np.nan], [np.nan, 2.0]])
-    each = each_of(values, np.where(np.isnan(values), np.inf, 0.1))
+    values = np.array([[1.0, np.nan], [np.nan, 2.0]])  # without common parameters nothing changes but a note
     estimate = together(each_of(np.ones((2, 2))))
-    found_ = allowing_for_logs(estimate, log_scatter(each))
-    np.testing.assert_array_equal(found_.covariance, estimate.covariance)
-    assert "do not allow for their scatter" in found_.notes[-1]
+    alone = allowing_for_logs(estimate, log_scatter(each_of(values, np.where(np.isnan(values), np.inf, 0.1))))
+    np.testing.assert_array_equal(alone.covariance, estimate.covariance)
+    assert "do not allow for their scatter" in alone.notes[-1]
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +110,6 @@ def test_each_log_is_estimated_as_if_it_were_alone(logs: tuple[Log, Log]) -> Non
     recipe = replace(EXACT, sign_width=0.0)
     both = identify(TASK, list(logs), recipe=recipe, each=True)
     alone = [found(TASK, log, recipe=recipe) for log in logs]
-    assert both.scatter is not None
     np.testing.assert_allclose(both.scatter.each.values, [a.estimate.values for a in alone], rtol=1e-9)
     np.testing.assert_allclose(both.scatter.each.deviations, [a.estimate.deviation for a in alone], rtol=1e-6)
     assert both.estimate.degrees_of_freedom == 2
@@ -149,9 +123,5 @@ def test_each_log_is_estimated_as_if_it_were_alone(logs: tuple[Log, Log]) -> Non
     single = result_content(alone[0])
     assert single["between_logs"] is None
     assert single["interval_scope"].startswith("the intervals are for this log")
-
-
-def test_each_needs_several_logs(logs: tuple[Log, Log]) -> None:
     with pytest.raises(InputError, match="`each` compares the estimates of several logs, but one log is given"):
         identify(TASK, logs[0], recipe=EXACT, each=True)
-    assert irp6().n == 5

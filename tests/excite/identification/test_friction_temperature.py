@@ -12,14 +12,14 @@ import pytest
 from commands import Here
 from played import TASK, curves, described, found, irp6, played, three_joints
 
-from excite.friction.fit.curve_fit import chosen_fit
-from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.friction_equations import Form, forms
-from excite.friction.fit.friction_fit import Characteristic, characteristics
-from excite.friction.fit.points import Point, described_model
-from excite.identification.estimation import estimate_parameters
+from excite.friction.constant_speed_windows import FitSettings
+from excite.friction.curve_fit import chosen_fit
+from excite.friction.friction_equations import Form, forms
+from excite.friction.friction_fit import Characteristic, characteristics
+from excite.friction.points import Point, described_model
 from excite.identification.identification import Identification
 from excite.identification.prediction import prediction
+from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log, write_log
@@ -59,9 +59,8 @@ def motion(*runs: tuple[float, float], start: float) -> SampledMotion:
 def simulated(
     temperature: tuple[float, ...] | None, *runs: tuple[float, float], seed: int, start: float = -0.1
 ) -> Simulation:
-    settings = SimulationSettings(
-        rate=RATE, torque_limits=False, torque_noise=(0.3,), temperature=temperature, seed=seed
-    )
+    own = {"temperature": temperature, "seed": seed}
+    settings = SimulationSettings(rate=RATE, torque_limits=False, torque_noise=(0.3,), **own)
     return simulate_motion(irp6(), ARM, motion(*runs, start=start), settings, friction=FrictionCurves({"z2": TRUTH}))
 
 
@@ -129,7 +128,6 @@ def test_a_warm_log_gives_masses_without_bias(fitted: Characteristic, warm_log: 
 
 def drifting(log: Log, warm: dict[str, Warm]) -> Log:
     """A log whose three joints warm up one by one, with what that does to friction, drive by drive."""
-    assert log.effort is not None
     C = irp6().transmission.coupling[:3, :3]
     dz = log.dq @ C.T
     temperature = np.linspace([20.0, 25.0, 30.0], [30.0, 45.0, 28.0], log.count)
@@ -143,19 +141,16 @@ def drifting(log: Log, warm: dict[str, Warm]) -> Log:
 
 @pytest.mark.parametrize("model", ["differential", "energy"])
 def test_friction_is_subtracted_at_the_temperature_of_each_sample(model: str) -> None:
-    warm = {
-        name: Warm(curve, 30.0 + k, Slope(-0.2 * k - 0.1, 0.3))
-        for k, (name, curve) in enumerate(list(curves().items())[:3])
-    }
-    log = drifting(played(three_joints(), 3, 500.0), warm)
-    result = found(TASK.changed(model=model), log, friction=FrictionCurves(warm))
-    exact = found(TASK.changed(model=model), played(three_joints(), 3, 500.0), friction=FrictionCurves(curves()))
+    three = list(curves().items())[:3]
+    warm = {name: Warm(curve, 30.0 + k, Slope(-0.2 * k - 0.1, 0.3)) for k, (name, curve) in enumerate(three)}
+    task, plain = TASK.changed(model=model), played(three_joints(), 3, 500.0)
+    log = drifting(plain, warm)
+    result = found(task, log, friction=FrictionCurves(warm))
+    exact = found(task, plain, friction=FrictionCurves(curves()))
     np.testing.assert_allclose(result.estimate.values, exact.estimate.values, rtol=1e-6, atol=1e-5)
     if model == "differential":
-        told = prediction(
-            result.target, result.prepared[0], result.recipe, result.estimate.coefficients, FrictionCurves(warm)
-        )
-        np.testing.assert_allclose(told.predicted, log.effort, atol=1e-3)
+        given = (result.target, result.prepared[0], result.recipe, result.estimate.coefficients)
+        np.testing.assert_allclose(prediction(*given, FrictionCurves(warm)).predicted, log.effort, atol=1e-3)
 
 
 def test_a_simulated_robot_has_the_friction_of_its_temperature() -> None:
@@ -194,14 +189,11 @@ def both_ways() -> tuple[Form, ...]:
     return tuple(form for T in (None, 32.0) for form in forms("coulomb-viscous", None, offset=True, temperature=T))
 
 
-def test_temperature_that_does_not_matter_is_left_out() -> None:
+def test_temperature_that_does_not_matter_is_left_out_and_so_is_what_is_no_friction() -> None:
     best, others, _ = chosen_fit(points(lambda v, T: 20 * np.sign(v) + 26 * v), both_ways(), "bic")
     assert best.form.name == "coulomb-viscous"
     assert len(others) == 4
     assert isinstance(best.curve, CoulombViscous)
-
-
-def test_a_fit_that_is_no_friction_at_one_end_is_not_chosen() -> None:
     warm = points(lambda v, T: (1.0 - 0.1 * (T - 32)) * np.sign(v) + 26 * v)
     best, _, failed = chosen_fit(warm, both_ways(), "bic")
     assert best.form.temperature is None
@@ -209,34 +201,28 @@ def test_a_fit_that_is_no_friction_at_one_end_is_not_chosen() -> None:
     assert "at 45 deg C; it was measured from 20 to 45 deg C" in failed["coulomb-viscous, linear in temperature"]
 
 
-@pytest.fixture
-def here(
-    logs: list[Log], warm_log: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> Here:
-    for log in logs:
-        write_log(log, tmp_path / log.source)
-    write_log(warm_log, tmp_path / "warm.csv")
-    write_log(replace(warm_log, temperature=None), tmp_path / "bare.csv")
-    return Here(tmp_path, monkeypatch, capfd)
+IDENTIFY = ("identify", "irp6", "--drives", "2", "--rows", "all", "--out", "res", "--force")
 
 
 @pytest.mark.slow
-def test_the_commands_from_fit_to_verification(here: Here) -> None:
-    ended = here.run(
-        "friction", "fit", "irp6", "run0.csv", "run1.csv", "run2.csv", "--drives", "z2", "-v", "--out", "fit"
-    )
+def test_the_commands_from_fit_to_verification(logs: list[Log], warm_log: Log, here: Here) -> None:
+    for log in logs:
+        write_log(log, here.cwd / log.source)
+    np.testing.assert_array_equal(read_log(here.cwd / "run1.csv").temperature, np.full((logs[1].count, 3), 32.0))
+    write_log(warm_log, here.cwd / "warm.csv")
+    write_log(replace(warm_log, temperature=None), here.cwd / "bare.csv")
+    ended = here.run("friction", "fit", "irp6", *(log.source for log in logs), "--drives", "z2", "-v", "--out", "fit")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "coulomb temperature" in ended.stdout
     curve = read_friction(here.cwd / "fit" / "friction.yaml").curve("z2")
     assert isinstance(curve, Warm)
     assert curve.forward.coulomb == pytest.approx(-0.5, abs=0.02)
-    identify = ("identify", "irp6", "--drives", "2", "--rows", "all", "--friction-curves", "fit/friction.yaml")
     errors = []
-    for name, more in (("warm.csv", ()), ("bare.csv", ("--temperature", "40"))):
-        ended = here.run(*identify, name, "--out", "res", "--force", "--format", "json", *more)
+    for more in (("warm.csv",), ("bare.csv", "--temperature", "40")):
+        ended = here.run(*IDENTIFY, "--friction-curves", "fit/friction.yaml", "--format", "json", *more)
         assert ended.returncode == 0, ended.stderr
         content = json.loads((here.cwd / "res" / "result.json").read_text())
-        assert content["recipe"]["temperature"] == ([40.0] if more else None)
+        assert content["recipe"]["temperature"] == ([40.0] if more[1:] else None)
         errors.append(content["prediction_error"])
     assert errors[1] == errors[0] < 0.1
     verify = ("verify", "res", "--training-too", "--out", "told", "--format", "json")
@@ -246,52 +232,33 @@ def test_the_commands_from_fit_to_verification(here: Here) -> None:
     assert "55 deg C, which is extrapolated" in here.run(*verify, "bare.csv", "--temperature", "55").stdout
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--temperature", "40,41"), "temperature needs one value, or 3, one per joint of q1, q2, q3; given 2"),
-        (("--temperature", "nan"), "expected finite numbers, given 'nan'"),
-        (("--temperature", "140"), "z2: friction: coulomb must be zero or more, given -33.85 at 140 deg C"),
-    ],
-)
-def test_identify_refuses(here: Here, arguments: tuple[str, ...], message: str) -> None:
+def test_identify_refuses_temperatures(warm_log: Log, here: Here) -> None:
+    write_log(replace(warm_log, temperature=None), here.cwd / "bare.csv")
     write_friction(FrictionCurves({"z2": TRUTH}), here.cwd / "f.yaml")
-    identify = ("identify", "irp6", "bare.csv", "--drives", "2", "--rows", "all", "--out", "res")
-    ended = here.run(*identify, "--friction-curves", "f.yaml", *arguments)
-    assert ended.returncode == 2
-    assert message in ended.stderr
+    for temperature, message in (
+        ("40,41", "temperature needs one value, or 3, one per joint of q1, q2, q3; given 2"),
+        ("nan", "expected finite numbers, given 'nan'"),
+        ("140", "z2: friction: coulomb must be zero or more, given -33.85 at 140 deg C"),
+    ):
+        given = ("bare.csv", "--friction-curves", "f.yaml", "--temperature", temperature)
+        assert message in here.refused(*IDENTIFY, *given)
+    without = "--temperature is for known friction, but no friction curves are given; give --friction-curves"
+    assert without in here.refused(*IDENTIFY, "bare.csv", "--temperature", "30")
 
 
-@pytest.mark.slow
-def test_temperatures_are_for_curves_that_depend_on_them(here: Here) -> None:
-    identify = ("identify", "irp6", "bare.csv", "--drives", "2", "--rows", "all", "--out", "res", "--temperature", "30")
-    ended = here.run(*identify)
-    assert ended.returncode == 2
-    assert (
-        "--temperature is for known friction, but no friction curves are given; give --friction-curves" in ended.stderr
-    )
-    write_friction(FrictionCurves({"z2": TRUTH.at(30.0)}), here.cwd / "f.yaml")
-    ended = here.run(*identify, "--friction-curves", "f.yaml", "-v")
-    assert ended.returncode == 0, ended.stderr
-    assert "no friction curve depends on temperature" in ended.stdout
+def test_temperatures_are_for_curves_that_depend_on_them(warm_log: Log) -> None:
+    result = inertial(replace(warm_log, temperature=None), TRUTH.at(30.0), temperature=(30.0,))
+    assert any("no friction curve depends on temperature" in note for note in result.prepared[0].notes)
 
 
-@pytest.mark.parametrize(
-    ("temperature", "message"),
-    [
+def test_simulations_refuse() -> None:
+    for temperature, message in (
         ((20.0, 30.0), "temperature needs one value, or 3, one per joint; given 2"),
         ((np.nan,), "`temperature` must be a number from -273.15 to 10000 deg C, given nan"),
         ((140.0,), "z2: friction: coulomb must be zero or more"),
-    ],
-)
-def test_simulations_refuse(temperature: tuple[float, ...], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        simulated(temperature, (0.3, 0.1), seed=0)
-
-
-def test_simulated_logs_read_back_with_their_temperature(here: Here) -> None:
-    log = read_log(here.cwd / "run1.csv")
-    np.testing.assert_array_equal(log.temperature, np.full((log.count, 3), 32.0))
+    ):
+        with pytest.raises(InputError, match=message):
+            simulated(temperature, (0.3, 0.1), seed=0)
 
 
 def test_one_temperature_column_is_that_of_all_joints(tmp_path: Path) -> None:
@@ -303,8 +270,6 @@ def test_one_temperature_column_is_that_of_all_joints(tmp_path: Path) -> None:
     path.write_text("time,a.position,b.position,a.temperature\n0,1,2,20\n1,1,2,21\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"but not b\.temperature; give one column 'temperature' for all joints"):
         read_log(path)
-    path.write_text(
-        "time,temperature,a.position,a.temperature,b.position,b.temperature\n0,9,1,20,2,30\n1,9,1,20,2,30\n",
-        encoding="utf-8",
-    )
+    header = "time,temperature,a.position,a.temperature,b.position,b.temperature"
+    path.write_text(f"{header}\n0,9,1,20,2,30\n1,9,1,20,2,30\n", encoding="utf-8")
     np.testing.assert_array_equal(read_log(path).temperature, [[20.0, 30.0]] * 2)

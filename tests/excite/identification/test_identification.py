@@ -23,20 +23,20 @@ from played import (
 )
 
 from excite.identification.covariance import condition_number
-from excite.identification.equations import equations_of
-from excite.identification.estimation import estimate_parameters
-from excite.identification.preparation import chosen_method, prepare
+from excite.identification.estimators.robust import commanded, instruments
+from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import result_content
 from excite.information.target import target_of
 from excite.logs.log import Log
-from excite.logs.signals.fourier_fit import FourierFit
 from excite.tasks.task import Task
+from excite.trajectories import Trajectory
+from excite.trajectories.fourier import Fourier
+from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.samples import Array
 
 # Rotor inertias seen through the gears, from the numbers of the description
 GEARED = {1: 7.658e-05 * 158.0**2, 2: 7.658e-05 * 167.5**2, 3: 7.658e-05 * 167.5**2}
@@ -61,15 +61,15 @@ def test_the_differential_model_gives_the_truth_back(log: Log) -> None:
 
 def test_the_truth_is_the_arithmetic_of_the_description(log: Log) -> None:
     known = standard_values(built_in("irp6"))
-    truth = dict(zip((result := found(TASK, log)).estimate.names, described(result), strict=True))
+    result = found(TASK, log)
+    truth = dict(zip(result.names, described(result), strict=True))
     held = known["m4"] + known["m5"]  # at the tip of the forearm, to which the wrist is fixed
     assert (truth["F1c"], truth["F3v"]) == (28.0, 26.0)
     # rotors are in the diagonal terms, and a mass that is held far out makes them larger
-    assert truth["X4"] > known["I3zz"] + GEARED[3]
-    assert truth["X4"] < known["I3zz"] + GEARED[3] + 2.0 * held
-    assert truth["X3"] - truth["X4"] == pytest.approx(
-        known["I2zz"] + GEARED[2] + 0.455**2 * (known["m3"] + held), rel=1e-9
-    )
+    own = known["I3zz"] + GEARED[3]
+    assert own < truth["X4"] < own + 2.0 * held
+    upper = known["I2zz"] + GEARED[2] + 0.455**2 * (known["m3"] + held)
+    assert truth["X3"] - truth["X4"] == pytest.approx(upper, rel=1e-9)
 
 
 @pytest.mark.parametrize("window", ["short", "long"])
@@ -82,47 +82,31 @@ def test_the_energy_model_gives_the_truth_back(window: str, friction: FrictionCu
     assert len(truth) == (13 if friction is None else 7)
 
 
-@pytest.mark.parametrize(
-    ("task", "tolerance"),
-    [
+def test_a_load_is_given_back() -> None:
+    for task, tolerance in (
         (Task("irp6", model="load"), 1e-12),
         (Task("irp6", model="load-integral", window="long"), 1e-8),
         (Task("irp6", model="load-integral", window_length=0.01), 1e-8),
         (Task("irp6", model="load", equations=("fx", "fy", "fz", "ny", "nz")), 1e-11),
-    ],
-)
-def test_a_load_is_given_back(task: Task, tolerance: float) -> None:
-    result = found(task, played(periodic(np.eye(5), 3), 5, 500.0, load=LOAD))
-    np.testing.assert_allclose(result.estimate.values, LOAD, atol=tolerance)
+    ):
+        result = found(task, played(periodic(np.eye(5), 3), 5, 500.0, load=LOAD))
+        np.testing.assert_allclose(result.estimate.values, LOAD, atol=tolerance)
 
 
-@pytest.mark.parametrize(
-    ("chosen", "directions", "names"),
-    [
-        ({"drives": ("2",)}, mixed([0.0, 1.0, -1.0]), ("X3", "X7", "F2c", "F2v")),
-        (
-            {"joints": ("1", "3")},
-            mixed([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
-            ("X1", "X4", "X5", "X6", "F1c", "F3c", "F1v", "F3v"),
-        ),
-    ],
-)
-def test_partial_motions_give_their_part_of_the_truth_back(
-    chosen: dict[str, tuple[str, ...]], directions: Array, names: tuple[str, ...]
-) -> None:
-    result = found(Task("irp6", **chosen), played(periodic(directions, 2), 3))
-    assert result.estimate.names == names
-    np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-9)
+def test_partial_motions_give_their_part_of_the_truth_back() -> None:
+    for chosen, directions, names in (
+        ({"drives": ("2",)}, mixed([0.0, 1.0, -1.0]), "X3 X7 F2c F2v"),
+        ({"joints": ("1", "3")}, mixed([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]), "X1 X4 X5 X6 F1c F3c F1v F3v"),
+    ):
+        result = found(Task("irp6", **chosen), played(periodic(directions, 2), 3))
+        assert " ".join(result.estimate.names) == names
+        np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-9)
 
 
-def test_subtracted_friction_leaves_the_inertial_parameters(log: Log) -> None:
+def test_subtracted_friction_leaves_the_inertial_parameters_and_drives_without_are_told(log: Log) -> None:
     result = found(TASK, log, friction=FrictionCurves(curves()))
     assert result.estimate.names == tuple(f"X{k}" for k in range(1, 8))
-    whole = found(TASK, log)
-    np.testing.assert_allclose(result.estimate.values, whole.estimate.values[:7], rtol=1e-10)
-
-
-def test_drives_without_a_curve_are_told(log: Log) -> None:
+    np.testing.assert_allclose(result.estimate.values, found(TASK, log).estimate.values[:7], rtol=1e-10)
     known = FrictionCurves({"z1": CoulombViscous(28.0, 25.0)})
     result, asked = (found(TASK.changed(friction=own), log, friction=known) for own in (True, False))
     assert "no friction curve of z2, z3: identified with the rest" in result.prepared[0].notes
@@ -138,11 +122,10 @@ def test_a_common_low_pass_leaves_the_truth_where_it_is() -> None:
     np.testing.assert_allclose(filtered.estimate.values, whole.estimate.values, rtol=1e-9)
 
 
-@pytest.mark.parametrize("estimator", ["huber", "least-squares", "physical", "recursive", "total", "weighted"])
-def test_every_estimator_finds_it(log: Log, estimator: str) -> None:
-    recipe = replace(EXACT, estimator=estimator)
-    result = estimate_parameters(irp6(), TASK, [log], recipe)
-    np.testing.assert_allclose(result.estimate.values, described(result), rtol=2e-4)
+def test_every_estimator_finds_it(log: Log) -> None:
+    for estimator in ("huber", "least-squares", "physical", "recursive", "total", "weighted"):
+        result = found(TASK, log, recipe=replace(EXACT, estimator=estimator))
+        np.testing.assert_allclose(result.estimate.values, described(result), rtol=2e-4)
 
 
 # ---------------------------------------------------------------- laws
@@ -168,33 +151,9 @@ def test_two_logs_are_their_equations_together(noise: Log) -> None:
 
 def test_torques_in_other_units_scale_the_estimate(noise: Log) -> None:
     recipe = Recipe(rows="all", sign_width=0.0)
-    assert noise.effort is not None
     once, doubled = (found(TASK, replace(noise, effort=k * noise.effort), recipe=recipe) for k in (1.0, 2.0))
     np.testing.assert_allclose(doubled.estimate.values, 2.0 * once.estimate.values, rtol=1e-10)
     np.testing.assert_allclose(doubled.estimate.deviation, 2.0 * once.estimate.deviation, rtol=1e-6)
-
-
-def test_averaged_periods_are_as_one_quieter_period(noise: Log) -> None:
-    result = found(TASK, noise, recipe=Recipe(rows="all", average=True, signals="fourier"))
-    assert result.prepared[0].samples.time.size == round(200.0 * PERIOD)
-    assert any("mean of 2 periods of 2 s (estimated)" in note for note in result.prepared[0].notes)
-    whole = found(TASK, noise, recipe=replace(EXACT, sign_width=0.0))
-    np.testing.assert_allclose(result.estimate.values, whole.estimate.values, rtol=0.05)
-
-
-def test_a_series_settles_its_period_and_its_harmonics(noise: Log) -> None:
-    for period in (None, PERIOD):
-        settled = chosen_method(Recipe(signals="fourier", period=period)).settled(noise.time, noise.q)
-        assert isinstance(settled, FourierFit)
-        assert settled.period == pytest.approx(PERIOD, rel=1e-4)
-        assert settled.harmonics == 3
-
-
-def test_intervals_hold_the_truth(noise: Log) -> None:
-    result = found(TASK, noise, recipe=Recipe(rows="all"))
-    truth = described(result)
-    assert np.all((result.estimate.interval[:, 0] < truth) & (truth < result.estimate.interval[:, 1]))
-    assert np.all(result.estimate.deviation < 0.05 * np.abs(truth).max())
 
 
 def test_condition_number_is_that_of_the_stacked_equations(log: Log) -> None:
@@ -207,12 +166,39 @@ def test_condition_number_is_that_of_the_stacked_equations(log: Log) -> None:
     assert condition_number(replace(result.observations, W=W)) == np.inf
 
 
-def test_equations_hold_for_the_truth_row_by_row(log: Log) -> None:
-    target = target_of(irp6(), TASK)
-    part = prepare(log, irp6(), target, EXACT)
-    equations = equations_of(target, part, EXACT)
-    beta = found(TASK, log).estimate.values
-    np.testing.assert_allclose(equations.W @ beta, equations.y, atol=1e-9)
-    np.testing.assert_array_equal(equations.y.reshape(-1, 3), log.effort)
-    np.testing.assert_array_equal(equations.time[::3], log.time)
-    np.testing.assert_array_equal(equations.equation[:6], [0, 1, 2, 0, 1, 2])
+def commanded_motion() -> Trajectory:
+    return Trajectory(Fourier(PERIOD, 3), 0.3 * np.random.default_rng(7).normal(size=(3, 5)))
+
+
+def follower(delay: float, noise: float = 0.0) -> PreparedLog:
+    """A log that plays a design so much later, and does not start at time zero."""
+    time = 5.0 + np.arange(500) / 200.0
+    samples = commanded_motion().samples(np.mod(time - delay, PERIOD))
+    q = samples.q + noise * np.random.default_rng(8).normal(size=samples.q.shape)
+    return PreparedLog(Log("LOG", "", ("q1", "q2", "q3"), time, q), replace(samples, time=time, q=q), q, ())
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.137, -0.4, 5.93])
+def test_the_commanded_motion_is_found_whenever_it_began(delay: float) -> None:
+    part = follower(delay, noise=1e-4)
+    motion = commanded(commanded_motion(), part)
+    exact = follower(delay).samples
+    np.testing.assert_allclose(motion.q, exact.q, atol=2e-5)
+    np.testing.assert_allclose(motion.ddq, exact.ddq, atol=2e-3)
+    np.testing.assert_array_equal(motion.time, part.samples.time)
+
+
+def test_another_motion_is_not_taken_for_the_commanded_one() -> None:
+    other = Trajectory(Fourier(PERIOD, 3), 0.3 * np.random.default_rng(9).normal(size=(3, 5)))
+    with pytest.raises(InputError, match=r"^LOG does not follow the design's motion: it deviates by \d+ %"):
+        commanded(other, follower(0.0))
+
+
+def test_instruments_are_the_regressor_of_the_commanded_motion() -> None:
+    target, part = target_of(irp6(), TASK), follower(0.2, noise=1e-4)
+    Z = instruments(commanded_motion(), target, (part, part), EXACT)
+    W = target.model.assemble(follower(0.2).samples)[:, target.base.index]
+    assert Z.shape == (2 * len(W), target.base.rank)
+    smooth = [k for k, name in enumerate(target.base.names) if name.startswith("X")]
+    np.testing.assert_allclose(Z[: len(W), smooth], W[:, smooth], atol=0.02)
+    np.testing.assert_array_equal(Z[: len(W)], Z[len(W) :])

@@ -1,25 +1,34 @@
-"""Friction known beforehand: subtracted with the direction that the data show, and predicted with it."""
+"""Friction known beforehand, of all drives or some, as it is or times a fitted factor: subtracted, and predicted."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from played import EXACT, TASK, curves, described, found, irp6, mixed, periodic, played, three_joints
+from played import EXACT, TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
 
+from excite.design.task_file import task_content, task_from_options
+from excite.identification.allowances import friction_columns
 from excite.identification.equations import measured_direction
-from excite.identification.estimation import estimate_parameters
-from excite.identification.known_friction import known_torque
-from excite.identification.prediction import prediction
+from excite.identification.estimator import Context
+from excite.identification.prediction import known_torque, prediction, without_friction
+from excite.identification.procedure import estimate_parameters
+from excite.identification.result_json import load_result, result_content
 from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.study.repetitions import repetitions
+from excite.tasks.friction_file import friction_of, friction_text
 from excite.tasks.task import Task
-from regressors.errors import InputError
-from regressors.robot.friction.curve import CoulombViscous, Stribeck, TableFriction
+from excite.verification.verify import verify
+from regressors.errors import InputError, UnknownName
+from regressors.readers.library import built_in
+from regressors.robot.friction.curve import CoulombViscous, Scaled, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
+from regressors.robot.friction.uncertainty import multiplied
 from regressors.samples import Array, Samples
 
 CURVES = FrictionCurves(curves())
@@ -41,10 +50,8 @@ def test_a_planted_distance_is_found_with_known_curves(log: Log) -> None:
     moved = turned(log, measured_direction(log.q @ C.T, 0.0005))
     result = found(TASK, moved, friction=CURVES)
     assert result.recipe.breakaway == pytest.approx(0.0005, rel=0.05)
-    assert any(
-        note.startswith("known friction is presliding: it changes direction over 0.000")
-        for note in result.estimate.notes
-    )
+    said = "known friction is presliding: it changes direction over 0.000"
+    assert any(note.startswith(said) for note in result.estimate.notes)
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
     exact = found(TASK, moved, recipe=replace(EXACT, sign_width=0.0), friction=CURVES)
     errors = [np.abs(one.estimate.values - described(one)).max() for one in (result, exact)]
@@ -62,13 +69,11 @@ def test_known_curves_are_the_columns_that_were_identified(log: Log) -> None:
     moved = turned(log, measured_direction(log.q @ C.T, 0.0005))
     together, known = found(TASK, moved, recipe=recipe), found(TASK, moved, recipe=recipe, friction=CURVES)
     np.testing.assert_allclose(together.estimate.values[:7], known.estimate.values, rtol=1e-7)
-    told = [
-        prediction(
-            one.target, replace(one.prepared[0], measured=moved.effort), one.recipe, one.estimate.coefficients, f
-        )
-        for one, f in ((together, None), (known, CURVES))
-    ]
-    np.testing.assert_allclose(told[0].predicted, told[1].predicted, atol=1e-6)
+    predicted = []
+    for one, curves_of in ((together, None), (known, CURVES)):
+        part = replace(one.prepared[0], measured=moved.effort)
+        predicted.append(prediction(one.target, part, one.recipe, one.coefficients, curves_of).predicted)
+    np.testing.assert_allclose(*predicted, atol=1e-6)
 
 
 def test_known_torque_keeps_its_direction_where_the_motion_rests() -> None:
@@ -104,11 +109,8 @@ def test_drives_that_turn_without_a_curve_are_told(log: Log) -> None:
 
 def test_nothing_is_said_of_a_description_without_friction(log: Log) -> None:
     transmission = irp6().transmission
-    bare = irp6().replace(
-        transmission=replace(
-            transmission, drives=tuple(replace(d, coulomb=None, viscous=None) for d in transmission.drives)
-        )
-    )
+    drives = tuple(replace(d, coulomb=None, viscous=None) for d in transmission.drives)
+    bare = irp6().replace(transmission=replace(transmission, drives=drives))
     task = TASK.changed(friction=False)
     result = estimate_parameters(bare, task, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
     told = "no friction curve of z1, z2, z3, and no friction columns, as asked: assumed to have no friction"
@@ -118,33 +120,133 @@ def test_nothing_is_said_of_a_description_without_friction(log: Log) -> None:
 def test_speeds_beyond_a_table_are_told(log: Log) -> None:
     """However the table is wrapped; nothing where it is fast enough."""
     slow, fast = (TableFriction([0.01, fastest], [20.0, 25.0]) for fastest in (0.05, 50.0))
-    known = FrictionCurves(
-        {
-            "z1": slow,
-            "z2": Loaded(Warm(slow, 30.0, Slope(-0.01)), 0.01),
-            "z3": Loaded(Warm(fast, 30.0, Slope(-0.01)), 0.01),
-        }
-    )
+    wrapped = [Loaded(Warm(table, 30.0, Slope(-0.01)), 0.01) for table in (slow, fast)]
+    known = FrictionCurves({"z1": slow, "z2": wrapped[0], "z3": wrapped[1]})
     notes = [note for note in told(TASK, log, known).split(" | ") if "faster than its table" in note]
     beyond = np.count_nonzero(np.abs(log.dq @ C.T) > 0.05, axis=0)
     assert [int(note.split()[3]) for note in notes] == pytest.approx(beyond[:2], abs=4)
     assert [note.split()[2] for note in notes] == ["z1:", "z2:"]
 
 
-def test_offsets_that_known_friction_leaves_out_are_told(log: Log) -> None:
-    note = "offset columns are left out: friction is known"
-    recipe = replace(EXACT, sign_width=0.0)
-    for offset in (True, False):
-        result = found(TASK.changed(offset=offset), log, recipe=recipe, friction=CURVES)
-        assert (note in result.estimate.notes) == offset
-        assert not any(name.startswith("F") for name in result.estimate.names)
-
-
-def test_curves_are_not_for_wrenches(log: Log) -> None:
-    with pytest.raises(InputError, match="a wrench does not contain friction"):
-        found(Task("irp6", model="load"), log, friction=CURVES)
-
-
-def test_identifications_with_known_friction_are_not_repeated(log: Log) -> None:
+def test_identifications_with_known_friction_have_no_offsets_and_are_not_repeated(log: Log) -> None:
+    result = found(TASK.changed(offset=True), log, recipe=replace(EXACT, sign_width=0.0), friction=CURVES)
+    assert "offset columns are left out: friction is known" in result.estimate.notes
+    assert not any(name.startswith("F") for name in result.names)
     with pytest.raises(InputError, match="repetitions cannot repeat friction that is subtracted"):
-        repetitions(found(TASK, log, friction=CURVES), 10, 0)
+        repetitions(result, 10, 0)
+
+
+EXACTLY = replace(EXACT, sign_width=0.0)
+KNOWN = FrictionCurves({"z2": curves()["z2"]})
+OWN = ("F1c", "F3c", "F1v", "F3v")
+
+
+@pytest.mark.parametrize("model", ["differential", "energy"])
+def test_the_other_drives_keep_their_columns(model: str, log: Log) -> None:
+    """And the truth comes back."""
+    result = found(Task("irp6", model=model), log, recipe=EXACTLY, friction=KNOWN)
+    assert set(result.estimate.names[-4:]) == set(OWN)
+    assert result.task.model.friction == ("z1", "z3")
+    windows = model == "energy"  # which are integrated by the trapezoidal rule
+    np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.03 if windows else 1e-9)
+    np.testing.assert_allclose(result.estimate.values[-4:], described(result)[-4:], rtol=1e-3)
+
+
+def test_offsets_are_those_of_the_other_drives(log: Log) -> None:
+    result = found(TASK.changed(offset=True), log, recipe=EXACTLY, friction=KNOWN)
+    assert result.estimate.names[7:] == (*OWN, "F1o", "F3o")
+    np.testing.assert_allclose(result.estimate.values, described(result), atol=1e-8)
+
+
+def test_columns_only_where_they_are_asked_for() -> None:
+    for friction, names in ((False, ()), (("z1",), ("F1c", "F1v")), (("3", "z1"), OWN), (("2",), ())):
+        task = TASK.changed(friction=friction, friction_curves=KNOWN)
+        assert set(names) == {name for name in task.model.built(irp6()).names if name.startswith("F")}
+        stored = json.loads(json.dumps(task_content(task)))
+        assert task_from_options(stored, stored=True) == task
+    with pytest.raises(UnknownName, match=r"no drive named 'z9'; available: 1 \(z1\), 2 \(z2\)"):
+        target_of(irp6(), TASK.changed(friction=("z9",)))
+
+
+def test_joints_are_the_drives_of_a_robot_without_a_transmission() -> None:
+    curve = FrictionCurves({"panda_joint1": CoulombViscous(1.0)})
+    task = Task("panda", friction=("panda_joint1", "2", "7"), friction_curves=curve)
+    names = [name for name in task.model.built(built_in("panda")).names if name.startswith("F")]
+    assert names == ["F2c", "F7c", "F2v", "F7v"]
+
+
+def test_results_are_verified_with_both(log: Log, tmp_path: Path) -> None:
+    result = found(TASK, log, recipe=EXACTLY, friction=KNOWN)
+    result.save(tmp_path)
+    assert result_content(result)["task"]["friction"] == ("z1", "z3")
+    other = played(three_joints(7), 3, seconds=6.0, source="OTHER")
+    assert verify(load_result(tmp_path), other, rows="all", signals="fourier").relative_error < 1e-6
+
+
+RECIPE = replace(EXACT, sign_width=0.0, friction_scale=True)
+FACTORS = {"z1": 0.8, "z3": 1.25}
+STATED = FrictionCurves({name: multiplied(curves()[name], 1 / factor) for name, factor in FACTORS.items()})
+
+
+def test_planted_factors_come_back_with_the_parameters(log: Log, tmp_path: Path) -> None:
+    result = found(TASK, log, recipe=RECIPE, friction=STATED)
+    assert result.friction_scale.factors == pytest.approx(FACTORS, rel=1e-9)
+    assert result.estimate.names[7:] == ("F2c", "F2v")
+    np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-8)
+    result.save(tmp_path)
+    stored = load_result(tmp_path)
+    np.testing.assert_allclose(stored.friction.curve("z1").torque([0.1, -0.5]), curves()["z1"].torque([0.1, -0.5]))
+    assert result_content(stored)["friction_scale"]["z3"]["factor"] == pytest.approx(1.25)
+    assert result_content(found(TASK, log, friction=STATED))["friction_scale"] is None
+    own = found(TASK.changed(friction_curves=STATED), log, recipe=RECIPE)
+    np.testing.assert_array_equal(own.estimate.values, result.estimate.values)
+
+
+def test_columns_are_what_is_subtracted(log: Log) -> None:
+    plain = found(TASK, log, recipe=replace(RECIPE, friction_scale=False))
+    (part,) = plain.prepared
+    names, columns = friction_columns(Context(plain.target, (part,), plain.recipe), STATED)
+    less = without_friction(part, plain.target, STATED, plain.recipe)
+    assert names == ("z1", "z3")
+    np.testing.assert_allclose(columns.sum(axis=1), (part.measured - less.measured).ravel(), atol=1e-12)
+
+
+@pytest.mark.slow
+def test_intervals_allow_for_the_factors(log: Log) -> None:
+    """They are those of factors and parameters estimated at once."""
+    hits, factors = [], []
+    for seed in range(50):
+        result = found(TASK, noisy(log, 1.0, 0.0, seed), recipe=RECIPE, friction=STATED)
+        scale = result.friction_scale
+        hits.append(np.abs(result.estimate.values - described(result)) <= result.estimate.half_width)
+        factors.append(np.abs(scale.factor - list(FACTORS.values())) <= scale.half_width)
+    assert np.mean(hits) > 0.97
+    assert np.mean(factors) > 0.96
+
+
+def test_nothing_to_scale_is_refused(log: Log) -> None:
+    with pytest.raises(InputError, match="`friction_scale` is for known friction"):
+        found(TASK, log, recipe=RECIPE)
+    with pytest.raises(InputError, match="no moving drive has one"):
+        found(TASK, log, recipe=RECIPE, friction=FrictionCurves({"z4": CoulombViscous(1.0)}))
+
+
+MULTIPLIED = (
+    CoulombViscous(2.0, 3.0, 0.1),
+    Stribeck(Side(2.0, 3.0, 4.0, 0.1, 1.0), Side(1.0, 2.0, 3.0), offset=0.2),
+    TableFriction([0.1, 1.0], [3.0, 5.0]),
+    Scaled(CoulombViscous(2.0, 3.0), 1.5),
+    Warm(CoulombViscous(2.0, 3.0), 30.0, Slope(-0.01, 0.02), Slope(0.03), range=(20.0, 40.0)),
+    Loaded(CoulombViscous(2.0, 3.0), 0.1, 0.2),
+)
+
+
+def test_multiplied_curves_are_of_their_kind() -> None:
+    v = np.array([-2.0, -0.1, 0.1, 0.7])
+    for curve in MULTIPLIED:
+        one = multiplied(curve, 1.3)
+        np.testing.assert_allclose(one.torque(v), 1.3 * curve.torque(v), rtol=1e-12)
+        np.testing.assert_allclose(one.torque_at(v, 45.0), 1.3 * curve.torque_at(v, 45.0), rtol=1e-12)
+        kept = friction_of(friction_text(FrictionCurves({"z1": one})), "text").curve("z1")
+        np.testing.assert_allclose(kept.torque(v), one.torque(v), rtol=1e-12)
+    assert one.shares == pytest.approx((0.13, 0.26))

@@ -1,79 +1,74 @@
-"""How friction turns its direction: planted turnings are found, and reach the equations through the drives."""
+"""How friction turns its direction: planted turnings are found, of each drive too, and against Dahl's equation."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from played import EXACT, TASK, described, found, irp6, played, three_joints
+from played import EXACT, TASK, curves, described, found, irp6, played, three_joints
 
-from excite.identification.equations import drive_rows, equations_of, friction_drives, measured_regressor
+from excite.identification.equations import (
+    dahl_direction,
+    directions,
+    drive_rows,
+    equations_of,
+    friction_drives,
+    measured_direction,
+    measured_regressor,
+)
 from excite.identification.preparation import prepare
 from excite.identification.presliding import Presliding, best_presliding
+from excite.identification.result_json import load_result
 from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
 
-
-@pytest.fixture(scope="module")
-def log() -> Log:
-    return played(three_joints(), 3)
+C = irp6().transmission.coupling[:3, :3]
 
 
-def turned(log: Log, direction: Array) -> Log:
-    """The log with friction whose direction is not the sign of the velocity."""
-    C = irp6().transmission.coupling[:3, :3]
-    coulomb = np.array([28.0, 28.75, 30.0])
-    assert log.effort is not None
-    assert log.dq is not None
-    extra = (coulomb * (direction - np.sign(log.dq @ C.T))) @ C
-    return replace(log, effort=log.effort + extra)
+def turned(direction: Array) -> Log:
+    """A log with friction whose direction is not the sign of the velocity."""
+    log = played(three_joints(), 3)
+    return replace(log, effort=log.effort + ([28.0, 28.75, 30.0] * (direction - np.sign(log.dq @ C.T))) @ C)
 
 
-def test_a_planted_width_is_found(log: Log) -> None:
-    assert log.dq is not None
-    z = log.dq @ irp6().transmission.coupling[:3, :3].T
-    result = found(TASK, turned(log, np.tanh(z / 0.02)))
-    assert result.recipe.sign_width == pytest.approx(0.02, rel=0.1)
-    assert result.recipe.breakaway == 0.0
-    assert any("changes sign over 0.0" in note and "rad/s" in note for note in result.estimate.notes)
-    np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
+def softened(width: float) -> Log:
+    return turned(np.tanh(played(three_joints(), 3).dq @ C.T / width))
 
 
-@pytest.mark.parametrize("width", [0.01, 0.02])
-def test_a_width_is_searched_more_closely_than_noise_lets_it_be_known(log: Log, width: float) -> None:
-    assert log.dq is not None
-    z = log.dq @ irp6().transmission.coupling[:3, :3].T
-    result = found(TASK, turned(log, np.tanh(z / width)))
-    assert result.recipe.sign_width == pytest.approx(width, rel=2e-3)
+def test_a_planted_width_is_found() -> None:
+    """And searched more closely than noise lets it be known."""
+    for width in (0.01, 0.02):
+        result = found(TASK, softened(width))
+        assert result.recipe.sign_width == pytest.approx(width, rel=2e-3)
+        assert result.recipe.breakaway == 0.0
+        assert any("changes sign over 0.0" in note and "rad/s" in note for note in result.estimate.notes)
+        np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
 
 
-def test_a_planted_distance_is_found(log: Log) -> None:
+def test_a_planted_distance_is_found() -> None:
     # Dahl's equation by small steps of Euler along a fine path
     motion, fine = three_joints(), 200
     time = np.arange(400 * fine + 1) / (200.0 * fine)
-    z = motion.at(time, 0)[:, :3] @ irp6().transmission.coupling[:3, :3].T
+    z = motion.at(time, 0)[:, :3] @ C.T
     s, kept, d = np.sign(z[1] - z[0]), [], 0.001
     for way in np.diff(z, axis=0, prepend=z[:1]):
         s = s + way * (1.0 - s * np.sign(way)) / d
         kept.append(s)
-    result = found(TASK, turned(log, np.array(kept)[:-1:fine]))
+    result = found(TASK, turned(np.array(kept)[:-1:fine]))
     assert result.recipe.breakaway == pytest.approx(0.001, rel=0.1)
     assert result.recipe.sign_width == 0.0
     assert any("and holds at standstill" in note for note in result.estimate.notes)
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
 
 
-def test_a_turning_that_is_given_is_taken(log: Log) -> None:
-    given = found(TASK, log, recipe=replace(EXACT, sign_width=0.3))
-    assert (given.recipe.sign_width, given.recipe.breakaway) == (0.3, 0.0)
-    given = found(TASK, log, recipe=replace(EXACT, breakaway=0.01))
-    assert (given.recipe.sign_width, given.recipe.breakaway) == (0.0, 0.01)
-
-
-def test_models_without_friction_turn_nothing(log: Log) -> None:
+def test_models_without_friction_turn_nothing() -> None:
+    log = played(three_joints(), 3)
     for task in (TASK.changed(friction=False), TASK.changed(model="energy")):
         target = target_of(irp6(), task)
         part = prepare(log, irp6(), target, EXACT)
@@ -90,7 +85,7 @@ def test_friction_columns_are_directions_spread_by_the_coupling(task: Task) -> N
     samples = Samples(time, *moved)
     drives = friction_drives(target, samples)
     columns, rows = drives.columns, drives.rows
-    C = irp6().transmission.coupling[:n, :n]
+    C = irp6().transmission.coupling[:n, :n]  # of the moving joints
     which = [int(target.base.names[k][1:-1]) - 1 for k in columns]
     np.testing.assert_array_equal(drive_rows(target.robot)[list(drives.drives)], C[which])
     W = measured_regressor(target, samples).reshape(50, -1, target.base.rank)
@@ -98,3 +93,65 @@ def test_friction_columns_are_directions_spread_by_the_coupling(task: Task) -> N
     for k, column in enumerate(columns):
         np.testing.assert_allclose(W[:, :, column], signs[:, [k]] * rows[k], atol=1e-12)
     assert len(model.row_labels) == rows.shape[1]
+
+
+WIDTHS, DISTANCES = (0.2, 0.0, 0.02), (0.02, 1e-9, 0.001)
+
+
+def test_widths_and_distances_of_each_drive_are_taken(tmp_path) -> None:
+    soft = softened(np.maximum(WIDTHS, 1e-12))
+    for known in ({}, {"friction": FrictionCurves({"z1": curves()["z1"]})}):
+        result = found(TASK, soft, recipe=replace(EXACT, sign_width=WIDTHS), **known)
+        np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-8, atol=1e-8)
+        assert "changes sign over 0.2, 0, 0.02 rad/s" in " ".join(result.estimate.notes)
+        assert result.training_error < 1e-8
+        result.save(tmp_path, replace=True)
+        assert load_result(tmp_path).recipe.sign_width == WIDTHS
+    hysteretic = turned(measured_direction(played(three_joints(), 3).q @ C.T, np.array(DISTANCES)))
+    result = found(TASK, hysteretic, recipe=replace(EXACT, breakaway=DISTANCES))
+    np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-8, atol=1e-8)
+    energy = Task("irp6", model="energy")
+    for task, changes, message in (
+        (TASK, {"sign_width": (0.1, 0.1)}, "`sign_width` needs one value, or 3, one per moving drive; given 2"),
+        (TASK, {"breakaway": (0.1,)}, "`breakaway` needs one value, or 3, one per moving drive; given 1"),
+        (energy, {"sign_width": (0.1,) * 3}, "a `sign_width` of each drive is for the differential model"),
+    ):
+        with pytest.raises(InputError, match=message):
+            found(task, soft, recipe=replace(EXACT, **changes))
+    dz = np.array([[0.3, -0.2], [0.0, 0.1]])  # zero is the sign
+    np.testing.assert_array_equal(directions(dz, dz, (0.0, 1e-9), None), np.sign(dz))
+    assert directions(dz, dz, 0.0, (0.0, 0.0)) is None
+
+
+def written_out(z: Array, distance: float) -> Array:
+    s = np.zeros_like(z)
+    for k in range(1, len(z)):
+        for j in range(z.shape[1]):
+            way = float(z[k, j] - z[k - 1, j])
+            u = float(np.sign(way))
+            s[k, j] = u + (s[k - 1, j] - u) * math.exp(-abs(way) / distance)
+    return s
+
+
+@pytest.mark.parametrize("distance", [1e-6, 1e-3, 0.1, 1e3])
+def test_every_length_of_path_follows_the_recursion(distance: float) -> None:
+    for count in (1, 2, 3, 4, 10, 99, 100, 101, 1000):
+        rng = np.random.default_rng(count)
+        z = np.cumsum(rng.normal(size=(count, 2)) * [1e-3, 1e-1], axis=0)
+        np.testing.assert_allclose(dahl_direction(z, distance), written_out(z, distance), atol=1e-13)
+
+
+def test_the_slope_along_the_path_is_that_of_dahl() -> None:
+    t = np.linspace(0.0, 3.0, 30_001)
+    z = np.sin(3.0 * t)[:, None]
+    s, d = dahl_direction(z, 0.2)[:, 0], 0.2
+    way = np.diff(z[:, 0])
+    middle = (s[1:] + s[:-1]) / 2
+    fast = np.abs(way) > 1e-5
+    np.testing.assert_allclose((np.diff(s) / way)[fast], ((1 - middle * np.sign(way)) / d)[fast], rtol=1e-4, atol=1e-6)
+
+
+def test_over_no_distance_the_direction_is_the_sign_of_the_last_motion() -> None:
+    way = np.array([0.0, 0.1, 0.0, 0.2, -0.1, 0.0, 0.0, -0.3, 0.4])
+    s = dahl_direction(np.cumsum(way)[:, None], 1e-9)[:, 0]
+    np.testing.assert_array_equal(s, [0.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0])

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from played import TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
+from played import TASK, described, found, irp6, mixed, noisy, periodic, played, three_joints
 from recordings import write_sidecar
 
-from excite.identification.given_logs import log_of
 from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
+from excite.identification.procedure import log_of
 from excite.identification.recipe import Recipe
-from excite.identification.result import ReferenceValues, reference_of
+from excite.identification.result import BaseColumns, FitCurves, FitFacts, IdentifiedLog, ReferenceValues, reference_of
 from excite.identification.result_json import load_result, result_content
 from excite.information.target import target_of
 from excite.logs.log import Log
@@ -25,7 +25,6 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
-from regressors.robot.friction.curves import FrictionCurves
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 
@@ -49,16 +48,6 @@ def test_the_truth_predicts_what_was_measured(log: Log) -> None:
     np.testing.assert_allclose(made.speed, log.dq, atol=1e-9)
     assert relative_error(made.measured, 0 * made.predicted) == 1.0
     assert relative_error(0 * made.measured, made.predicted) == np.inf
-
-
-@pytest.mark.parametrize("model", ["energy", "differential"])
-def test_known_friction_is_added_to_predictions(log: Log, model: str) -> None:
-    task, friction = Task("irp6", model=model), FrictionCurves(curves())
-    result = found(task, log, friction=friction)
-    target = instantaneous_target(irp6(), result.task, result.recipe)
-    made = prediction(target, result.prepared[0], result.recipe, result.estimate.values, friction)
-    np.testing.assert_allclose(made.predicted, log.effort, atol=1e-3)
-    assert target.model.row_labels[0] == ("q1", "Nm")
 
 
 def test_simulated_logs_are_compared_with_their_truth(log: Log, tmp_path: Path) -> None:
@@ -89,14 +78,18 @@ def test_what_nobody_knows_is_no_number() -> None:
     assert values["F1o"] == 0.0
     robot = built_in("panda")
     target = target_of(robot, Task("panda"))
-    assert result.data is not None
     result = replace(result, robot=robot, data=replace(result.data, target=target))
     values = dict(zip(target.base.names, described(result), strict=True))
     assert np.isnan(values["F7c"])
 
 
-def test_a_result_reads_back_to_the_same_numbers(noise: Log, tmp_path: Path) -> None:
-    result = found(TASK, noise, recipe=Recipe(rows="all"))
+@pytest.fixture(scope="module")
+def whole(noise: Log) -> Identification:
+    return found(TASK, noise, recipe=Recipe(rows="all"))
+
+
+def test_a_result_reads_back_to_the_same_numbers(noise: Log, whole: Identification, tmp_path: Path) -> None:
+    result = whole
     values = described(result)
     values[2] = np.nan
     result = replace(result, reference=ReferenceValues("description", values))
@@ -112,12 +105,13 @@ def test_a_result_reads_back_to_the_same_numbers(noise: Log, tmp_path: Path) -> 
     assert plain(read) == plain(result) == json.loads((tmp_path / "result.json").read_text())
     np.testing.assert_array_equal(content["covariance"], result.estimate.covariance)
     assert [p["reference"] for p in content["parameters"]][1:4] == [values[1], None, values[3]]
-    assert content["residuals"][0]["rms"] == pytest.approx(np.std(result.observations.y[::3] - (
-        result.observations.W @ result.estimate.values)[::3]), rel=0.02)  # fmt: skip
     y, residual = result.observations.y, result.estimate.residual(result.observations)
+    assert content["residuals"][0]["rms"] == pytest.approx(np.std(residual[::3]), rel=0.02)
     assert content["relative_error"] == pytest.approx(np.linalg.norm(residual) / np.linalg.norm(y))
     assert read.training_error == pytest.approx(content["relative_error"], rel=1e-6)  # unfiltered equations
     assert load_result(tmp_path / "result.json").names == read.names
+    with pytest.raises(InputError, match="was loaded, and its file has no logs: identify again"):
+        _ = read.observations
 
 
 def plain(result: Identification) -> Any:
@@ -143,12 +137,6 @@ def test_older_files_are_read_and_written_anew(sample: str, tmp_path: Path) -> N
     assert repr(again) == repr(read)
 
 
-def test_a_loaded_result_has_no_logs(noise: Log, tmp_path: Path) -> None:
-    found(TASK, noise).save(tmp_path)
-    with pytest.raises(InputError, match="was loaded, and its file has no logs: identify again"):
-        _ = load_result(tmp_path).observations
-
-
 def test_parameters_that_are_not_shown_are_null(tmp_path: Path) -> None:
     # of a motion of the second drive alone the whole model shows combinations only
     result = found(TASK, played(periodic(mixed([0.0, 1.0, -1.0]), 2), 3))
@@ -161,9 +149,54 @@ def test_parameters_that_are_not_shown_are_null(tmp_path: Path) -> None:
     assert content["friction"] is None
 
 
-def test_a_filtered_identification_is_judged_on_what_was_recorded(noise: Log) -> None:
+def test_a_filtered_identification_is_judged_on_what_was_recorded(noise: Log, whole: Identification) -> None:
     result = found(TASK, noise, recipe=Recipe(rows="all", low_pass=5.0))
     content = result_content(result)
-    plain = result_content(found(TASK, noise, recipe=Recipe(rows="all")))
-    assert content["relative_error"] < 0.5 * plain["relative_error"]
-    assert content["prediction_error"] == pytest.approx(plain["prediction_error"], rel=0.05)
+    of_whole = result_content(whole)
+    assert content["relative_error"] < 0.5 * of_whole["relative_error"]
+    assert content["prediction_error"] == pytest.approx(of_whole["prediction_error"], rel=0.05)
+
+
+ROWS: dict[str, Any] = {
+    "time": np.arange(4.0),
+    "log": np.zeros(4, dtype=np.int16),
+    "equation": np.array([0, 1, 0, 1], dtype=np.int16),
+    "measured": np.ones(4),
+    "predicted": np.ones(4),
+    "joints": ("a", "b"),
+    "motion_time": np.arange(3.0),
+    "motion_log": np.zeros(3, dtype=np.int16),
+    "motion_q": np.zeros((3, 2)),
+}
+
+
+def facts(**changes: Any) -> FitFacts:
+    log, base = IdentifiedLog("run.csv", "hash", 4, 0.0, 3.0, 4, 1.0), BaseColumns(0, (), np.inf, ())
+    equations = (("q1", "Nm"), ("q2", "Nm"))
+    curves = FitCurves(**{**ROWS, **changes})
+    return FitFacts((log,), equations, 4, base, {}, 0.1, 0.1, (), None, curves=curves)
+
+
+def test_curves_that_do_not_fit_are_refused() -> None:
+    assert facts().curves.step == 1
+    for change, message in (
+        ({"measured": np.ones((4, 1))}, "a measured and a predicted value of every row"),
+        ({"measured": np.ones(3)}, "a measured and a predicted value of every row"),
+        ({"log": np.full(4, 7, dtype=np.int16)}, r"1 log\(s\) and 2 equation"),
+        ({"equation": np.full(4, -1, dtype=np.int16)}, r"1 log\(s\) and 2 equation"),
+        ({"equation": np.zeros(4)}, r"1 log\(s\) and 2 equation"),
+        ({"motion_log": np.full(3, 1, dtype=np.int16)}, r"1 log\(s\) and 2 equation"),
+        ({"motion_log": np.zeros(2, dtype=np.int16)}, "a log of every instant of the motion"),
+        ({"motion_q": np.zeros((3, 5))}, "positions of every joint"),
+    ):
+        with pytest.raises(InputError, match=message):
+            facts(**change)
+
+
+def test_a_file_keeps_every_kth_instant_of_long_logs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("excite.identification.result.every", lambda _: 2)
+    curves = FitCurves(**{**ROWS, "time": np.array([0.0, 0.0, 1.0, 1.0]), "measured": np.arange(4.0) / 3})
+    kept = replace(curves, step=3).stored()
+    assert (kept.step, kept.time.tolist(), kept.equation.tolist()) == (6, [0.0, 0.0], [0, 1])
+    np.testing.assert_allclose(kept.measured, [0.0, 1 / 3], rtol=1e-6)
+    assert kept.measured.dtype == np.float32

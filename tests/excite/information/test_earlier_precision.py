@@ -8,7 +8,7 @@ import pytest
 from designed import short
 
 import excite
-from excite.identification.earlier_files import earlier_information
+from excite.identification.result_json import earlier_information
 from excite.information.earlier_precision import (
     deviations_of,
     earlier_estimate,
@@ -134,7 +134,8 @@ def test_partial_motions_keep_their_meaning_of_parameters() -> None:
     assert np.allclose(_information(TASK.changed(after=(one,), noise=1.0)), F.T @ F, atol=1e-8 * np.abs(F.T @ F).max())
 
 
-def test_estimates_are_weighted_by_their_information() -> None:
+def test_estimates_are_weighted_by_their_information(short_design: excite.Design) -> None:
+    assert np.all(np.isnan(earlier_estimate(TARGET, TASK.changed(after=(earlier_information(short_design),)))))
     rng = np.random.default_rng(7)
     two = [_result(rng) for _ in range(2)]
     J = [one.factors[0].T @ one.factors[0] for one in two]
@@ -142,13 +143,10 @@ def test_estimates_are_weighted_by_their_information() -> None:
     assert np.allclose(earlier_estimate(TARGET, TASK.changed(after=tuple(two), noise=1.0)), expected)
 
 
-def test_an_estimate_needs_results(short_design: excite.Design) -> None:
-    assert np.all(np.isnan(earlier_estimate(TARGET, TASK.changed(after=(earlier_information(short_design),)))))
-
-
 def test_noise_keeps_its_density_at_another_rate() -> None:
     one = _result(np.random.default_rng(8))
     slow = noise_in_hand([one], TARGET.model, TASK.changed(rate=100.0))
+    assert noise_in_hand([one], TARGET.model, TASK.changed(noise=3.0)) == (3.0,)  # what is stated goes first
     fast = noise_in_hand([one], TARGET.model, TASK.changed(rate=400.0))
     assert np.allclose(np.array(fast) / np.array(slow), np.sqrt(4001 / 1001))
     assert np.allclose(np.array(slow) * np.sqrt(10.0 / 1001), one.density)
@@ -159,10 +157,6 @@ def test_noise_of_several_results_is_pooled_by_their_degrees_of_freedom() -> Non
     two = [dataclasses.replace(_result(rng), degrees_of_freedom=freedom) for freedom in (2, 6)]
     density = np.array(noise_in_hand(two, TARGET.model, TASK)) * np.sqrt(10.0 / 1001)
     assert np.allclose(density**2, (2 * np.array(two[0].density) ** 2 + 6 * np.array(two[1].density) ** 2) / 8)
-
-
-def test_stated_noise_goes_first() -> None:
-    assert noise_in_hand([_result(np.random.default_rng(10))], TARGET.model, TASK.changed(noise=3.0)) == (3.0,)
 
 
 def test_deviations_are_infinite_where_rows_determine_nothing() -> None:

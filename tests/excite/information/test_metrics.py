@@ -9,7 +9,6 @@ from excite.information.matrix import CONVENTIONS, MotionMeasures, noise_per_row
 from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
-from regressors.errors import InputError
 from regressors.readers.library import load_robot
 from regressors.samples import Samples
 
@@ -39,7 +38,7 @@ class Case:
 
 
 def case(robot: str, noise: tuple[float, ...] | None = None, **task: object) -> Case:
-    made = Task(robot, noise=noise, **task)  # type: ignore[arg-type]
+    made = Task(robot, noise=noise, **task)
     target = target_of(load_robot(robot), made)
     family = Fourier(5.0, 6)
     x = np.random.default_rng(3).normal(0.0, 0.25, (target.robot.n, family.size))
@@ -142,9 +141,3 @@ def test_predictions_are_the_covariance_of_weighted_least_squares(given: Case) -
 
 
 # Noise
-
-
-def test_wrong_number_of_noises() -> None:
-    model = target_of(load_robot("irp6"), Task("irp6")).model
-    with pytest.raises(InputError, match=r"^noise needs one value, or 3 for q1, q2, q3; given 2$"):
-        noise_per_row((1.0, 2.0), model)

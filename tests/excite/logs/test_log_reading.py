@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import math
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from recordings import log_of, real_log, write_sidecar
 
 from excite.logs.log import Log
-from excite.logs.log_reading import read_log, write_log
+from excite.logs.log_reading import read_log, read_sidecar, write_log
 from excite.logs.mapping import read_mapping
-from excite.logs.sidecar import read_sidecar
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
 
@@ -60,15 +55,6 @@ def test_what_is_written_reads_back_to_the_same_bits(tmp_path):
         assert read.sha256 == hashlib.sha256((tmp_path / "log.csv").read_bytes()).hexdigest()
 
 
-@settings(max_examples=30)
-@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=8))
-def test_every_finite_number_survives(values):
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "log.csv"
-        write_log(log_of(np.arange(len(values)) * 0.1, np.array(values)[:, None]), path)
-        np.testing.assert_array_equal(read_log(path).q[:, 0], values)
-
-
 def test_columns_are_found_by_name_in_any_order_and_extra_ones_are_named(written):
     path = written("b.position,segment,time,a.position,a.acceleration\n1,excite,0,2,9\n3,excite,1,4,9\n")
     log = read_log(path, joints=["a", "b"])
@@ -80,9 +66,8 @@ def test_columns_are_found_by_name_in_any_order_and_extra_ones_are_named(written
     assert read_log(path, joints=["a"]).q.shape == (2, 1)
 
 
-@pytest.mark.parametrize(
-    ("content", "mended"),
-    [
+def test_harmless_forms_of_the_same_log(written):
+    for content, mended in (
         (GOOD.replace("\n", "\r\n"), ()),
         (b"\xef\xbb\xbf" + GOOD.encode(), ("the file starts with a byte order mark, which is ignored",)),
         (GOOD + "\n\n", ()),
@@ -91,13 +76,11 @@ def test_columns_are_found_by_name_in_any_order_and_extra_ones_are_named(written
         ('"time","a.position","b.position"\n0,1,2\n0.5,3,4\n1,5,6\n', ()),
         ("time,a.position,b.position,\n0,1,2,\n0.5,3,4,\n1,5,6,\n", ()),
         ("time,a.position,b.position,note\n0,1,2,\n0.5,3,4,\n1,5,6,\n", ("1 column not used: note",)),
-    ],
-)
-def test_harmless_forms_of_the_same_log(written, content, mended):
-    log = read_log(written(content))
-    np.testing.assert_array_equal(log.time, [0, 0.5, 1])
-    np.testing.assert_array_equal(log.q, [[1, 2], [3, 4], [5, 6]])
-    assert log.left_out == mended
+    ):
+        log = read_log(written(content))
+        np.testing.assert_array_equal(log.time, [0, 0.5, 1])
+        np.testing.assert_array_equal(log.q, [[1, 2], [3, 4], [5, 6]])
+        assert log.left_out == mended
 
 
 def rows(*lines):
@@ -138,50 +121,47 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize(("content", "message"), FAULTS.values(), ids=FAULTS.keys())
-def test_faults_are_named(written, content, message):
-    path = written(content)
-    with pytest.raises(InputError, match=message) as error:
-        read_log(path)
-    assert "log.csv" in str(error.value)
-    assert "\n" not in str(error.value)
+def test_faults_are_named(written):
+    for case, (content, message) in FAULTS.items():
+        path = written(content)
+        with pytest.raises(InputError, match=message) as error:
+            read_log(path)
+        assert "log.csv" in str(error.value), case
+        assert "\n" not in str(error.value), case
 
 
 def test_missing_file_and_missing_joint(tmp_path, written):
+    path = written(GOOD)
     with pytest.raises(InputError, match=r"cannot read log .*none\.csv: No such file"):
         read_log(tmp_path / "none.csv")
     with pytest.raises(UnknownName, match=r"no joint in .* named 'c'; available: a, b"):
-        read_log(written(GOOD), joints=["a", "c"])
+        read_log(path, joints=["a", "c"])
     with pytest.raises(UnknownName, match="no kind of row to drop named 'all'; available: truncated, nan, repeated"):
-        read_log(written(GOOD), drop=["all"])
+        read_log(path, drop=["all"])
 
 
-@pytest.mark.parametrize(
-    ("content", "drop", "time", "left_out"),
-    [
+def test_rows_may_be_left_out_and_are_counted(written):
+    kinds = {"truncated", "nan", "repeated"}
+    for content, drop, time, left_out in (
         (rows("0,1,2", "1,3,4", "2,5"), "truncated", [0, 1], "1 row cut off at the end"),
         (rows("0,1,2", "1,3,4", "2,5,-")[:-1], "truncated", [0, 1], "1 row cut off at the end"),
         (rows("0,1,2", "1,nan,4", "2,5,6"), "nan", [0, 2], "1 row with cells that are empty, NaN or infinite"),
         (rows("0,1,2", "1,,4", "2,inf,6", "3,5,6"), "nan", [0, 3], "2 rows with cells that are empty, NaN or infinite"),
         (rows("0,1,2", "0,7,7", "0,8,8", "1,3,4"), "repeated", [0, 1], "2 rows with time repeated"),
-    ],
-)
-def test_rows_may_be_left_out_and_are_counted(written, content, drop, time, left_out):
-    path = written(content)
-    log = read_log(path, drop=[drop])
-    np.testing.assert_array_equal(log.time, time)
-    assert log.left_out == (left_out,)
-    with pytest.raises(InputError):
-        read_log(path, drop={"truncated", "nan", "repeated"} - {drop})
-
-
-def test_dropping_never_hides_other_faults(written):
-    with pytest.raises(InputError, match=r"line 3, column a\.position: 'x' is not a number"):
-        read_log(written(rows("0,1,2", "1,x,4", "2,5,6")), drop=["truncated", "nan", "repeated"])
-    with pytest.raises(InputError, match="runs backwards"):
-        read_log(written(rows("0,1,2", "1,3,4", "0,5,6")), drop=["truncated", "nan", "repeated"])
-    with pytest.raises(InputError, match="fewer than two rows are left; left out: 2 rows with cells"):
-        read_log(written(rows("0,1,2", "1,nan,4", "2,nan,6")), drop=["nan"])
+    ):
+        path = written(content)
+        log = read_log(path, drop=[drop])
+        np.testing.assert_array_equal(log.time, time)
+        assert log.left_out == (left_out,)
+        with pytest.raises(InputError):
+            read_log(path, drop=kinds - {drop})
+    for content, drop, message in (
+        (rows("0,1,2", "1,x,4", "2,5,6"), kinds, r"line 3, column a\.position: 'x' is not a number"),
+        (rows("0,1,2", "1,3,4", "0,5,6"), kinds, "runs backwards"),
+        (rows("0,1,2", "1,nan,4", "2,nan,6"), ["nan"], "fewer than two rows are left; left out: 2 rows with cells"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read_log(written(content), drop=drop)
 
 
 # --- foreign layouts -------------------------------------------------------------------------------------------------
@@ -212,17 +192,6 @@ def test_motor_side_logs_become_joint_side(written):
     assert read_log(path, ["two"], read_mapping(written(MOTOR_SIDE, "map.yaml"))).joints == ("two",)
 
 
-def test_power_is_the_same_on_both_sides_of_a_gear(written):
-    """``tau dq`` of the joint is that of the motor."""
-    text = "joints: [a]\nheader: false\nseparator: whitespace\ntime: {column: 1}\n" + "".join(
-        f"{what}: {{columns: [{k}], unit: {unit}, ratio: -7}}\n"
-        for k, (what, unit) in enumerate({"position": "rad", "velocity": "rad/s", "effort": "Nm"}.items(), 2)
-    )
-    log = read_log(written("0  1 3 5\n1   2 3 5\n"), mapping=read_mapping(written(text, "map.yaml")))
-    np.testing.assert_allclose(log.effort * log.dq, 15.0)
-    np.testing.assert_allclose(log.q[:, 0], [-1 / 7, -2 / 7])
-
-
 def test_a_wrench_through_a_mapping(written):
     text = (
         "joints: [a]\nseparator: tab\ntime: {column: t}\nposition: {columns: [q], unit: turns}\n"
@@ -248,9 +217,7 @@ BAD_MAPPINGS = {
     "unit of another channel": (position("unit: rad/s"), "no unit 'rad/s'; available: rad, deg"),
     "columns for other joints": (position("unit: rad", "[2]"), r"position \(line 4\): has 1 columns for 2 joints"),
     "values for other joints": (position("unit: rad, ratio: [1, 2, 3]"), "gives 3 values for 2 columns"),
-    "ratio zero": (position("unit: rad, ratio: 0"), "position.ratio .*must not be zero"),
     "sign": (position("unit: rad, sign: 2"), "position.sign"),
-    "column zero": (position("unit: rad", "[0, 3]"), r"position.columns\[1\]"),
     "unknown field": (BASE + POSITION + "speed: 3\n", r"speed \(line 5\): no such field; available: joints, time"),
     "current without gain": (BASE + POSITION + "current: {columns: [4, 5], unit: A}\n", "current.gain .*is missing"),
     "current and effort": (
@@ -264,16 +231,12 @@ BAD_MAPPINGS = {
 }
 
 
-@pytest.mark.parametrize(("text", "message"), BAD_MAPPINGS.values(), ids=BAD_MAPPINGS.keys())
-def test_bad_mappings_are_named(written, text, message):
-    with pytest.raises(InputError, match=message) as error:
-        read_mapping(written(text, "map.yaml"))
-    assert "map.yaml" in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "content", "message"),
-    [
+def test_bad_mappings_are_named(written):
+    for text, message in BAD_MAPPINGS.values():
+        with pytest.raises(InputError, match=message) as error:
+            read_mapping(written(text, "map.yaml"))
+        assert "map.yaml" in str(error.value)
+    for text, content, message in (
         (BASE + POSITION, "0,1\n1,2\n", "has 2 columns, the mapping asks for number 3"),
         (BASE + POSITION, "t,a,b\n0,1,2\n", "line 1 holds no number: t, a, b; check header"),
         (BASE.replace("false", "true") + POSITION, "0,1,2\n1,2,3\n", "line 1 holds numbers, .* header: false"),
@@ -281,11 +244,9 @@ def test_bad_mappings_are_named(written, text, message):
         (BASE + "position: {columns: [x, y], unit: rad}\n", "0,1,2\n1,2,3\n", "no column in .* named 'x'"),
         (BASE + POSITION + "separator: ';'\n", "0;1,5;2\n1;2;3\n", "'1,5' is not a number; .* decimal point"),
         (BASE + POSITION, "0,1,2\n1,x,3\n", "line 2, column 2: 'x' is not a number"),
-    ],
-)
-def test_files_that_are_not_as_the_mapping_says(written, text, content, message):
-    with pytest.raises(InputError, match=message):
-        read_log(written(content), mapping=read_mapping(written(text, "map.yaml")))
+    ):
+        with pytest.raises(InputError, match=message):
+            read_log(written(content), mapping=read_mapping(written(text, "map.yaml")))
 
 
 def test_a_recorded_log_reads_through_the_example(written):
@@ -303,23 +264,19 @@ def test_what_is_beside_a_log_reads_back(tmp_path):
     robot, truth = built_in("irp6"), {"m1": 0.1, "I2zz": 1 / 3}
     write_sidecar(tmp_path / "log.csv", robot, design={"sha256": "abc"}, settings={"noise": 0.1}, seed=3, truth=truth)
     content = read_sidecar(tmp_path / "log.csv")
-    assert content is not None
     assert content["truth"] == truth
     assert content["robot"] == {"name": robot.name, "sha256": robot.sha256()}
     assert (content["design"], content["settings"], content["seed"]) == ({"sha256": "abc"}, {"noise": 0.1}, 3)
     assert read_sidecar(tmp_path / "other.csv") is None
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
+def test_other_files_beside_a_log_are_refused(written):
+    for content, message in (
         ("{}", "expected schema excite.log/1, given None"),
         ('{"schema": "excite.log/1"}', "robot should have a name"),
         ('{"schema": "excite.log/1", "robot": {"name": "a", "sha256": "b"}, "truth": {"m1": "x"}}', "truth should map"),
         ("[", "is not JSON"),
-    ],
-)
-def test_other_files_beside_a_log_are_refused(written, content, message):
-    path = written(content, "log.json")
-    with pytest.raises(InputError, match=message):
-        read_sidecar(path.with_suffix(".csv"))
+    ):
+        path = written(content, "log.json")
+        with pytest.raises(InputError, match=message):
+            read_sidecar(path.with_suffix(".csv"))

@@ -101,19 +101,16 @@ def test_what_the_motion_does_not_show_is_named() -> None:
         estimate_load(experiment(np.ones(3), 0.1, 0, 1e-4 * np.eye(3), wide=0.0))
 
 
-@pytest.mark.parametrize(
-    ("factor", "covariance", "message"),
-    [
+def test_gains_that_cannot_be_are_refused() -> None:
+    for factor, covariance, message in (
         ([1.0], np.eye(2), "need 2 factors"),
         ([1.0, -1.0], np.eye(2), "must be positive"),
         ([1.0, np.nan], np.eye(2), "must be positive"),
         ([1.0, 1.0], -np.eye(2), "without negative ones"),
         ([1.0, 1.0], np.full((2, 2), np.inf), "real numbers"),
-    ],
-)
-def test_gains_that_cannot_be_are_refused(factor: list[float], covariance: np.ndarray, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        KnownGains(("a", "b"), np.array(factor), covariance, "")
+    ):
+        with pytest.raises(InputError, match=message):
+            KnownGains(("a", "b"), np.array(factor), covariance, "")
 
 
 def test_gains_drift_to_another_day_only() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -18,7 +17,6 @@ from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
-from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import built_in
@@ -61,7 +59,7 @@ def replayed_run(
     which, samples = which or target(), found.run.samples
     values = truth(found, which) if beta is None else beta
     given = {"torque": found.run.effort, "q": samples.q, "dq": samples.dq, **options}
-    return windowed_motion(which.model, values, which.base, samples.time, horizon=horizon, **given)  # type: ignore[arg-type]
+    return windowed_motion(which.model, values, which.base, samples.time, horizon=horizon, **given)
 
 
 def with_one(name: str, value: float) -> Array:
@@ -131,13 +129,6 @@ def test_an_estimate_that_is_no_robot_somewhere_is_told_of_windows_left_out() ->
     assert before.ok
 
 
-def test_shorter_windows_miss_less() -> None:
-    beta, q = 1.05 * truth(run(), target()), run().run.samples.q
-    errors = [np.abs(replayed_run(run(), beta, horizon).q - q).max() for horizon in (0.05, 0.2, 0.8)]
-    assert errors[0] < errors[1] / 2 < errors[2] / 4
-    assert np.abs(replayed_run(run(), 1.1 * truth(run(), target())).q - q).max() > 1e-2
-
-
 def test_an_estimate_that_is_no_robot_or_runs_away_is_told() -> None:
     replayed = replayed_run(run(), with_one("X3", -1.0))
     assert (replayed.ok, replayed.outcome, replayed.failed_at) == (False, Outcome.NOT_POSITIVE, 0.0)
@@ -184,15 +175,12 @@ def test_friction_curves_take_their_part() -> None:
 TIME, STILL = np.arange(5) / 100.0, np.zeros((5, 3))
 
 
-def equations_of_two() -> dict[str, object]:
-    which = target_of(built_in("irp6"), Task("irp6", equations=("q1", "q2")))
-    return {"model": which.model, "base": which.base, "beta": np.ones(which.base.rank)}
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (lambda: {"model": EnergyModel(built_in("irp6"))}, "with a model of joint torques, not with EnergyModel"),
+def test_bad_input_is_told() -> None:
+    two = target_of(built_in("irp6"), Task("irp6", equations=("q1", "q2")))
+    good = {"model": target().model, "beta": truth(run(), target()), "base": target().base, "horizon": 1.0}
+    good |= {"time": TIME, "torque": STILL, "q": STILL, "dq": STILL}
+    for changes, message in (
+        ({"model": EnergyModel(built_in("irp6"))}, "with a model of joint torques, not with EnergyModel"),
         ({"beta": np.ones(3)}, "expected 13 finite base parameters"),
         ({"beta": np.full(13, np.nan)}, "expected 13 finite base parameters"),
         ({"torque": np.zeros((5, 2))}, r"torques of shape \(5, 3\) and states of 3 joints, given \(5, 2\)"),
@@ -201,47 +189,26 @@ def equations_of_two() -> dict[str, object]:
         ({"time": np.zeros(1)}, "two instants or more, given 1"),
         ({"sign_width": 0.0}, "sign_width must be greater than zero"),
         ({"sign_width": 1e-7}, r"sign_width 1e-07 needs \d+ steps per sample of 0.01 s, more than 20"),
-        (equations_of_two, "the equations of q3 are not used"),
+        ({"model": two.model, "base": two.base, "beta": np.ones(two.base.rank)}, "the equations of q3 are not used"),
         ({"horizon": 0.001}, "a horizon of 0.001 s is shorter than a sample of 0.01 s"),
         ({"q": STILL[:2]}, "5 instants, but q of shape"),
         ({"most": 0}, "`most` must be one window or more, given 0"),
-    ],
-)
-def test_bad_input_is_told(changes: dict | Callable[[], dict], message: str) -> None:  # type: ignore[type-arg]
-    which = target()
-    given = {"model": which.model, "beta": truth(run(), which), "base": which.base, "time": TIME, "horizon": 1.0}
-    given |= {"torque": STILL, "q": STILL, "dq": STILL} | (changes() if callable(changes) else changes)
-    with pytest.raises(InputError, match=message):
-        windowed_motion(**given)
-
-
-def test_the_exact_model_is_softened_not_changed() -> None:
-    replayed_run(run())
-    assert isinstance(target().model, DifferentialModel)
-    assert target().model.sign_width == 0.0
+    ):
+        with pytest.raises(InputError, match=message):
+            windowed_motion(**(good | changes))
 
 
 # --- which windows of a long motion ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("count", "most"), [(1, 1), (1, 60), (59, 60), (60, 60)])
-def test_few_windows_are_all_chosen(count: int, most: int) -> None:
-    np.testing.assert_array_equal(chosen_windows(count, most), np.arange(count))
-
-
-@pytest.mark.parametrize(("count", "most"), [(61, 60), (91, 60), (120, 60), (1200, 60), (1201, 7), (5, 1)])
-def test_one_window_is_chosen_in_each_stretch(count: int, most: int) -> None:
-    chosen = chosen_windows(count, most)
-    assert chosen.size == most
-    assert np.all(np.diff(chosen) > 0)
-    edges = np.arange(most + 1) * count // most
-    assert np.all((chosen >= edges[:-1]) & (chosen < edges[1:]))
-
-
-@pytest.mark.parametrize("period", [2, 5, 10, 20, 40])
-def test_every_part_of_a_repeated_motion_is_seen_alike(period: int) -> None:
+def test_one_window_is_chosen_in_each_stretch_and_every_part_of_a_repeated_motion_alike() -> None:
     """1200 windows by twenties: at equal distances all would be the first of their period."""
-    phase = chosen_windows(1200, 60) % period / period
-    early = np.mean(phase < 0.5)
-    assert early == pytest.approx((period + 1) // 2 / period, abs=0.07)
-    assert np.unique(phase).size >= min(period, 20) * 0.75
+    for count, most in ((1, 1), (1, 60), (60, 60), (61, 60), (91, 60), (120, 60), (1200, 60), (1201, 7), (5, 1)):
+        chosen = chosen_windows(count, most)
+        edges = np.arange(min(most, count) + 1) * count // min(most, count)
+        assert chosen.size == min(most, count)
+        assert np.all((chosen >= edges[:-1]) & (chosen < edges[1:]))
+    for period in (2, 5, 10, 20, 40):
+        phase = chosen_windows(1200, 60) % period / period
+        assert np.mean(phase < 0.5) == pytest.approx((period + 1) // 2 / period, abs=0.07)
+        assert np.unique(phase).size >= min(period, 20) * 0.75

@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from commands import Here, files_below
+from commands import Here
 from pinocchio_chains import chain_model
 
-from excite.logs.log_reading import read_log
-from excite.logs.sidecar import read_sidecar
-from excite.simulation.motion_source import read_torque
+from excite.logs.log_reading import read_log, read_sidecar
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
+from excite.simulation.simulation_files import read_torque
 from excite.tasks.reference import GivenTorque, SampledMotion
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
@@ -109,75 +108,42 @@ def test_a_ramp_that_is_too_low_moves_nothing_and_is_said() -> None:
     assert any("z1 was given 2 ramps of torque" in note and "it moved in 1 of them" in note for note in found.notes)
 
 
-def test_every_ramp_begins_anew() -> None:
-    found = of("z1", (20.0, 20.0, -20.0))
-    tau, time = torques(found)[:, 0], found.run.samples.time
-    for k, sign in enumerate((1, 1, -1)):
-        start = k * (REST + RISE) + REST
-        at = np.searchsorted(time, start + 0.3)
-        assert tau[at] == pytest.approx(sign * 20.0 * (time[at] - start), abs=1e-6)
-
-
-def test_ramps_of_one_period_only() -> None:
-    given, still = ramps("z1", (1.0,)), np.zeros((2, 5))
+def test_ramps_of_one_period_and_of_a_drive_only() -> None:
+    given, still, task = ramps("z1", (1.0,)), np.zeros((2, 5)), Task("irp6", joints=tuple("12345"))
     motion = SampledMotion(Samples(given.time[[0, -1]], *(still for _ in range(4))))
     with pytest.raises(InputError, match="torque ramps are played once, given 2 periods"):
-        simulate_motion(
-            built_in("irp6"),
-            Task("irp6", joints=("1", "2", "3", "4", "5")),
-            motion,
-            SimulationSettings(periods=2),
-            ramps=given,
-        )
+        simulate_motion(built_in("irp6"), task, motion, SimulationSettings(periods=2), ramps=given)
     with pytest.raises(UnknownName, match="no drive named 'z7'"):
-        simulate_motion(
-            built_in("irp6"), Task("irp6", joints=("1", "2", "3", "4", "5")), motion, ramps=ramps("z7", (1.0,))
-        )
+        simulate_motion(built_in("irp6"), task, motion, ramps=ramps("z7", (1.0,)))
 
 
 # --- files -----------------------------------------------------------------------------------------------------------
 
 
 def test_a_file_says_where_ramps_are(tmp_path: Path) -> None:
-    rows = [
-        (0.0, 0.0, "rest"),
-        (0.1, 0.0, "z1 stiction +"),
-        (0.2, 5.0, "z1 stiction +"),
-        (0.3, 0.0, "z1 stiction -"),
-        (0.4, -5.0, "z1 stiction -"),
-        (0.5, 9.0, "rest"),
-        (0.6, 0.0, "z1 stiction -"),
-    ]
+    up, down = "z1 stiction +", "z1 stiction -"
+    rows = [(0.0, "rest"), (0.0, up), (5.0, up), (0.0, down), (-5.0, down), (9.0, "rest"), (0.0, down)]
+    lines = [f"{k / 10},0,{tau},{name}\n" for k, (tau, name) in enumerate(rows)]
     path = tmp_path / "z1.stiction.csv"
-    path.write_text("time,q1.position,z1.effort,segment\n" + "".join(f"{t},0,{tau},{name}\n" for t, tau, name in rows))
+    path.write_text("time,q1.position,z1.effort,segment\n" + "".join(lines))
     found = read_torque(path, built_in("irp6"))
     assert (found.drive, found.count, found.number.tolist()) == ("z1", 3, [0, 1, 1, 2, 2, 0, 3])
     np.testing.assert_allclose(found.delayed(2.0).at(np.array([1.9, 2.15, 2.4])), [[0, 0], [2.5, 1], [-5, 2]])
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            "time,z9.effort,segment\n0,0,z9 stiction +\n",
-            "no drive for column z9.effort of .* named 'z9'; available: z1",
-        ),
+def test_bad_files_are_refused_and_files_without_ramps_have_none(tmp_path: Path) -> None:
+    path = tmp_path / "ramps.csv"
+    for text, message in (
+        ("time,z9.effort,segment\n0,0,z9 stiction +\n", "column z9.effort of .* named 'z9'; available: z1"),
         ("time,z1.effort,z2.effort,segment\n0,0,0,stiction\n", "one drive at a time .* columns z1.effort, z2.effort"),
         ("time,z1.effort,segment\n0,much,stiction\n", "line 2: 'much' is not a number"),
-    ],
-)
-def test_bad_files_are_refused(text: str, message: str, tmp_path: Path) -> None:
-    (tmp_path / "ramps.csv").write_text(text)
-    with pytest.raises(InputError, match=message):
-        read_torque(tmp_path / "ramps.csv", built_in("irp6"))
-
-
-@pytest.mark.parametrize(
-    "text", ["time,z1.effort,segment\n0,0,rest\n", "time,q1.position,segment\n0,0,z1 stiction +\n"]
-)
-def test_files_without_ramps(text: str, tmp_path: Path) -> None:
-    (tmp_path / "motion.csv").write_text(text)
-    assert read_torque(tmp_path / "motion.csv", built_in("irp6")) is None
+    ):
+        path.write_text(text)
+        with pytest.raises(InputError, match=message):
+            read_torque(path, built_in("irp6"))
+    for text in ("time,z1.effort,segment\n0,0,rest\n", "time,q1.position,segment\n0,0,z1 stiction +\n"):
+        path.write_text(text)
+        assert read_torque(path, built_in("irp6")) is None
 
 
 # --- the command -----------------------------------------------------------------------------------------------------
@@ -218,38 +184,21 @@ def test_files_of_a_friction_plan_are_played(here: Here) -> None:
     assert "z1 was given 2 ramps of torque" in ended.stdout.replace("\n", " ")
     ramping = (log.time > REST + 0.1) & (log.time < REST + 0.5)
     np.testing.assert_allclose(log.effort[ramping, 0], 20.0 * (log.time[ramping] - REST), atol=1e-6)
-    smooth = ("--sign-width", "0.01", "--controller", "pd", "--rate", "500")
-    ended = here.run("simulate", "plan/z1.csv", "--out", "smooth.csv", *smooth)
-    assert (ended.returncode, ended.stderr) == (0, "")
-    beside = read_sidecar(here.cwd / "smooth.csv")
-    assert (beside["settings"]["sign_width"], beside["settings"]["breakaway"]) == (0.01, None)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("plan",), "plan holds a friction plan: name the file to play, such as plan/z1.csv"),
-        (
-            ("alone.csv",),
-            "alone.csv: there is no plan.json of a friction plan in its folder; to play a file with a design",
-        ),
-        (("plan/none.csv",), "cannot read plan/none.csv: No such file"),
-        (("plan/z1.csv", "--trajectory", "alone.csv"), "two files to play are given: plan/z1.csv and alone.csv"),
-        (("plan/z1.csv", "--breakaway", "1e-4", "--sign-width", "0.1"), "give --sign-width or --breakaway, not both"),
-        (("plan/z1.csv", "--breakaway", "soft"), "expected auto or a number, given 'soft'"),
-        (
-            ("plan/z1.stiction.csv", "--catch", "-1"),
-            "'--catch': must be a number from 1e-09 to 10000 rad or m, given -1",
-        ),
-        (("plan/z1.stiction.csv", "--periods", "2"), "torque ramps are played once, given 2 periods"),
-    ],
-)
-def test_bad_input_is_one_line_and_writes_nothing(here: Here, arguments: tuple[str, ...], message: str) -> None:
+def test_bad_input_is_one_line_and_writes_nothing(here: Here) -> None:
     planned(here)
     (here.cwd / "alone.csv").write_text("time\n0\n")
-    before = files_below(here.cwd)
-    ended = here.run("simulate", *arguments, "--out", "log.csv")
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert message in ended.stderr
-    assert files_below(here.cwd) == before
+    both, catch = ("--breakaway", "1e-4", "--sign-width", "0.1"), ("plan/z1.stiction.csv", "--catch", "-1")
+    for arguments, message in (
+        (("plan",), "plan holds a friction plan: name the file to play, such as plan/z1.csv"),
+        (("alone.csv",), "there is no plan.json of a friction plan in its folder; to play a file with a design"),
+        (("plan/none.csv",), "cannot read plan/none.csv: No such file"),
+        (("plan/z1.csv", "--trajectory", "alone.csv"), "two files to play are given: plan/z1.csv and alone.csv"),
+        (("plan/z1.csv", *both), "give --sign-width or --breakaway, not both"),
+        (("plan/z1.csv", "--breakaway", "soft"), "expected auto or a number, given 'soft'"),
+        (catch, "'--catch': must be a number from 1e-09 to 10000 rad or m, given -1"),
+        (("plan/z1.stiction.csv", "--periods", "2"), "torque ramps are played once, given 2 periods"),
+    ):
+        assert message in here.refused("simulate", *arguments, "--out", "log.csv")

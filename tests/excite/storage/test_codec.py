@@ -1,11 +1,14 @@
-"""The codec: what is read is what was written, whatever it holds, and what does not fit is named with its place."""
+"""The codec and files of curves: read as written, what does not fit is named, nothing that is not finite is written."""
 
 from __future__ import annotations
 
+import io
 import json
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,11 +16,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from excite.logs.log import Log
+from excite.logs.log_reading import write_log
+from excite.storage.atomic import check_table, write_json
 from excite.storage.codec import INLINE, OBJECT, content_of, named, record_of
-from regressors.errors import InputError
+from excite.storage.records import chosen, every, read_curves, write_curves
+from regressors.errors import InputError, NumericalError
 from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
 from regressors.samples import Array
+
+# The codec: what is read is what was written, whatever it holds, and what does not fit is named with its place.
 
 
 class Colour(Enum):
@@ -107,42 +116,36 @@ def test_arrays_stand_beside_under_the_names_of_their_fields() -> None:
         record_of(Whole, content, {"curve.q": np.array(["x"])})
 
 
-@pytest.mark.parametrize("name", ["irp6", "panda"])
-def test_robots_are_whole(name: str) -> None:
-    robot = again(Whole("a", 1.0, 1, Colour.RED, Part(), robot=built_in(name))).robot
+def test_robots_are_whole() -> None:
+    robot = again(Whole("a", 1.0, 1, Colour.RED, Part(), robot=built_in("panda"))).robot
     assert robot is not None
-    assert robot.sha256() == built_in(name).sha256()
+    assert robot.sha256() == built_in("panda").sha256()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"name": 3}, "^name: expected str, given 3"),
-        ({"count": True}, "^count: expected int, given True"),
-        ({"count": 1.5}, "^count: expected int, given 1.5"),
-        ({"number": "much"}, "^number: expected a number, given 'much'"),
-        ({"number": None}, "^number: expected a number, given None"),
-        ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
-        ({"weight": "heavy"}, "^weight: expected a number"),
-        ({"parts": [{"against": []}, {"against": [1]}]}, r"^parts\[1\].against\[0\]: expected str, given 1"),
-        ({"parts": 3}, "^parts: "),
-        ({"maybe": 3}, "^maybe: expected an object, given 3"),
-        ({"curve": {"joints": ["j"], "q": [1.0]}}, "^curve.q: expected an array of numbers"),
-        ({"robot": {}}, "^robot: 'description' is missing"),
-    ],
+WRONG: tuple[tuple[dict[str, Any], str], ...] = (
+    ({"name": 3}, "^name: expected str, given 3"),
+    ({"count": True}, "^count: expected int, given True"),
+    ({"count": 1.5}, "^count: expected int, given 1.5"),
+    ({"number": "much"}, "^number: expected a number, given 'much'"),
+    ({"number": None}, "^number: expected a number, given None"),
+    ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
+    ({"weight": "heavy"}, "^weight: expected a number"),
+    ({"parts": [{"against": []}, {"against": [1]}]}, r"^parts\[1\].against\[0\]: expected str, given 1"),
+    ({"parts": 3}, "^parts: "),
+    ({"maybe": 3}, "^maybe: expected an object, given 3"),
+    ({"curve": {"joints": ["j"], "q": [1.0]}}, "^curve.q: expected an array of numbers"),
+    ({"robot": {}}, "^robot: 'description' is missing"),
 )
-def test_what_does_not_fit_is_named_with_its_place(change: dict[str, Any], message: str) -> None:
-    content, arrays = content_of(WHOLE)
-    with pytest.raises(InputError, match=message):
-        record_of(Whole, {**content, **change}, arrays)
 
 
-@pytest.mark.parametrize("name", ["name", "number", "colour"])
-def test_an_entry_that_is_missing_is_named(name: str) -> None:
+def test_what_does_not_fit_or_is_missing_is_named_with_its_place() -> None:
     content, arrays = content_of(WHOLE)
-    del content[name]
-    with pytest.raises(InputError, match=f"'{name}' is missing"):
-        record_of(Whole, content, arrays)
+    for change, message in WRONG:
+        with pytest.raises(InputError, match=message):
+            record_of(Whole, {**content, **change}, arrays)
+    for name in ("name", "number", "colour"):
+        with pytest.raises(InputError, match=f"'{name}' is missing"):
+            record_of(Whole, {key: value for key, value in content.items() if key != name}, arrays)
 
 
 @dataclass(frozen=True)
@@ -201,8 +204,85 @@ def test_small_arrays_are_lists_and_objects_are_left_to_who_reads() -> None:
     assert record_of(Holder, {**content, "own": mine}, {}).small.path is None
 
 
-@pytest.mark.parametrize("values", [["x"], [[1.0], [1.0, 2.0]], [None], 3])
-def test_lists_that_are_no_arrays_are_refused(values: Any) -> None:
+def test_lists_that_are_no_arrays_are_refused() -> None:
     content, arrays = content_of(Holder(own=1, small=Small(np.zeros(2), np.zeros(2))))
-    with pytest.raises(InputError, match=r"^(values: )?"):
-        record_of(Holder, {**content, "own": 1, "values": values}, arrays)
+    for values in (["x"], [[1.0], [1.0, 2.0]], [None], 3):
+        with pytest.raises(InputError, match=r"^(values: )?"):
+            record_of(Holder, {**content, "own": 1, "values": values}, arrays)
+
+
+# Files of curves: read back as written, refused where they are damaged or far too large.
+
+
+ROWS: dict[str, Any] = {
+    "time": np.arange(4.0),
+    "log": np.zeros(4, dtype=np.int16),
+    "measured": np.ones(4, dtype=np.float32),
+    "joints": np.array(["a", "b"]),
+    "motion_q": np.zeros((3, 2)),
+}
+
+
+def test_arrays_are_read_as_written(tmp_path: Path) -> None:
+    write_curves(tmp_path / "c.npz", ROWS)
+    read = read_curves(tmp_path / "c.npz")
+    assert set(read) == set(ROWS)
+    for name, array in ROWS.items():
+        np.testing.assert_array_equal(read[name], array)
+
+
+def _objects() -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    return stream.getvalue()
+
+
+def _archive(member: bytes) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("time.npy", member)
+    return stream.getvalue()
+
+
+def test_damaged_and_far_too_large_files_are_named(tmp_path: Path) -> None:
+    damaged = map(_archive, (b"no array", b"\x93NUMPY\x01\x00", _objects()))
+    for content in (b"", b"PK\x03\x04", *damaged):
+        (tmp_path / "c.npz").write_bytes(content)
+        with pytest.raises(InputError, match=r"c\.npz"):
+            read_curves(tmp_path / "c.npz")
+    (tmp_path / "c.npz").write_bytes(_archive(bytes(70_000_000)))
+    with pytest.raises(InputError, match="expected at most"):
+        read_curves(tmp_path / "c.npz")
+
+
+def test_strides_and_choices() -> None:
+    assert [every(n, 10) for n in (1, 10, 11, 20, 21)] == [1, 1, 2, 2, 3]
+    assert chosen(3, 10).tolist() == [0, 1, 2]
+    assert chosen(100, 5)[[0, -1]].tolist() == [0, 99]
+
+
+# No file holds a number that is not finite: what is not is named by its place, and nothing is written.
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+def test_what_is_not_finite_is_named_and_not_written(tmp_path: Path) -> None:
+    for content, place in (
+        ({"a": NAN}, "a is not finite"),
+        ({"a": {"b": [1.0, INF]}}, r"a.b\[2\] is not finite"),
+        ([[0.0], [-INF]], r"\[2\]\[1\] is not finite"),
+        (NAN, "it is not finite"),
+    ):
+        with pytest.raises(NumericalError, match=f"^out.json is not written: {place}"):
+            write_json(tmp_path / "out.json", content)
+    table = np.zeros((4, 3))
+    check_table(Path("motion.csv"), ("time", "a", "b"), table)
+    table[2, 1] = NAN
+    with pytest.raises(NumericalError, match=r"^motion.csv is not written: a is not finite in row 3"):
+        check_table(Path("motion.csv"), ("time", "a", "b"), table)
+    log = Log("log", "0" * 64, ("j",), np.arange(3.0), np.zeros((3, 1)))
+    object.__setattr__(log, "q", np.array([[0], [INF], [0]]))  # by other means than its constructor, which refuses it
+    with pytest.raises(NumericalError, match=r"j.position is not finite in row 2"):
+        write_log(log, tmp_path / "log.csv")
+    assert list(tmp_path.iterdir()) == []

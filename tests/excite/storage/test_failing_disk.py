@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,22 +18,12 @@ from regressors.errors import InputError
 FAULTS = {"full": "No space left on device", "fault": "Input/output error"}
 FIGURES = (".png", ".pdf", ".svg")
 HOW = ("killed", "power", *FAULTS)
+STOPS = 12  # of a command, in each way
 
 
 @dataclass
 class Trial:
-    """One command, over an older result or in a folder that is not there yet.
-
-    Parameters
-    ----------
-    command : Command
-    over : bool
-        True if there is an older result.
-    folder : Path
-        Where folders are made.
-    patch, capfd
-        Fixtures of pytest.
-    """
+    """One command, over an older result or in a folder that is not there yet."""
 
     command: Command
     over: bool
@@ -41,13 +31,15 @@ class Trial:
     patch: pytest.MonkeyPatch
     capfd: pytest.CaptureFixture[str]
 
+    def __post_init__(self) -> None:
+        """Write what there is before the command."""
+        (self.folder / "before").mkdir()
+        if self.over:
+            assert self.command.run(self.folder / "before", "old", self.patch, force=False) in (0, 1)
+
     def place(self, name: str) -> Path:
         """A folder with what there is before the command."""
-        place = self.folder / name
-        place.mkdir()
-        if self.over:
-            assert self.command.run(place, "old", self.patch, force=False) in (0, 1)
-        return place
+        return shutil.copytree(self.folder / "before", self.folder / name, symlinks=True)
 
     def run(self, disk: Disk) -> int:
         """Run the new version."""
@@ -92,36 +84,40 @@ def check_state(files: dict[str, str], states: list[dict[str, str]], over: bool)
         assert starts == {name: content for name, content in state.items() if "/starts/" in name}
 
 
-def check_every_call(trial: Trial, how: str, step: int = 1) -> int:
-    """Stop a command at every call; number of calls."""
+def check_calls(trial: Trial, ways: tuple[str, ...]) -> None:
+    """Stop a command in each way at every n-th of its calls, each way at others."""
     calls, before, after = trial.clean()
     assert len(calls) > 20
     assert data_of(before) != data_of(after)
-    for at in range(0, len(calls), step):
-        place = trial.place(f"{how}{at}")
-        status = trial.run(Disk(place, at, how))
-        said = trial.capfd.readouterr().err
-        if how not in FAULTS:
-            assert status == CRASHED, calls[at]
-        elif status == 2:
-            assert FAULTS[how] in said, (calls[at], said)
-            assert len([line for line in said.splitlines() if not line.endswith(" ...")]) == 1  # beside its steps
-            assert f"{place}/" in said.replace(f"{place}:", f"{place}/:")
-            assert not any(hidden in said for hidden in ("/.s", "/.c", "/.n", "/.l", "/.w")), said
-        else:
-            assert status in (0, 1), calls[at]
-        found = trial.read(place)
-        files = hashes(place)
-        check_state(files, [before, after], trial.over)
-        assert found == bool(data_of(files)), calls[at]
-        again = data_of(files) != {}
-        assert trial.command.run(place, "new", trial.patch, force=again) in (0, 1), (
-            calls[at],
-            trial.capfd.readouterr(),
-        )
-        assert files_below(place) == files_below(trial.folder / "clean"), calls[at]
-        assert data_of(hashes(place)) == data_of(after), calls[at]
-    return len(calls)
+    stride = max(len(calls) // STOPS, 1)
+    for number, how in enumerate(ways):
+        for at in range(number * stride // len(ways), len(calls), stride):
+            check_call(trial, how, at, calls[at], [before, after])
+
+
+def check_call(trial: Trial, how: str, at: int, call: str, states: list[dict[str, str]]) -> None:
+    """Stop a command at a call: its folder holds the old state or the new one, and the next run completes it."""
+    place = trial.place(f"{how}{at}")
+    status = trial.run(Disk(place, at, how))
+    said = trial.capfd.readouterr().err
+    if how not in FAULTS:
+        assert status == CRASHED, call
+    elif status == 2:
+        assert FAULTS[how] in said, (call, said)
+        assert len([line for line in said.splitlines() if not line.endswith(" ...")]) == 1  # beside its steps
+        assert f"{place}/" in said.replace(f"{place}:", f"{place}/:")
+        assert not any(hidden in said for hidden in ("/.s", "/.c", "/.n", "/.l", "/.w")), said
+    else:
+        assert status in (0, 1), call
+    found = trial.read(place)
+    files = hashes(place)
+    check_state(files, states, trial.over)
+    held = data_of(files) != {}
+    assert found == held, call
+    status = trial.command.run(place, "new", trial.patch, force=held)
+    assert status in (0, 1), (call, trial.capfd.readouterr())
+    assert files_below(place) == files_below(trial.folder / "clean"), call
+    assert data_of(hashes(place)) == data_of(states[-1]), call
 
 
 @pytest.fixture
@@ -131,21 +127,14 @@ def patch() -> Iterator[pytest.MonkeyPatch]:
         yield patch
 
 
-@pytest.mark.parametrize("over", [False, True], ids=["fresh", "force"])
-@pytest.mark.parametrize("how", HOW)
-@pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.slow
-def test_every_call_of_every_command(
-    name: str, how: str, over: bool, tmp_path: Path, patch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("over", [False, True], ids=["fresh", "force"])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_calls_of_every_command(
+    name: str, over: bool, tmp_path: Path, patch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    step = 3 if name.startswith("design, ") else 1  # the calls of a design differ by their figures only
-    count = check_every_call(Trial(COMMANDS[name], over, tmp_path, patch, capfd), how, step)
-    with suppress(Exception), capfd.disabled():
-        print(f"{name}, {how}, {'force' if over else 'fresh'}: {count} calls")
+    check_calls(Trial(COMMANDS[name], over, tmp_path, patch, capfd), HOW)
 
 
-@pytest.mark.parametrize("how", ["killed", "full"])
-def test_some_calls_of_a_fit(
-    how: str, tmp_path: Path, patch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    check_every_call(Trial(COMMANDS["friction fit"], True, tmp_path, patch, capfd), how, step=8)
+def test_some_calls_of_a_fit(tmp_path: Path, patch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    check_calls(Trial(COMMANDS["friction fit"], True, tmp_path, patch, capfd), ("killed", "full"))

@@ -67,9 +67,9 @@ from excite.design.blueprint import design_prediction
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import candidates
 from excite.design.optimisation import design_trajectory
-from excite.friction.plan.plan_friction import plan_friction
-from excite.friction.plan.schedule import plan_prediction
-from excite.friction.plan.schedule import Schedule
+from excite.design.friction_runs.plan_friction import plan_friction
+from excite.design.friction_runs.schedule import plan_prediction
+from excite.design.friction_runs.schedule import Schedule
 from excite.information.target import target_of
 from excite.logs.layout import house_layout
 from excite.logs.log_reading import read_log

@@ -11,20 +11,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from written_results import result, verification
+from written_results import verification
 
+import excite
+from excite.design.friction_runs.friction_plan import load_friction_plan
+from excite.design.friction_runs.plan_friction import plan_friction
+from excite.design.friction_runs.schedule import Schedule
 from excite.design.sweeps.sweep_table import load_sweep
-from excite.friction.fit.friction_fit import load_friction_fit
-from excite.friction.plan.friction_plan import load_friction_plan
-from excite.friction.plan.plan_friction import plan_friction
-from excite.friction.plan.schedule import Schedule
-from excite.optimality.design_bound import DesignBound
 from excite.payload.payload_result import load_payload
-from excite.storage.records import json_of, read_curves, read_record, write_curves
-from excite.study.predict_accuracy import load_accuracy
+from excite.storage.codec import content_of
+from excite.storage.records import json_of, read_curves, write_curves
 from excite.study.time_study import TimeCourse, TimeStudy, load_time_study
 from excite.verification.verification import Verification, load_verification
-from excite.views.friction_plan_view import friction_plan_view
+from excite.views.friction_views import friction_plan_view
 from regressors.errors import InputError
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
@@ -123,24 +122,87 @@ def test_only_some_repetitions_are_in_a_file_and_the_scatter_is_of_all(
 # --- files of schema 1
 
 
-def test_a_study_of_schema_1_is_the_same(tmp_path: Path) -> None:
-    shutil.copytree(SAMPLES / "study-1", tmp_path / "old")
-    content, read = (
-        json.loads((tmp_path / "old" / "study.json").read_text()),
-        load_time_study(tmp_path / "old" / "study.json"),
-    )
-    assert content["schema"] == "excite.study/1"
-    assert (read.robot, read.sha256) == (content["robot"]["name"], content["robot"]["sha256"])
-    (course,), (known,) = read.courses, content["courses"]
-    assert (course.names, course.repetitions) == (tuple(known["names"]), known["repetitions"])
-    for values, name in ((course.values, "values"), (course.scatter, "scatter"), (course.time, "time")):
-        np.testing.assert_array_equal(values, np.array(known[name], dtype=float))
-    below = np.array(known["time_below"], dtype=float)
-    np.testing.assert_array_equal(course.time_below(content["below"]), below)
-    half = np.array(known["half_width_99"], dtype=float)
+# entries of an older file that have another name today, or none because they follow from the others
+OLDER: dict[str, dict[str, str | None]] = {
+    "study-1/study.json": {
+        "courses.reference.kind": "courses.reference_kind",
+        "courses.reference.values": "courses.0.reference",
+        **dict.fromkeys(("courses.time_below", "courses.half_width_99", "courses.mean_of_repetitions")),
+    },
+    "verification-1/verification-run.json": {"log.from": "log.start", "log.to": "log.end", "torques.limited_by": None},
+    "bound-1/bound.json": {},
+    "accuracy-1/accuracy.json": {"design": "name", "samples": "count"},
+    "friction-fit-1/fit.json": {
+        "robot.name": "robot",
+        "subtracted": "gravity_source",
+        "drives.name": "characteristics.drive",
+        "drives.fit.model": "characteristics.fit.form.name",
+        "drives.compared.model": None,
+        **dict.fromkeys(f"drives.{of}.{x}" for of in ("fit", "compared") for x in ("aicc", "reference_temperature")),
+    },
+    "friction-plan-1/plan.json": {"schedule.longest": None, "schedule.stroke": None},
+    "campaign-1/campaign.json": {},
+}
+
+
+def entries(content: Any, path: str = "") -> dict[str, list[Any]]:
+    """Plain values of a content in their order, by the names that lead to them."""
+    found: dict[str, list[Any]] = {}
+    pairs = content.items() if isinstance(content, dict) else [("", each) for each in content]
+    for name, value in pairs:
+        place = f"{path}.{name}".strip(".")
+        deeper = entries(value, place) if isinstance(value, dict | list | tuple) else {place: [value]}
+        for key, values in deeper.items():
+            found.setdefault(key, []).extend(values)
+    return found
+
+
+def alike(one: list[Any], other: list[Any]) -> bool:
+    """The same texts, and numbers to rounding; null is what was not finite."""
+    texts = [[x for x in some if isinstance(x, str) and x not in ("nan", "inf", "-inf")] for some in (one, other)]
+    numbers = [[np.nan if x is None else float(x) for x in some if not isinstance(x, str)] for some in (one, other)]
+    sizes = [len(one), *map(len, numbers)]
+    return texts[0] == texts[1] and sizes[1] == sizes[2] and np.allclose(*numbers, rtol=1e-9, atol=0, equal_nan=True)
+
+
+@pytest.mark.parametrize("place", OLDER)
+def test_every_entry_of_schema_1_is_in_the_record_of_today(place: str, tmp_path: Path) -> None:
+    path = shutil.copytree(SAMPLES / Path(place).parent, tmp_path / "old") / Path(place).name
+    content, arrays = content_of(excite.load(path))
+    known = entries(json.loads(json.dumps(content))) | {
+        name: np.ravel(array).tolist() for name, array in arrays.items()
+    }
+    for name, values in entries(json.loads(path.read_text())).items():
+        if name == "schema" or OLDER[place].get(name, "") is None:
+            continue
+        other = OLDER[place].get(name)
+        here = [known[other]] if other else [v for key, v in known.items() if key.split(".")[-1] == name.split(".")[-1]]
+        assert any(alike(values, each) for each in here), name
+
+
+def test_what_follows_from_a_study_of_schema_1_is_the_same() -> None:
+    path = SAMPLES / "study-1" / "study.json"
+    (course,), (known,) = load_time_study(path).courses, json.loads(path.read_text())["courses"]
+    below, half = (np.array(known[name], dtype=float) for name in ("time_below", "half_width_99"))
+    np.testing.assert_array_equal(course.time_below(0.05), below)
     seen = np.isfinite(half)
     assert seen.any()
     np.testing.assert_allclose(course.half_width[seen], half[seen], rtol=1e-12)
+
+
+def test_a_plan_and_a_sweep_of_schema_1_are_written_again(tmp_path: Path) -> None:
+    load_friction_plan(SAMPLES / "friction-plan-1").save(tmp_path / "plan")
+    old, new = (
+        json.loads((folder / "plan.json").read_text()) for folder in (SAMPLES / "friction-plan-1", tmp_path / "plan")
+    )
+    assert new["schedule"] == {**old["schedule"], "longest": "inf", "stroke": "inf"}
+    content = json.loads((SAMPLES / "campaign-1" / "campaign.json").read_text())
+    rows = [*content["rows"], {**content["rows"][0], "cell": "c", "status": "failed", "group": 0, "facts": {}}]
+    (tmp_path / "campaign.json").write_text(json.dumps({**content, "rows": rows}))
+    read = load_sweep(tmp_path / "campaign.json")
+    assert (read.rows[2].facts, read.counts) == (None, {"designed": 2, "failed": 1})
+    read.save(tmp_path / "again")
+    assert load_sweep(tmp_path / "again") == read
 
 
 @pytest.fixture
@@ -151,15 +213,8 @@ def older(tmp_path: Path) -> Path:
 
 def test_a_file_of_schema_1_is_the_same_verification(older: Path) -> None:
     content, read = json.loads(older.read_text()), load_verification(older)
-    assert content["schema"] == "excite.verification/1"
-    assert (read.holds, read.verdict.text) == (content["holds"], content["verdict"])
-    assert (read.relative_error, read.training_error) == (content["relative_error"], content["training_error"])
-    assert read.windows == content["windows"]
-    assert [t.name for t in read.torques] == [t["name"] for t in content["torques"]]
-    assert [t.limited_by for t in read.torques] == [t["limited_by"] for t in content["torques"]]
-    assert [dataclasses.asdict(c) for c in read.corrected] == [t["corrected"] for t in content["torques"]]
-    assert read.motions is not None
-    assert [dataclasses.asdict(m) for m in read.motions] == content["motions"]
+    assert (read.holds, read.windows) == (content["holds"], content["windows"])
+    assert [each.limited_by for each in read.torques] == [each["limited_by"] for each in content["torques"]]
     assert read.robot is not None
     assert read.robot.sha256() == content["robot"]["sha256"]
     curves = read_curves(older.with_name("verification-run_curves.npz"))
@@ -168,76 +223,10 @@ def test_a_file_of_schema_1_is_the_same_verification(older: Path) -> None:
     np.testing.assert_array_equal(read.replay.q, curves["replay_q"])
     np.testing.assert_array_equal(read.motion.q, curves["replay_measured"])
     assert np.all(np.isnan(read.replay.dq))
-
-
-def test_a_bound_of_schema_1_is_the_same(tmp_path: Path) -> None:
-    path = shutil.copytree(SAMPLES / "bound-1", tmp_path / "design") / "bound.json"
-    content, read = json.loads(path.read_text()), read_record(path, DesignBound, "bound")
-    assert (read.name, read.problem, read.coefficients) == ("design", content["problem"], content["coefficients"])
-    assert [each.efficiency for each in read.criteria] == [each["efficiency"] for each in content["criteria"]]
-    assert read.sensitivity is not None
-    assert [dataclasses.asdict(row) for row in read.sensitivity.rows] == content["sensitivity"]["rows"]
-
-
-def test_an_accuracy_of_schema_1_is_the_same(tmp_path: Path) -> None:
-    path = shutil.copytree(SAMPLES / "accuracy-1", tmp_path / "design") / "accuracy.json"
-    content, read = json.loads(path.read_text()), load_accuracy(path)
-    assert (read.name, read.count, read.precision) == (content["design"], content["samples"], content["precision"])
-    assert [{**dataclasses.asdict(p), "error": p.error} for p in read.parameters] == content["parameters"]
-    assert read.notes == tuple(content["notes"])
-
-
-def test_a_friction_fit_of_schema_1_is_the_same(tmp_path: Path) -> None:
-    path = shutil.copytree(SAMPLES / "friction-fit-1", tmp_path / "fit") / "fit.json"
-    content, read = json.loads(path.read_text()), load_friction_fit(path)
-    (one,), (drive,) = read.characteristics, content["drives"]
-    assert (read.robot, read.sha256) == (content["robot"]["name"], content["robot"]["sha256"])
-    assert [dataclasses.asdict(log) for log in read.logs] == [{**log, "left_out": ()} for log in content["logs"]]
-    assert (one.drive, dataclasses.asdict(read.settings)) == (drive["name"], content["settings"])
-    assert one.fit is not None
-    known = drive["fit"]["parameters"]
-    assert one.fit.parameters.keys() == known.keys()
-    for name, parameter in one.fit.parameters.items():
-        assert parameter == pytest.approx(known[name], rel=1e-9)
-    assert [dataclasses.asdict(point) for point in one.points] == drive["points"]
-    assert [dataclasses.asdict(mean) for mean in one.means] == drive["break_away"]
-    assert isinstance(one.curve.torque(0.5), float | np.ndarray)
-
-
-def test_a_friction_plan_of_schema_1_is_the_same(tmp_path: Path) -> None:
-    path = shutil.copytree(SAMPLES / "friction-plan-1", tmp_path / "plan") / "plan.json"
-    content, read = json.loads(path.read_text()), load_friction_plan(path.parent)
-    assert read.world is not None
-    assert (read.world.to_dict(), read.robot.sha256()) == (content["world"], content["robot"]["sha256"])
-    assert [dataclasses.asdict(passage) for passage in read.passages] == content["passages"]
-    for c, known in zip(read.coordinates, content["trajectories"], strict=True):
-        assert (c.label, c.place.pose.tolist()) == (known["coordinate"], list(known["pose"].values()))
-        assert (c.runs.duration, c.stroke, c.order) == (known["duration"], known["stroke"], known["order"])
-        assert c.tests == known["stiction"]
-        assert [dataclasses.asdict(each) for each in c.left_out] == known["left_out"]
-        assert [use.to_dict() for use in c.limits] == known["limits"]
-        assert [{**d.use.to_dict(), "at": d.at} for d in c.distances or ()] == known["distances"]
-        assert c.ramps is not None
-        assert (c.ramps.duration, c.ramps.file) == (known["torque_ramps"]["duration"], known["torque_ramps"]["file"])
-    read.save(tmp_path / "again")
-    again = json.loads((tmp_path / "again" / "plan.json").read_text())
-    assert again["schedule"] == {**content["schedule"], "longest": "inf", "stroke": "inf"}
-    for known, new in zip(content["trajectories"], again["trajectories"], strict=True):
-        assert {name: new[name] for name in known if name != "torque_ramps"} == {
-            name: value for name, value in known.items() if name != "torque_ramps"
-        }
-
-
-def test_a_sweep_table_of_schema_1_is_the_same(tmp_path: Path) -> None:
-    path = shutil.copytree(SAMPLES / "campaign-1", tmp_path / "campaign") / "campaign.json"
-    content, read = json.loads(path.read_text()), load_sweep(path.parent)
-    assert [dataclasses.asdict(row) for row in read.rows] == content["rows"]
-    rows = [*content["rows"], {**content["rows"][0], "cell": "c", "status": "failed", "group": 0, "facts": {}}]
-    path.write_text(json.dumps({**content, "rows": rows}))
-    read = load_sweep(path)
-    assert (read.rows[2].facts, read.counts) == (None, {"designed": 2, "failed": 1})
-    read.save(tmp_path / "again")
-    assert load_sweep(tmp_path / "again") == read
+    read.save(older.parent / "new", name="verification-run")  # in the schema of today
+    again = older.parent / "new" / "verification-run.json"
+    assert json.loads(again.read_text())["schema"] == "excite.verification/2"
+    same_entries(load_verification(again), read)
 
 
 def test_gravity_that_is_not_known_is_read_from_null(tmp_path: Path) -> None:
@@ -269,23 +258,14 @@ def test_a_payload_of_schema_1_is_refused_with_the_reason() -> None:
         load_payload(SAMPLES / "payload-1" / "payload.json")
 
 
-def test_it_is_written_in_the_schema_of_today(older: Path, tmp_path: Path) -> None:
-    load_verification(older).save(tmp_path / "new", name="verification-run")
-    assert json.loads((tmp_path / "new" / "verification-run.json").read_text())["schema"] == "excite.verification/2"
-    same_entries(load_verification(tmp_path / "new" / "verification-run.json"), load_verification(older))
-
-
-def test_without_its_result_it_has_no_robot(older: Path) -> None:
-    (older.parent / "result.json").unlink()
-    assert load_verification(older).robot is None
-
-
 def test_what_was_not_finite_is_infinite(older: Path) -> None:
     content = json.loads(older.read_text())
     content["relative_error"] = content["torques"][1]["relative"] = None
     content["torques"][0]["corrected"] = None
     older.write_text(json.dumps(content))
+    (older.parent / "result.json").unlink()
     read = load_verification(older)
+    assert read.robot is None
     assert (read.relative_error, read.torques[1].relative) == (np.inf, np.inf)
     assert read.corrected == ()
 
@@ -293,27 +273,38 @@ def test_what_was_not_finite_is_infinite(older: Path) -> None:
 # --- what is refused
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda c: c.update(schema="excite.verification/3"), "expected schema excite.verification/2, given"),
-        (lambda c: c.pop("tolerances"), r"run.json: not a complete verification: 'tolerances' is missing"),
-        (lambda c: c["torques"][0].pop("unit"), r"torques\[0\]: 'unit' is missing"),
-        (lambda c: c["log"].update(rows="many"), "log.rows: expected int, given 'many'"),
-        (lambda c: c.update(remarks=[1]), r"remarks\[0\]: expected str, given 1"),
-        (lambda c: c["robot"].update(sha256="0"), "does not have the hash that the file states"),
-        (lambda c: c.update(torques=c["torques"][:2], corrected=[]), "torques of 2 equations"),
-        (lambda c: c["motion"].update(joints=["q1"]), "positions of every joint"),
-    ],
+DAMAGE: tuple[tuple[Callable[[dict[str, Any]], object], str], ...] = (
+    (lambda c: c.update(schema="excite.verification/3"), "expected schema excite.verification/2, given"),
+    (lambda c: c.pop("tolerances"), r"run.json: not a complete verification: 'tolerances' is missing"),
+    (lambda c: c["torques"][0].pop("unit"), r"torques\[0\]: 'unit' is missing"),
+    (lambda c: c["log"].update(rows="many"), "log.rows: expected int, given 'many'"),
+    (lambda c: c.update(remarks=[1]), r"remarks\[0\]: expected str, given 1"),
+    (lambda c: c["robot"].update(sha256="0"), "does not have the hash that the file states"),
+    (lambda c: c.update(torques=c["torques"][:2], corrected=[]), "torques of 2 equations"),
+    (lambda c: c["motion"].update(joints=["q1"]), "positions of every joint"),
 )
-def test_damage_is_named(change: Callable[[dict[str, Any]], object], message: str, tmp_path: Path) -> None:
+
+
+def test_damage_is_named(tmp_path: Path) -> None:
     verification("old").save(tmp_path, name="verification-run")
+    path, curves = tmp_path / "verification-run.json", tmp_path / "verification-run_curves.npz"
+    for changed in (path, curves):
+        whole = changed.read_bytes()
+        changed.write_bytes(whole + b" ")
+        with pytest.raises(InputError, match=f"{changed.name} has been changed"):
+            load_verification(path)
+        changed.write_bytes(whole)
     (tmp_path / "manifest.json").unlink()
-    path = tmp_path / "verification-run.json"
-    content = json.loads(path.read_text())
-    change(content)
-    path.write_text(json.dumps(content))
-    with pytest.raises(InputError, match=message):
+    text = path.read_text()
+    for change, message in DAMAGE:
+        content = json.loads(text)
+        change(content)
+        path.write_text(json.dumps(content))
+        with pytest.raises(InputError, match=message):
+            load_verification(path)
+    path.write_text(text)
+    write_curves(curves, {**read_curves(curves), "measured": np.zeros((3, 3))})
+    with pytest.raises(InputError, match="expected measured and predicted torques of 3 equations"):
         load_verification(path)
 
 
@@ -332,15 +323,3 @@ def test_curves_of_other_lengths_are_refused(tmp_path: Path) -> None:
     write_curves(path, {**read_curves(path), "measured": np.zeros((3, 3))})
     with pytest.raises(InputError, match="expected measured and predicted torques of 3 equations"):
         load_verification(tmp_path / "verification-run.json")
-
-
-def test_a_file_of_the_users_own_stays(tmp_path: Path) -> None:
-    (tmp_path / "verification-run.json").write_text("{}")
-    with pytest.raises(InputError, match="is already there, and is not a verification"):
-        verification("old").save(tmp_path, name="verification-run")
-    assert (tmp_path / "verification-run.json").read_text() == "{}"
-
-
-def test_the_sample_is_of_the_result_beside_it() -> None:
-    stored = json.loads((SAMPLES / "verification-1" / "result.json").read_text())
-    assert stored["robot"]["sha256"] == result("old").robot.sha256()

@@ -1,23 +1,43 @@
-"""Predictions of memory: the cap, what is said beyond it, and the value that fits."""
+"""Predictions of memory and time: the cap, the value that fits, and long work that is announced."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from commands import Here
+from played import noisy, played, three_joints
 
+import excite
 from excite.design.blueprint import check_richness, design_prediction, search_seconds
-from excite.design.campaign import campaign_prediction
-from excite.friction.plan.schedule import Schedule, plan_prediction
-from excite.identification.identify import rows_prediction
+from excite.design.campaign import campaign_prediction, campaign_seconds, plan_campaign
+from excite.design.friction_runs.schedule import Schedule, plan_prediction
+from excite.identification.identify import identification_seconds, rows_prediction
 from excite.identification.recipe import repetition_prediction
 from excite.information.target import target_of
 from excite.logs.log import Log
+from excite.logs.log_reading import write_log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulation_prediction
-from excite.storage.work_prediction import BASE, MemoryPart, WorkPrediction, in_time
+from excite.storage import work_prediction as long_work
+from excite.storage.work_prediction import BASE, LONG, MemoryPart, WorkPrediction, announce, in_time
+from excite.study.repetitions import repetition_seconds, repetitions
+from excite.study.study_over_time import study_over_time, study_seconds
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
+from excite.verification.verify import verification_seconds
 from regressors.errors import InputError, TooLargeError
 from regressors.memory_cap import memory_cap, value_cap
 from regressors.readers.library import built_in, built_in_names
+
+# Predictions of memory: the cap, what is said beyond it, and the value that fits.
 
 
 def of_rate(rate: float, power: float = 1.0) -> WorkPrediction:
@@ -25,20 +45,12 @@ def of_rate(rate: float, power: float = 1.0) -> WorkPrediction:
     return WorkPrediction("the work", (part,), seconds=7200.0)
 
 
-def test_what_fits_is_done() -> None:
-    of_rate(38.0).check()
-
-
 @pytest.mark.parametrize(("rate", "power", "fits"), [(100.0, 1.0, "38"), (100.0, 2.0, "6.2"), (100, 1.0, "38")])
 def test_what_does_not_fit_is_refused_with_a_value_that_does(rate: float, power: float, fits: str) -> None:
-    with pytest.raises(TooLargeError, match=rf"more than the cap of 4 GB: .*`rate=100`.*`rate={fits}` would do"):
+    message = rf"^the work .* of memory and 2 h, more than the cap of 4 GB: .*`rate=100`.*`rate={fits}` would do"
+    with pytest.raises(TooLargeError, match=message):
         of_rate(rate, power).check()
     of_rate(float(fits), power).check()
-
-
-def test_memory_and_time_are_said() -> None:
-    with pytest.raises(TooLargeError, match=r"^the work would take about 10\.1 GB of memory and 2 h, "):
-        of_rate(100.0).check()
 
 
 def test_a_smaller_value_may_be_what_is_too_large() -> None:
@@ -58,12 +70,6 @@ def test_a_table_of_more_than_1e8_numbers_is_refused(repeats: int, columns: int,
     of(int(fits)).check()
 
 
-def test_the_cap_of_numbers_rises_with_that_of_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert value_cap() == 1e8
-    monkeypatch.setenv("EXCITE_MEMORY_CAP", "8")
-    assert value_cap() == 2e8
-
-
 def test_the_rest_may_leave_no_value() -> None:
     parts = (MemoryPart("a", 1, 1, 6e9, "rate", 5.0), MemoryPart("b", 1, 1, 5e9, "starts", 7))
     with pytest.raises(TooLargeError, match="a lower `rate` is needed"):
@@ -72,23 +78,19 @@ def test_the_rest_may_leave_no_value() -> None:
 
 def test_the_cap_is_raised_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("EXCITE_MEMORY_CAP", "12")
-    assert memory_cap() == 12e9
+    assert (memory_cap(), value_cap()) == (12e9, 3e8)
     of_rate(100.0).check()
     monkeypatch.setenv("EXCITE_MEMORY_CAP", "")
     assert memory_cap() == 4e9
 
 
-@pytest.mark.parametrize("text", ["much", "-1", "0", "nan", "inf", "4 GB", "\x1b[31m"])
-def test_a_cap_that_is_no_number(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
-    monkeypatch.setenv("EXCITE_MEMORY_CAP", text)
-    with pytest.raises(InputError, match=r"EXCITE_MEMORY_CAP: expected a number of GB greater than zero") as refused:
-        memory_cap()
-    assert str(refused.value).isprintable()
-
-
-@pytest.mark.parametrize(("seconds", "text"), [(3.0, "3 s"), (600.0, "10 min"), (9e3, "2.5 h"), (1e6, "12 days")])
-def test_times_in_words(seconds: float, text: str) -> None:
-    assert in_time(seconds) == text
+def test_a_cap_that_is_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    for text in ("much", "-1", "0", "nan", "inf", "4 GB", "\x1b[31m"):
+        monkeypatch.setenv("EXCITE_MEMORY_CAP", text)
+        with pytest.raises(InputError, match=r"EXCITE_MEMORY_CAP: expected a number of GB greater than") as refused:
+            memory_cap()
+        assert str(refused.value).isprintable()
+    assert [in_time(seconds) for seconds in (3.0, 600.0, 9e3, 1e6)] == ["3 s", "10 min", "2.5 h", "12 days"]
 
 
 @pytest.mark.parametrize("name", built_in_names())
@@ -139,24 +141,17 @@ def test_the_time_of_a_start_is_near_the_measured_one(name: str, harmonics: int,
     assert 0.2 < search_seconds(target_of(installed_robot(task), task), task, 1) / measured < 5.0
 
 
-@pytest.mark.parametrize("option", ["warm_up", "repeats", "creeping", "pause", "ramping"])
-def test_what_makes_a_plan_large_is_named(option: str) -> None:
-    large = 10**5 if option == "repeats" else 1e5
-    with pytest.raises(TooLargeError, match=rf"^the plan would take about .*`{option}=100000`.*`{option}=\d+` would"):
-        plan_prediction(built_in("irp6"), Schedule(**{option: large}), 5).check()
-
-
-@pytest.mark.parametrize(("change", "option"), [({"rate": 1e7}, "rate"), ({"periods": 10_000}, "periods")])
-def test_what_makes_a_simulation_large_is_named(change: dict[str, float], option: str) -> None:
-    settings = SimulationSettings(**change)
-    with pytest.raises(TooLargeError, match=rf"^the simulation would take about .*`{option}=\d+` would do"):
-        simulation_prediction(settings, 10.0 * settings.periods, 6, wrench=False).check()
-
-
-@pytest.mark.parametrize("count", [10**8, 10**24, 10**300])
-def test_repetitions_are_bounded(count: int) -> None:
-    with pytest.raises(TooLargeError, match=r"^the repetition would .*`repeat=\d+` would do"):
-        repetition_prediction(count).check()
+def test_what_makes_plans_simulations_and_repetitions_large_is_named() -> None:
+    for option in ("warm_up", "repeats", "creeping", "pause", "ramping"):
+        schedule = Schedule(**{option: 10**5 if option == "repeats" else 1e5})
+        with pytest.raises(TooLargeError, match=rf"^the plan would .*`{option}=100000`.*`{option}=\d+` would"):
+            plan_prediction(built_in("irp6"), schedule, 5).check()
+    for settings, option in ((SimulationSettings(rate=1e7), "rate"), (SimulationSettings(periods=10_000), "periods")):
+        with pytest.raises(TooLargeError, match=rf"^the simulation would take about .*`{option}=\d+` would do"):
+            simulation_prediction(settings, 10.0 * settings.periods, 6, wrench=False).check()
+    for count in (10**8, 10**24, 10**300):
+        with pytest.raises(TooLargeError, match=r"^the repetition would .*`repeat=\d+` would do"):
+            repetition_prediction(count).check()
 
 
 def test_campaigns_of_many_drives_are_bounded() -> None:
@@ -171,3 +166,121 @@ def test_two_million_rows_of_six_joints_are_not_refused() -> None:
     rows = rows_prediction("the identification", [log] * 2_000_000)
     rows.check()
     assert 1.7e9 < rows.bytes < 2.4e9  # it takes 1.7 GB
+
+
+# Long work is announced once, before it starts; the command line prints the sentence, and nothing is refused.
+
+
+@pytest.fixture
+def said(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
+    """Its messages are what is announced."""
+    caplog.set_level(logging.INFO, logger="excite.storage")
+    return caplog
+
+
+def test_only_long_work_is_announced(said: pytest.LogCaptureFixture) -> None:
+    announce("the work", LONG)
+    assert said.messages == []
+    announce("the work", 7200.0, "a lower `rate` takes less")
+    announce("the work", 40.0)
+    assert said.messages == ["the work will take about 2 h; a lower `rate` takes less", "the work will take about 40 s"]
+
+
+def log(seed: int = 1) -> Log:
+    return noisy(played(three_joints(), 3, 200.0), 0.2, 1e-6, seed)
+
+
+def _identified() -> Any:
+    return excite.identify("irp6", log(), choose=False)
+
+
+WORKS: dict[str, Callable[[], object]] = {
+    "the identification": _identified,
+    "the verification on LOG": lambda: excite.verify(_identified(), log(2)),
+    "the campaign": lambda: plan_campaign("irp6"),
+    "the repetitions": lambda: repetitions(_identified(), 2, 0),
+    "the study": lambda: study_over_time("irp6", [log()], points=5),
+    "the search": lambda: excite.design_payload_motion("ur10e", 0.3),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WORKS)
+def test_work_announces_itself(
+    name: str, said: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(long_work, "LONG", -1.0)
+    WORKS[name]()
+    write_log(log(), tmp_path / "run.csv")
+    excite.read_log(tmp_path / "run.csv")
+    for first in (name, f"reading {tmp_path / 'run.csv'}"):
+        assert [line for line in said.messages if line.startswith(f"{first} will take about ")]
+
+
+def test_the_command_line_prints_it(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert here.run("plan", "irp6").stderr == ""
+    monkeypatch.setattr(long_work, "LONG", 0.0)
+    (line,) = here.run("plan", "irp6").stderr.splitlines()
+    assert line.startswith("excite: the campaign will take about 0.1")
+    assert line.endswith("; a lower --at-once takes less")
+    assert logging.getLogger("excite.storage").level == logging.NOTSET
+
+
+def many(rows: int, joints: int, logs: int = 1) -> list[Log]:
+    """Logs of which only the size counts."""
+    columns = np.broadcast_to(np.zeros((1, joints)), (rows, joints))
+    names = tuple("abcdefg"[:joints])
+    time = 1e-6 * np.arange(rows)  # a short log is simulated as a whole
+    return [Log(f"log {k}", "", names, time, columns, effort=columns) for k in range(logs)]
+
+
+def lasting(log: Log, seconds: float) -> Log:
+    """The same over some time."""
+    return replace(log, time=np.linspace(0.0, seconds, log.count))
+
+
+# CPU seconds on one core that multiplies two matrices of 1000 x 1000 numbers in 0.03 s
+@pytest.mark.parametrize(
+    ("predicted", "measured", "factor"),
+    [
+        (identification_seconds(many(800, 5), chosen=True), 1.48, 3),
+        (identification_seconds(many(8000, 5), chosen=False), 0.23, 3),
+        (identification_seconds(many(8000, 7), chosen=True), 5.97, 3),
+        (identification_seconds(many(2000, 5, logs=5), chosen=True), 4.73, 3),
+        (identification_seconds(many(100_000, 6), chosen=True), 12.9, 3),
+        (identification_seconds(many(100_000, 6), chosen=False), 2.63, 3),
+        (identification_seconds(many(2_000_000, 6), chosen=True), 30.3, 3),
+        (verification_seconds(many(20_000, 6)[0], simulated=True), 24.3, 4),
+        (verification_seconds(many(8000, 6)[0], simulated=True), 1.44, 4),
+        (verification_seconds(many(8000, 7)[0], simulated=True), 21.1, 4),
+        (verification_seconds(many(1000, 7)[0], simulated=True), 5.36, 4),
+        (verification_seconds(lasting(many(600_000, 7)[0], 600.0), simulated=True), 14.5, 4),
+        (campaign_seconds(63, 72, 6), 2.19, 3),
+        (campaign_seconds(119, 84, 7), 6.19, 3),
+        (campaign_seconds(127, 84, 1), 0.59, 3),
+        (study_seconds([10.0], 5, 2000.0, 100, 4), 3.54, 3),
+        (study_seconds([10.0], 6, 500.0, 1000, 4), 4.58, 3),
+    ],
+)
+def test_rules_are_near_what_was_measured(predicted: float, measured: float, factor: float) -> None:
+    assert 1 / factor < predicted / measured < factor
+
+
+def _cpu(work: Callable[[], object]) -> float:
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
+@pytest.mark.slow
+def test_the_time_of_an_identification_and_its_repetitions() -> None:
+    long = noisy(played(three_joints(), 3, 400.0, 10.0), 0.2, 1e-6, 1)
+    plain = excite.identify("irp6", long, choose=False)
+    again = replace(long, sha256="another")
+    for chosen in (False, True):
+        measured = _cpu(lambda: excite.identify("irp6", again, choose=chosen))  # noqa: B023
+        assert 0.25 < identification_seconds([long], chosen=chosen) / measured < 4.0
+    one, more = (_cpu(lambda: repetitions(plain, count, 0)) for count in (2, 102))  # noqa: B023
+    model = plain.target.model
+    experiment = SimpleNamespace(model=model, samples=plain.prepared[0].samples, low_pass=None)
+    assert 0.25 < repetition_seconds(experiment, 100) / (more - one) < 4.0

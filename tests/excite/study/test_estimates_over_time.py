@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from played import TASK, found, irp6, noisy, played, three_joints
+from processes import DaskProcesses, kill
+from repeated_experiments import OneByOne
 
 from excite.design.design import Design
+from excite.design.executors.unit_executor import InProcesses, UnitExecutor
 from excite.design.optimisation import design_trajectory
+from excite.errors import LostWorkersError
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.simulation.simulate import simulate
 from excite.storage.records import json_of
-from excite.study.study_over_time import (
-    estimates_over_time,
-    growing_factors,
-    measured_again,
-    study_over_time,
-)
+from excite.study.study_over_time import estimates_over_time, measured_again, study_over_time
 from excite.study.time_study import TimeCourse
-from excite.views.estimates_plot import estimates_over_time_figure
-from regressors.errors import InputError
+from excite.views.identification_plots import estimates_over_time_figure
+from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import standard_values
 
 
@@ -43,14 +44,6 @@ def result(estimator: str = "weighted", covariance: str = "white") -> Identifica
 @cache
 def design() -> Design:
     return design_trajectory(TASK.changed(robot=irp6(), period=3.0, harmonics=3, starts=1, executor="serial"))
-
-
-def test_growing_factors_are_those_of_the_first_rows() -> None:
-    A = np.random.default_rng(0).normal(size=(50, 4))
-    ends = np.array([2, 2, 5, 30, 50])
-    for end, R in zip(ends, growing_factors(A, ends), strict=True):
-        np.testing.assert_allclose(R.T @ R, A[:end].T @ A[:end], atol=1e-12)
-        assert R.shape == (min(end, 4), 4)
 
 
 @pytest.mark.parametrize("estimator", ["weighted", "least-squares"])
@@ -127,29 +120,13 @@ def test_logs_and_designs_stand_side_by_side() -> None:
 def test_another_motion_is_simulated_for_the_parameters_of_the_design(tmp_path: Path) -> None:
     """The design's own motion, given as a file, has the same course as the design, but for rounding."""
     design().save(tmp_path / "d")
-    study = study_over_time(
-        "irp6",
-        designs=[tmp_path / "d"],
-        trajectories=[tmp_path / "d" / "trajectory.csv"],
-        simulation={"rate": 100.0, "torque_noise": (0.5,)},
-        repeats=2,
-        points=4,
-    )
+    motions = {"designs": [tmp_path / "d"], "trajectories": [tmp_path / "d" / "trajectory.csv"]}
+    study = study_over_time("irp6", **motions, simulation={"rate": 100.0, "torque_noise": (0.5,)}, repeats=2, points=4)
     designed, played = study.courses
     assert played.name.endswith("trajectory.csv")
     assert played.names == designed.names
     assert played.repeated.shape == designed.repeated.shape
     assert played.condition_number[-1] == pytest.approx(designed.condition_number[-1], rel=1e-2)
-
-
-@pytest.mark.slow
-def test_repetitions_are_measurements_of_the_same_run_and_scatter_as_stated() -> None:
-    study = study_over_time(
-        "irp6", designs=[design()], simulation={"rate": 100.0, "torque_noise": (0.5,), "seed": 3}, repeats=12, points=4
-    )
-    (course,) = study.courses
-    ratio = course.scatter[-1] / course.deviation[-1]
-    assert 0.6 < np.median(ratio) < 1.5
 
 
 def test_measurements_differ_in_noise_alone() -> None:
@@ -160,9 +137,8 @@ def test_measurements_differ_in_noise_alone() -> None:
     np.testing.assert_array_equal(one.q, other.q)
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
+def test_what_cannot_be_studied() -> None:
+    for given, message in (
         ({"logs": ()}, "needs logs, or designs"),
         ({"repeats": 30}, "repetitions are simulated from designs"),
         ({"designs": ["nowhere"], "repeats": 1}, "repeats must be 2 or more"),
@@ -170,15 +146,9 @@ def test_measurements_differ_in_noise_alone() -> None:
         ({"points": 1}, "points must be 2 or more"),
         ({"below": 0.0}, "`below` must be a number from 1e-06 to 1000000 %, given 0"),
         ({"estimator": "huber"}, "made by the estimators weighted, least-squares, not by huber"),
-    ],
-)
-def test_what_cannot_be_studied(given: dict[str, object], message: str) -> None:
-    options = {"logs": (log(),), **given}
-    with pytest.raises(InputError, match=message):
-        study_over_time("irp6", **options)
-
-
-def test_several_logs_are_no_single_motion() -> None:
+    ):
+        with pytest.raises(InputError, match=message):
+            study_over_time("irp6", **{"logs": (log(),), **given})
     both = found(TASK, log(0), log(1), recipe=Recipe())
     with pytest.raises(InputError, match="of one log each"):
         estimates_over_time(both, "both", 10)
@@ -190,3 +160,58 @@ def test_a_study_is_not_replaced_unasked(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="already holds a study"):
         study.save(tmp_path / "s")
     study.save(tmp_path / "s", replace=True)
+
+
+@cache
+def repeated(executor: str | UnitExecutor, repeats: int = 4, **how: Any) -> Any:
+    study = study_over_time(
+        "irp6", designs=[design()], simulation={"rate": 100.0}, repeats=repeats, points=4, executor=executor, **how
+    )
+    return study.courses[0].repeated
+
+
+@pytest.mark.slow
+def test_numbers_are_the_same_in_any_order_and_without_what_is_lost(caplog: pytest.LogCaptureFixture) -> None:
+    serial = repeated("serial")
+    np.testing.assert_array_equal(repeated("process"), serial)  # short: in this process
+    np.testing.assert_array_equal(repeated(OneByOne(backwards=True)), serial)
+    with caplog.at_level(logging.WARNING):
+        np.testing.assert_array_equal(repeated(OneByOne(lost=(1,), backwards=True)), serial[[0, 2, 3]])
+    assert caplog.messages == ["repetition 2 is left out: its process ended"]
+    with pytest.raises(InputError, match=r"repetitions: 1 of 4 are left, since workers ended; repeat with fewer"):
+        repeated(OneByOne(lost=(0, 1, 2)))
+
+
+@pytest.mark.slow
+def test_numbers_are_the_same_in_processes_and_on_dask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    serial = repeated("serial")
+    np.testing.assert_array_equal(repeated(InProcesses(2)), serial)
+    monkeypatch.setattr("excite.study.study_over_time.SHORT", 0.0)
+    np.testing.assert_array_equal(repeated("process", workers=2), serial)
+    pytest.importorskip("distributed")
+    with DaskProcesses(tmp_path) as dask:
+        np.testing.assert_array_equal(repeated(dask.address), serial)
+        monkeypatch.setattr("excite.study.study_over_time._TOLD", 1)
+
+        def end(step: str) -> None:
+            if "repetition 1 of" in step:
+                kill(dask.scheduler)
+
+        monkeypatch.setattr("excite.design.executors.dask_cluster._AHEAD", 1)
+        with pytest.raises(LostWorkersError, match=rf"^the Dask scheduler at {dask.address} went away; nothing of the"):
+            repeated(dask.address, progress=end)
+
+
+def test_workers_that_are_lost_keep_nothing() -> None:
+    with pytest.raises(LostWorkersError) as lost:
+        repeated(OneByOne(ends_after=1), repeats=2)
+    assert str(lost.value) == (
+        "the scheduler went away; nothing of the study is kept: repeat it with fewer `workers`, or with another "
+        "`executor`"
+    )
+
+
+def test_where_they_cannot_run() -> None:
+    for executor, how, error in (("proces", {}, UnknownName), ("process", {"workers": 0}, InputError)):
+        with pytest.raises(error):
+            repeated(executor, **how)

@@ -16,14 +16,12 @@ from motions import random_sines
 from repeated_experiments import NOISE, TIME, arm, experiment
 from slow_dynamics import random_chain
 
-from excite.identification.estimate import Estimate
-from excite.identification.estimators.instrumental import instrumental
+from excite.identification.estimator import Estimate
 from excite.identification.estimators.least_squares import least_squares, weighted
+from excite.identification.estimators.robust import instrumental
 from excite.identification.observations import Observations
-from excite.logs.signals.butterworth import Butterworth, Differences, kept_rows, low_passed
-from excite.logs.signals.fourier_fit import FourierFit
-from excite.logs.signals.savitzky_golay import SavitzkyGolay
-from excite.logs.signals.smoothing_spline import SmoothingSpline
+from excite.logs.signals.filters import Differences, SavitzkyGolay, kept_rows, low_passed
+from excite.logs.signals.series import FourierFit, SmoothingSpline
 from excite.study import experiment as chain_file
 from excite.study import moments
 from excite.study.experiment import Experiment, Noise, drawn
@@ -92,17 +90,9 @@ def by_hand(e: Experiment, seed: int, number: int) -> Estimate:
     elif not isinstance(model, WindowModel):
         W, Z, y = W[:: e.every], Z[:: e.every], y[:: e.every]
     count, b = len(W) * r, index.size
-    observations = Observations(
-        W.reshape(count, b),
-        y.ravel(),
-        e.base.names,
-        e.base.units,
-        np.tile(np.arange(r), len(W)),
-        model.row_labels,
-        np.zeros(count, dtype=np.intp),
-        ("log",),
-        np.zeros(count),
-    )
+    equations = np.tile(np.arange(r), len(W)), model.row_labels, np.zeros(count, dtype=np.intp), ("log",)
+    columns = e.base.names, e.base.units
+    observations = Observations(W.reshape(count, b), y.ravel(), *columns, *equations, np.zeros(count))
     if e.estimator == "instrumental":
         return instrumental(observations, Z.reshape(count, b))
     return {"least-squares": least_squares, "weighted": weighted}[e.estimator](observations)
@@ -140,25 +130,6 @@ def test_badly_conditioned_columns_are_mixed_first(monkeypatch: pytest.MonkeyPat
             mixed = repeat_experiment(e, 2, seed=11)
         assert np.all(np.abs(mixed.estimates - plain.estimates) <= 1e-6 * plain.predicted)
         np.testing.assert_allclose(mixed.predicted, plain.predicted, rtol=1e-6)
-
-
-def test_a_method_chooses_its_settings_once() -> None:
-    """From the true positions, as the settled one does."""
-    chosen, given = (
-        repeat_experiment(experiment(DifferentialModel(arm()), Noise(0.3, 1e-6), method=method), 3, seed=0)
-        for method in (Butterworth(), Butterworth().settled(TIME, random_sines(2, 2).at(TIME, 0)))
-    )
-    np.testing.assert_array_equal(chosen.estimates, given.estimates)
-
-
-@pytest.mark.parametrize(("rate", "cutoff"), [(250.0, 85.0), (2000.0, 342.0)])
-def test_fast_logs_are_repeated_as_slow_ones_are(rate: float, cutoff: float) -> None:
-    """342 Hz at 2 kHz: the accelerations' weights are large, and cancel only to rounding."""
-    model = DifferentialModel(arm())
-    e = experiment(model, Noise(0.1, 1e-9), method=Butterworth(cutoff=cutoff))
-    fast = dataclasses.replace(e, samples=random_sines(2, 2).samples(np.arange(round(2 * rate)) / rate))
-    found = repeat_experiment(fast, 20, seed=0)
-    np.testing.assert_allclose(found.deviation / found.predicted_deviation, 1.0, atol=0.6)
 
 
 # --- the laws of least squares ---------------------------------------------------------------------------------------
@@ -270,21 +241,6 @@ def test_jax_leaves_what_it_does_not_compute_to_the_processor() -> None:
     assert moments.JaxMoments.of(chain.sums, chain.columns) is None
 
 
-def test_ctrl_c_keeps_the_repetitions_that_were_completed() -> None:
-    e, last = experiment(DifferentialModel(arm()), TORQUE_NOISE), 3
-
-    def stop(done: int, count: int) -> None:
-        if done == last:
-            raise KeyboardInterrupt
-
-    found, whole = repeat_experiment(e, 9, seed=0, progress=stop), repeat_experiment(e, 9, seed=0)
-    assert (found.count, found.interrupted, whole.interrupted) == (3, True, False)
-    np.testing.assert_array_equal(found.estimates, whole.estimates[:3])
-    last = 1  # no scatter of one
-    with pytest.raises(KeyboardInterrupt):
-        repeat_experiment(e, 9, seed=0, progress=stop)
-
-
 def test_summaries() -> None:
     estimates, predicted = np.array([[1.0], [3.0], [5.0]]), np.array([[3.0], [1.0], [1.0]])
     found = Repetitions(("a",), ("kg",), np.array([1.0]), estimates, predicted, np.ones((3, 1)), 10, 0)
@@ -300,9 +256,10 @@ def test_summaries() -> None:
 # --- bad input -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("choices", "message"),
-    [
+def test_experiments_that_cannot_be() -> None:
+    good = experiment(DifferentialModel(arm()), Noise(0.1))
+    fields = {"model": good.model, "base": good.base, "samples": good.samples, "beta": good.beta}
+    for choices, message in (
         ({"noise": Noise(0.1, 1e-3)}, "positions with noise or counts need a method"),
         ({"noise": Noise([0.1, 0.2, 0.3])}, "noise, effort: expected 1 number or 2, given 3"),
         ({"estimator": "best"}, "no estimator named 'best'; available: least-squares, weighted, instrumental"),
@@ -311,29 +268,20 @@ def test_summaries() -> None:
         ({"samples": random_sines(3, 0).samples(TIME)}, "motion of 3 joints for a robot of 2"),
         ({"samples": random_sines(2, 0).samples(TIME**2)}, "uniform"),
         ({"model": EnergyModel(arm()), "low_pass": 5.0}, "a model of windows integrates already"),
-    ],
-)
-def test_experiments_that_cannot_be(choices: dict[str, Any], message: str) -> None:
-    good = experiment(DifferentialModel(arm()), Noise(0.1))
-    fields = {"model": good.model, "base": good.base, "samples": good.samples, "beta": good.beta}
-    with pytest.raises(InputError, match=message):
-        Experiment(**{**fields, **choices})
-
-
-@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
-def test_noise_that_cannot_be(value: float) -> None:
-    with pytest.raises(InputError, match="noise, count: expected finite numbers, zero or more"):
-        Noise(count=[0.0, value])
+    ):
+        with pytest.raises(InputError, match=message):
+            Experiment(**{**fields, **choices})
+    for value in (-1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="noise, count: expected finite numbers, zero or more"):
+            Noise(count=[0.0, value])
 
 
 @pytest.mark.parametrize(
     ("instants", "choices", "refused"),
     [
         (20_000, {}, False),
-        (20_000, {"low_pass": 10.0}, False),
         (3_000_000, {}, False),  # in blocks
         (4_000_000, {"low_pass": 10.0}, True),
-        (12_000_000, {}, True),
         (6_000_000, {"estimator": "instrumental"}, True),
     ],
 )

@@ -1,22 +1,41 @@
-"""A task and its seven parts: one place for every option, strict values, the same names everywhere."""
+"""A task and its seven parts, options of models among them: one place for every option, strict values."""
+
+from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import json
 import pickle
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 import pytest
 
 import excite
-from excite.cli.design_command import command
+from excite.cli.design_commands import command
+from excite.cli.option_types import ALL_OR_NONE, Names
 from excite.design.task_file import read_task_file, task_content, task_from_options
+from excite.information.target import left_out_notes, target_of
 from excite.registry import OwnPart
 from excite.tasks.criteria import Trace
+from excite.tasks.model_options import options_of_model
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS, PLACE, Task
 from regressors.errors import InputError, UnknownName
+from regressors.models.load import LoadIntegralModel, Sensor
+from regressors.models.model import RegressorModel
+from regressors.models.windows import Window
+from regressors.readers.library import built_in
+from regressors.robot.columns import Terms
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.inertia import rotation_from_rpy
+from regressors.robot.locked_joints import with_locked_joints
+
+# A task and its seven parts: one place for every option, strict values, the same names everywhere.
+
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -173,3 +192,144 @@ def test_expanding_a_file_is_an_option_of_a_task(tmp_path: Path) -> None:
     assert "xacro" not in task_content(Task("arm.urdf"))
     with pytest.raises(InputError, match="`xacro=True` says how to read the file of a robot, but no file is named"):
         excite.identify(excite.load_robot("irp6"), [], xacro=True)
+
+
+# Further friction parameters of some drives, and options of model objects, in tasks, files and the command line.
+
+
+FURTHER = ("load_share", "root_friction", "asymmetric_friction", "stribeck", "stribeck_speed", "carried")
+CHOICES = {
+    "none": (False, ()),
+    "all": (True, (1, 2, 3)),
+    "[1, z3]": (("1", "z3"), (1, 3)),
+    "[1, z5]": (("1", "z5"), (1,)),  # joint 5 is locked in the form of three axes
+    "2": (("2",), (2,)),
+    "false": (False, ()),
+}
+
+
+@pytest.mark.parametrize("text", CHOICES)
+def test_drives_are_chosen_by_name_or_number(text: str, tmp_path: Path) -> None:
+    (tmp_path / "task.yaml").write_text(f"robot: irp6\nroot_friction: {text}\noffset: {text}\n")
+    task = task_from_options(read_task_file(tmp_path / "task.yaml"))
+    chosen, numbers = CHOICES[text]
+    assert (task.model.root_friction, task.model.offset) == (chosen, chosen)
+    columns = target_of(built_in("irp6"), task).model.columns
+    for kind in ("root", "offset"):
+        assert tuple(c.owner for c in columns if c.kind == kind) == numbers
+    typed = "none" if text == "false" else text.strip("[]").replace(" ", "")
+    assert Names(ALL_OR_NONE).convert(typed, None, None) == chosen
+
+
+def test_a_stored_task_has_new_keys_only_where_they_differ() -> None:
+    assert not set(FURTHER) & set(task_content(Task("irp6")))
+    assert task_content(Task("irp6"))["offset"] is False
+    values = {
+        "load_share": ("1", "z2"),
+        "stribeck": True,
+        "stribeck_speed": 0.3,
+        "offset": ("2",),
+        "carried": {"m1": -1.5},
+    }
+    task = Task("irp6", **values)
+    content = json.loads(json.dumps(task_content(task)))
+    assert set(FURTHER) & set(content) == {"load_share", "stribeck", "stribeck_speed", "carried"}
+    again = task_from_options(content, stored=True)
+    assert again.model == task.model
+    assert {name: getattr(again.model, name) for name in values} == values
+
+
+def test_what_is_carried_is_no_option_of_the_command_line() -> None:
+    names = {parameter.name for parameter in command.params}
+    assert {"load_share", "root_friction", "asymmetric_friction", "stribeck", "stribeck_speed"} <= names
+    assert "carried" not in names
+
+
+BAD_FRICTION = [
+    ({"load_share": 1.5}, "load_share: expected all, none, or names or numbers of drives, given 1.5"),
+    ({"root_friction": [True]}, "root_friction: expected all, none, or names or numbers of drives, given [True]"),
+    ({"stribeck": {"1": 2}}, "stribeck: expected all, none, or names or numbers of drives, given {'1': 2}"),
+    ({"stribeck_speed": 0.0}, "`stribeck_speed` must be a number from 1e-09 to 1000000 rad/s or m/s, given 0"),
+    ({"carried": {"m1": "a"}}, "carried: expected standard parameters, each with a finite number"),
+    ({"carried": {"m1": float("nan")}}, "carried: expected standard parameters, each with a finite number"),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), BAD_FRICTION, ids=[str(options) for options, _ in BAD_FRICTION])
+def test_other_values_are_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError) as refused:
+        Task("irp6", **options)
+    assert message in str(refused.value)
+
+
+def test_a_drive_that_the_robot_lacks_is_refused_with_those_it_has() -> None:
+    with pytest.raises(InputError, match=r"no drive named 'z9'; available: 1 \(z1\)"):
+        target_of(built_in("irp6"), Task("irp6", load_share=("z9",)))
+    with pytest.raises(click.BadParameter, match="such as 1,3"):
+        Names(ALL_OR_NONE).convert("1,,3", None, None)
+
+
+def test_known_drives_have_none_of_the_further_columns_either() -> None:
+    known = FrictionCurves({"z1": CoulombViscous(1.0)})
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
+    task = Task("irp6", friction=("1", "z2"), offset=True, stribeck=("1",), friction_curves=known)
+    terms = task.model.terms_of(robot)
+    assert (terms.coulomb, terms.viscous, terms.offset, terms.stribeck) == ((2,), (2,), (2, 3), False)
+    notes = left_out_notes(task.model, target_of(built_in("irp6"), task), known)
+    assert notes == ("stribeck columns are left out: friction is known",)
+
+
+IRP6 = built_in("irp6")
+SENSOR = Sensor("2", rotation_from_rpy((0.3, -0.4, 2.0)), np.array([0.1, 0.0, -0.2]), ("fx", "nz"))
+MODELS: dict[str, RegressorModel] = {
+    "defaults": excite.DifferentialModel(IRP6),
+    "terms": excite.DifferentialModel(IRP6, Terms(rotor=False, offset=(1, 3), reflected=False, stribeck=True)),
+    "no friction": excite.DifferentialModel(IRP6, Terms.inertial_only()),
+    "window": excite.EnergyModel(IRP6, window=Window("short", 0.02)),
+    "long windows": LoadIntegralModel(IRP6, SENSOR, Window("long")),
+    "sensor": excite.LoadModel(IRP6, SENSOR),
+}
+UNTOLD: dict[str, RegressorModel] = {
+    "two kinds of friction": excite.DifferentialModel(IRP6, Terms(viscous=False)),
+    "smooth signs": excite.DifferentialModel(IRP6, sign_width=0.1),
+    "steps of windows": excite.EnergyModel(IRP6, window=Window("short", 0.02, 0.01)),
+}
+
+
+def same(found: Any, expected: Any) -> bool:
+    if isinstance(expected, Sensor):
+        told = (found.link, tuple(found.equations)) == (expected.link, tuple(expected.equations))
+        close = np.allclose(found.rotation, expected.rotation, rtol=0, atol=1e-12)
+        return bool(told and close and np.allclose(found.translation, expected.translation, rtol=0, atol=0))
+    return bool(found == expected)
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+def test_the_task_in_a_file_builds_the_same_model(model: RegressorModel) -> None:
+    task = excite.Task(IRP6, model=model)
+    again = task_from_options(json.loads(json.dumps(task_content(task))))
+    built = again.model.built(IRP6)
+    assert type(built) is type(model)
+    assert built.names == model.names
+    for name, value in model.options.items():
+        assert same(built.options[name], value), name
+
+
+@pytest.mark.parametrize("model", UNTOLD.values(), ids=UNTOLD)
+def test_what_a_task_cannot_say_is_named_by_its_class(model: RegressorModel) -> None:
+    assert options_of_model(model) is None
+    stored = task_content(excite.Task(IRP6, model=model))["model"]
+    assert stored == f"{type(model).__module__}:{type(model).__name__}"
+
+
+@pytest.mark.slow
+def test_a_loaded_design_has_the_columns_that_it_was_made_for(tmp_path: Path) -> None:
+    search = {"starts": 1, "harmonics": 3, "executor": "serial"}
+    design = excite.design_trajectory(MODELS["terms"], **search)
+    design.save(tmp_path / "told")
+    assert excite.load_design(tmp_path / "told").task.model.built(IRP6).names == MODELS["terms"].names
+    other = UNTOLD["two kinds of friction"]
+    excite.design_trajectory(other, **search).save(tmp_path / "untold")
+    assert isinstance(excite.load_design(tmp_path / "untold").task.model.model, OwnPart)
+    given = excite.load_design(tmp_path / "untold", model=other)
+    assert given.task.model.built(IRP6).names == other.names

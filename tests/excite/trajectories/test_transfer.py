@@ -28,9 +28,9 @@ from excite.design.stated_limits import nonlinear_limits
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.logs.excitation import exciting_rows
-from excite.simulation.motion_source import read_motion
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
+from excite.simulation.simulation_files import read_motion
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
@@ -73,7 +73,7 @@ def rows_of(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
 
 
 def motion_in(columns: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return tuple(  # type: ignore[return-value]
+    return tuple(
         np.column_stack([columns[f"{joint}.{what}"] for joint in IRP6.joint_names])
         for what in ("position", "velocity", "acceleration")
     )
@@ -113,30 +113,10 @@ def test_law_is_the_quickest_within_its_bounds(V: float, A: float, J: float) -> 
     assert np.abs(np.diff(s) - h * (ds[1:] + ds[:-1]) / 2).max() <= J * h**3 / 12 * (1 + 1e-6) + 1e-13
 
 
-def test_law_is_continuous_where_its_pieces_meet() -> None:
-    law = time_optimal(0.3, 0.4, 1.0)
-    assert law.breaks.size == 8
-    for order in range(3):
-        c = law.derivative(order)
-        ends = [np.polyval(c[:, i], h) for i, h in enumerate(np.diff(law.breaks))]
-        starts = [*c[-1, 1:], 1.0 if order == 0 else 0.0]
-        assert np.allclose(ends, starts, rtol=0.0, atol=1e-14)
-
-
 def test_without_other_bounds_jerk_alone_decides() -> None:
     assert time_optimal(np.inf, np.inf, 4.0).duration == pytest.approx(2.0, rel=1e-12)  # 32 / 4 = 2^3
     assert time_optimal(np.inf, 1.0, 1e6).duration == pytest.approx(2.0, rel=1e-5)  # to and fro at full acceleration
-
-
-def test_stretched_law_is_the_same_law_slower() -> None:
-    law = time_optimal(0.3, 0.4, 1.0)
-    slow = law.stretched(2.5 * law.duration)
-    time = np.linspace(0.0, law.duration, 301)
-    factors = 2.5 ** -np.arange(4.0)
-    assert slow.duration == 2.5 * law.duration
-    inside = ~np.isclose(time[:, None], law.breaks, atol=1e-9).any(axis=1)  # jerk jumps at the breaks
-    expected = law.values(time) * factors[:, None]
-    assert np.allclose(slow.values(2.5 * time)[:, inside], expected[:, inside], rtol=1e-9, atol=1e-12)
+    assert time_optimal(0.3, 0.4, 1.0).breaks.size == 8
 
 
 # --- transfers
@@ -165,7 +145,7 @@ def ruckig_duration(start: np.ndarray, end: np.ndarray, limits: Limits) -> float
     return float(found.duration)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(10))
 def test_as_quick_as_ruckig_with_all_joints_at_once_where_limits_are_alike(seed: int) -> None:
     rng = np.random.default_rng(seed)
     start, end = rng.uniform(-2, 2, (2, 5))
@@ -253,29 +233,32 @@ def test_unknown_limits_are_assumed_and_told() -> None:
         transfer_of(box(np.array([1.0, np.inf, 1.0, 1.0, 1.0]), none, none), np.zeros(5), np.full(5, 0.1))
 
 
-def test_known_jerk_limits_are_not_tightened_by_assumptions() -> None:
-    robot = LimitChoice(jerk=(1000.0,)).applied(IRP6)
-    assert transfer_of(robot, np.array(HOME), np.zeros(5)).assumed == {"acceleration": (), "jerk": ()}
-    quick, slow = (transfer_of(r, np.array(HOME), np.zeros(5)).duration for r in (robot, IRP6))
-    assert quick < slow
-
-
 # --- the whole motion
 
 
-def test_segments_follow_one_another_and_begin_on_samples(design: Design, folder: Path) -> None:
-    columns, segments = rows_of(folder / "trajectory.csv")
+def test_segments_follow_one_another_from_home_and_back_and_begin_on_samples(design: Design, folder: Path) -> None:
+    (columns, segments), content = rows_of(folder / "trajectory.csv"), content_of(folder)["played"]
     assert [name for name, _ in itertools.groupby(segments)] == ["approach", "excite", "return"]
-    time = columns["time"]
+    time, here = columns["time"], [k for k, segment in enumerate(segments) if segment == "excite"]
     assert np.allclose(time, np.arange(time.size) / RATE, rtol=1e-14, atol=0.0)
-    spans = {part["name"]: part for part in content_of(folder)["played"]["segments"]}
-    for name, part in spans.items():
-        here = time[[k for k, segment in enumerate(segments) if segment == name]]
-        inner = 1 / RATE if name != "excite" else 0.0
-        assert here[0] == pytest.approx(part["start"] + (inner if name == "return" else 0.0), abs=1e-9)
-        assert here[-1] == pytest.approx(part["end"] - (inner if name == "approach" else 0.0), abs=1e-9)
+    spans = {part["name"]: part for part in content["segments"]}
+    assert (spans["approach"]["start"], spans["return"]["end"]) == pytest.approx((0.0, time[-1]), abs=1e-9)
+    assert (spans["excite"]["start"], spans["excite"]["end"]) == pytest.approx(
+        (time[here[0]], time[here[-1]]), abs=1e-9
+    )
     assert spans["excite"]["end"] - spans["excite"]["start"] == pytest.approx(TASK.trajectory.period)
-    assert content_of(folder)["played"]["duration"] == pytest.approx(time[-1])
+    assert content["duration"] == pytest.approx(time[-1])
+    # the exciting rows are those of the motion alone, and between them and the ways it rests
+    q, dq, ddq = motion_in(columns)
+    for whole, alone in ((q, design.samples.q), (dq, design.samples.dq), (ddq, design.samples.ddq)):
+        assert np.array_equal(whole[here][:, :3], alone)
+        assert not np.any(whole[here][:, 3:])
+    assert not np.any([dq[here[0] - 80 : here[0] + 1], dq[here[-1] : here[-1] + 81]])
+    assert np.all(np.any(dq[[here[0] - 82, here[-1] + 82]], axis=1))
+    for name in ("trajectory.csv", "trajectory-0.1.csv", "trajectory-0.3.csv"):
+        q, *rates = motion_in(rows_of(folder / name)[0])
+        assert np.array_equal(q[[0, -1]], [HOME, HOME])
+        assert not np.any([rate[[0, -1]] for rate in rates])
 
 
 def test_a_design_from_home_is_not_played_without_its_approach(folder: Path, tmp_path: Path) -> None:
@@ -286,23 +269,6 @@ def test_a_design_from_home_is_not_played_without_its_approach(folder: Path, tmp
         load_design(tmp_path)
 
 
-def test_exciting_rows_are_those_of_the_motion_alone(design: Design, folder: Path) -> None:
-    columns, segments = rows_of(folder / "trajectory.csv")
-    here = [k for k, segment in enumerate(segments) if segment == "excite"]
-    q, dq, ddq = motion_in(columns)
-    for whole, alone in ((q, design.samples.q), (dq, design.samples.dq), (ddq, design.samples.ddq)):
-        assert np.array_equal(whole[here][:, :3], alone)
-        assert not np.any(whole[here][:, 3:])
-
-
-def test_from_home_and_back_at_rest(folder: Path) -> None:
-    for name in ("trajectory.csv", "trajectory-0.1.csv", "trajectory-0.3.csv"):
-        q, dq, ddq = motion_in(rows_of(folder / name)[0])
-        assert np.array_equal(q[[0, -1]], [HOME, HOME])
-        for rate in (dq, ddq):
-            assert not np.any(rate[[0, -1]])
-
-
 def test_former_names_of_a_designs_approach_warn(design: Design) -> None:
     with pytest.warns(DeprecationWarning, match=r"Design\.ways is now Design\.approach_and_return"):
         assert design.ways is design.approach_and_return
@@ -311,7 +277,6 @@ def test_former_names_of_a_designs_approach_warn(design: Design) -> None:
 
 
 def test_position_velocity_and_acceleration_are_continuous(design: Design, folder: Path) -> None:
-    assert design.approach_and_return is not None
     h = 1 / RATE
     q, dq, ddq = motion_in(rows_of(folder / "trajectory.csv")[0])
     transfers = design.approach_and_return.transfers.values()
@@ -326,27 +291,9 @@ def test_position_velocity_and_acceleration_are_continuous(design: Design, folde
         assert not np.any([end.dq, end.ddq, start.dq, start.ddq])
 
 
-def test_between_ways_and_motion_it_rests(design: Design, folder: Path) -> None:
-    columns, segments = rows_of(folder / "trajectory.csv")
-    _, dq, _ = motion_in(columns)
-    first, last = segments.index("excite"), len(segments) - segments[::-1].index("excite") - 1
-    assert not np.any(dq[first - 80 : first + 1])
-    assert not np.any(dq[last : last + 81])
-    assert np.all(np.any(dq[[first - 82, last + 82]], axis=1))
-
-
-def test_jerks_of_the_ways_change_on_samples_and_hardly_later(design: Design) -> None:
-    assert design.approach_and_return is not None
-    for transfer in design.approach_and_return.transfers.values():
-        for leg in transfer.legs:
-            assert np.abs(leg.law.breaks * RATE - np.round(leg.law.breaks * RATE)).max() < 1e-9
-        assert 0 <= transfer.duration - transfer.shortest < 4 * len(transfer.legs) / RATE
-
-
 def test_certificates_of_the_ways(design: Design, folder: Path) -> None:
     content = content_of(folder)
     assert design.feasible
-    assert design.approach_and_return is not None
     robot = TASK.limits.applied(IRP6)
     for segment, transfer in design.approach_and_return.transfers.items():
         uses = {use["label"]: use for use in content["played"][segment]["limits"]}
@@ -393,12 +340,6 @@ def test_rehearsals_are_the_same_path_slower(name: str, wanted: float, design: D
     assert np.abs(np.diff(q, axis=0) - h * (dq[1:] + dq[:-1]) / 2).max() <= J * h**3 / 12
 
 
-def test_a_tenth_of_the_speed_passes_every_sample_of_the_motion(folder: Path) -> None:
-    full, slow = (motion_in(rows_of(folder / name)[0]) for name in ("trajectory.csv", "trajectory-0.1.csv"))
-    for order, (a, b) in enumerate(zip(full, slow, strict=True)):
-        assert np.allclose(b[::10], a * 0.1**order, rtol=1e-12, atol=1e-15)
-
-
 # --- home where it changes nothing, or little
 
 
@@ -409,7 +350,7 @@ def ways_between(robot: Robot, task: Task, ends: Array) -> ApproachAndReturn | N
 
 def ways_from(design: Design, **changes: object) -> ApproachAndReturn:
     ends = design.samples.q[[0, -1]]
-    found = ways_between(IRP6, TASK.changed(**changes), ends)  # type: ignore[arg-type]
+    found = ways_between(IRP6, TASK.changed(**changes), ends)
     assert found is not None
     return found
 
@@ -433,11 +374,6 @@ def test_without_a_home_the_file_has_no_segments(design: Design, tmp_path: Path)
     assert set(content_of(tmp_path)["played"]) == {"rate", "duration", "segments", "rehearsals", "between_samples"}
 
 
-def test_no_rest_where_none_is_wanted(design: Design) -> None:
-    whole = dataclasses.replace(design, approach_and_return=ways_from(design, settle=0.0)).sequence
-    assert [piece.segment for piece in whole.pieces] == ["approach", "excite", "return"]
-
-
 def test_notes_say_what_was_assumed(design: Design) -> None:
     (note,) = [note for note in design.notes if "jerk" in note]
     assert note == (
@@ -454,23 +390,17 @@ def test_ways_are_as_slow_as_the_tool_needs_and_judged_where_that_does_not_help(
     (limit,) = nonlinear_limits(IRP6, IRP6.joint_names, task)
     ends = design.samples.q[[0, -1]]
     transfers = ways_between(IRP6, task, ends)
-    assert transfers is not None
-    assert transfers.approach is not None
     instants = np.linspace(0.0, transfers.approach.duration, 2001)
     fastest = limit.shown(limit.values(transfers.approach.samples(instants))).max()
     (use,) = [use for use in transfers.limits["approach"] if "tool" in use.label]
     assert use.holds
     assert fastest <= use.extreme <= 1.02 * fastest
     slower = ways_between(IRP6, task.changed(tool_speed=0.4), ends)
-    assert slower is not None
-    assert slower.approach is not None
     assert slower.approach.duration == pytest.approx(transfers.approach.duration * fastest / 0.4, rel=0.03)
     assert dataclasses.replace(design, approach_and_return=slower).feasible
     height = tool_height(np.array(HOME))
     box = ((None, None), (None, None), (height - 0.01, None))
     broken = ways_between(IRP6, task.changed(tool_speed=None, tool_box=box), ends)
-    assert broken is not None
-    assert broken.approach is not None
     assert broken.approach.duration == transfers.approach.duration
     assert not dataclasses.replace(design, approach_and_return=broken).feasible
 
@@ -523,41 +453,45 @@ def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -
     assert run.log.time[-1] == pytest.approx(content_of(tmp_path)["played"]["duration"])
 
 
-def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> None:
-    with pytest.raises(InputError, match=r"q4 moves, but the design holds it.*`approach_and_return=False` leaves"):
-        read_motion(folder / "trajectory.csv", MOVING)
-
-
 # --- what cannot be
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"home": (0.0, 0.0)}, "home needs 5 numbers, one for each of the joints q1, q2, q3, q4, q5; given 2"),
-        ({"via": ((0.0,) * 6,)}, "via 1 needs 5 numbers, .*; given 6"),
-        (
-            {"home": (0.0, 0.8, 0.0, 0.0, 0.0)},
-            r"home: joint q2 position is 0\.8 rad, 0\.102 rad outside \[-0\.69813, 0\.69813\]; drive z3 position",
-        ),
-        ({"via": (VIA, (0.0, -0.5, -0.5, 0.0, 0.0))}, r"via 2: drive z3 position is -1 rad, 0\.302 rad outside \["),
-        (
-            {"via": (), "tool_box": ((None, None), (None, None), (9.0, None))},
-            r"home: tool z is .* m, .* m outside \[9, inf\]",
-        ),
-        ({"home": "robot"}, "home: the description of robot 'irp6' has no home pose; give a pose"),
-        ({"home": "here"}, "home must be a pose, or 'robot' for that of its file; given 'here'"),
-        ({"home": None}, "`via` gives poses between home and the motion, but there is no home; give `home`"),
-        ({"home": (0.0, 0.0, 0.0, 0.0, math.nan)}, "`home` must be a number"),
-        ({"speed": (0.1, 0.0)}, "`speed` must be a number from 1e-06 to 1, given 0"),
-        ({"speed": (1.5,)}, r"`speed` must be a number from 1e-06 to 1, given 1\.5"),
-        ({"speed": (1e-4,)}, r"at speed 0\.0001 are 1e\+07 samples; expected 1000000 or fewer"),
-        ({"settle": -1.0}, r"`settle` must be 0 or a number from 1e-06 to 100000 s, given -1"),
-    ],
+BAD = (
+    ({"home": (0.0, 0.0)}, "home needs 5 numbers, one for each of the joints q1, q2, q3, q4, q5; given 2"),
+    ({"via": ((0.0,) * 6,)}, "via 1 needs 5 numbers, .*; given 6"),
+    (
+        {"home": (0.0, 0.8, 0.0, 0.0, 0.0)},
+        r"home: joint q2 position is 0\.8 rad, 0\.102 rad outside .*; drive z3 position",
+    ),
+    ({"via": (VIA, (0.0, -0.5, -0.5, 0.0, 0.0))}, r"via 2: drive z3 position is -1 rad, 0\.302 rad outside \["),
+    (
+        {"via": (), "tool_box": ((None, None), (None, None), (9.0, None))},
+        r"home: tool z is .* m, .* m outside \[9, inf\]",
+    ),
+    ({"home": "robot"}, "home: the description of robot 'irp6' has no home pose; give a pose"),
+    ({"home": "here"}, "home must be a pose, or 'robot' for that of its file; given 'here'"),
+    ({"home": None}, "`via` gives poses between home and the motion, but there is no home; give `home`"),
+    ({"home": (0.0, 0.0, 0.0, 0.0, math.nan)}, "`home` must be a number"),
+    ({"speed": (0.1, 0.0)}, "`speed` must be a number from 1e-06 to 1, given 0"),
+    ({"speed": (1.5,)}, r"`speed` must be a number from 1e-06 to 1, given 1\.5"),
+    ({"speed": (1e-4,)}, r"at speed 0\.0001 are 1e\+07 samples; expected 1000000 or fewer"),
+    ({"settle": -1.0}, r"`settle` must be 0 or a number from 1e-06 to 100000 s, given -1"),
 )
-def test_bad_input_is_named(changes: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        ways_between(IRP6, TASK.changed(**changes), np.zeros((2, 3)))  # type: ignore[arg-type]
+
+
+def test_bad_input_is_named(folder: Path) -> None:
+    for changes, message in BAD:
+        with pytest.raises(InputError, match=message):
+            ways_between(IRP6, TASK.changed(**changes), np.zeros((2, 3)))
+    for home, message in (
+        ("home: [0, 0]", "home.*: expected as many numbers as joints, 5, given 2"),
+        ("home: [0, 0, 0, 0, .inf]", "home"),
+        ("home: [0, 0, 0, 0, x]", "home"),
+    ):
+        with pytest.raises(InputError, match=message):
+            described(home)
+    with pytest.raises(InputError, match=r"q4 moves, but the design holds it.*`approach_and_return=False` leaves"):
+        read_motion(folder / "trajectory.csv", MOVING)
 
 
 # --- home in the robot's file
@@ -570,7 +504,6 @@ def described(*home: str) -> Robot:
 
 def test_home_of_the_robots_file(design: Design) -> None:
     robot = described("home: [0.6, 0.3, -0.25, 0.4, 0 deg]")
-    assert robot.home is not None
     assert robot.home.tolist() == list(HOME)
     again = robot_from_description(json.loads(json.dumps(robot.description())))
     assert again.sha256() == robot.sha256() != described().sha256()
@@ -578,22 +511,7 @@ def test_home_of_the_robots_file(design: Design) -> None:
     assert moving_robot(robot, TASK).home is None
     ends = design.samples.q[[0, -1]]
     stated, typed = (ways_between(robot, TASK.changed(home=home), ends) for home in ("robot", HOME))
-    assert stated is not None
-    assert typed is not None
     assert stated.to_dict() == typed.to_dict()
-
-
-@pytest.mark.parametrize(
-    ("home", "message"),
-    [
-        ("home: [0, 0]", "home.*: expected as many numbers as joints, 5, given 2"),
-        ("home: [0, 0, 0, 0, .inf]", "home"),
-        ("home: [0, 0, 0, 0, x]", "home"),
-    ],
-)
-def test_bad_home_in_the_robots_file_is_named(home: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        described(home)
 
 
 # --- the command
@@ -609,19 +527,14 @@ def test_command_with_home_in_a_task_file(here: Here) -> None:
     (here.cwd / "out" / "trajectory-mine.csv").write_text("one of the user's own\n", encoding="utf-8")
     ended = here.run("design", "irp6", "--task", "task.yaml", "--settle", "0.5", "--out", "out")
     assert ended.returncode == 0, ended.stderr
-    assert {path.name for path in (here.cwd / "out").glob("*.csv")} == {
-        "trajectory.csv",
-        "trajectory-0.5.csv",
-        "trajectory-mine.csv",
-    }
+    tables = {path.name for path in (here.cwd / "out").glob("*.csv")}
+    assert tables == {"trajectory.csv", "trajectory-0.5.csv", "trajectory-mine.csv"}
     content = content_of(here.cwd / "out")
     assert content["task"]["home"] == [0.5, 0.0, 0.0, 0.2, 0.0]
     assert content["task"]["via"] == [[0.1, 0.0, 0.0, 0.0, 0.0]]
     way = content["played"]["approach"]
-    assert (
-        f"approach from home: {way['duration']:g} s ({way['shortest']:.4g} s at the quickest), no limit is exceeded"
-        in ended.stdout
-    )
+    times = f"{way['duration']:g} s ({way['shortest']:.4g} s at the quickest)"
+    assert f"approach from home: {times}, no limit is exceeded" in ended.stdout
     assert f"trajectory.csv lasts {content['played']['duration']:g} s" in ended.stdout
     assert load_design(here.cwd / "out").task.output.via == ((0.1, 0.0, 0.0, 0.0, 0.0),)
     refused = here.run("simulate", "out", "--rate", "100", "--out", "log.csv")
@@ -634,10 +547,3 @@ def test_command_with_home_in_a_task_file(here: Here) -> None:
     assert (here.cwd / "former.csv").read_bytes() == (here.cwd / "log.csv").read_bytes()
     assert played.returncode == 0, played.stderr
     assert json.loads((here.cwd / "log.json").read_text(encoding="utf-8"))["trajectory"] is None
-
-
-def test_command_refuses_a_home_before_any_work(here: Here) -> None:
-    ended = here.run("design", "irp6", "--home", "0,0.8,0,0,0", "--out", "out")
-    assert ended.returncode == 2
-    assert "home: joint q2 position is 0.8 rad, 0.102 rad outside" in ended.stderr
-    assert not (here.cwd / "out").exists()

@@ -16,8 +16,7 @@ from excite.logs.signals.periods import measurement_noise
 from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
 from excite.tasks.task import Task
-from excite.verification.simulated_motion import JudgedMotion, judged_motion, motion_errors
-from excite.verification.tolerances import Tolerances
+from excite.verification.simulated_motion import JudgedMotion, Tolerances, judged_motion, motion_errors
 from excite.verification.verdict import corrected_errors, corrected_total
 from excite.verification.verify import verify
 from regressors.samples import Array, Samples
@@ -34,7 +33,7 @@ TORQUE = np.column_stack([10 * np.sin(2 * np.pi * 0.4 * TIME), 0.5 * np.cos(2 * 
 def test_the_error_without_noise_is_that_of_the_model(share: float, noise: float) -> None:
     size = np.sqrt(np.mean(TORQUE**2, axis=0))
     inside = 0
-    for seed in range(20):
+    for seed in range(10):
         measured = TORQUE + noise * size * np.random.default_rng(seed).normal(size=TORQUE.shape)
         predicted = (1 - share) * TORQUE
         level = measurement_noise(measured, measured - predicted, 200.0, 4.0)
@@ -45,7 +44,7 @@ def test_the_error_without_noise_is_that_of_the_model(share: float, noise: float
         assert whole.relative == pytest.approx(share, abs=0.003 + 0.15 * noise)
         if share == 0.3 and noise < 1.0:
             assert whole.least > 0.1
-    assert inside >= 18  # it is a bound with a confidence of 99 %
+    assert inside >= 9  # it is a bound with a confidence of 99 %
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +70,6 @@ def test_noise_of_the_measurement_does_not_speak_against_a_result(result: Identi
     v = verify(result, mostly_noise, signals="butterworth")
     assert v.holds
     assert v.relative_error > 0.4
-    assert v.corrected_total is not None
     assert v.corrected_total.relative < 0.1
     assert any("most of which is their own noise" in remark for remark in v.verdict.remarks)
     content = json_of(v)
@@ -154,10 +152,8 @@ def test_a_light_wrist_that_runs_away_does_not_speak_against_a_good_model(wrist:
     motion = judged(wrist, 0.028, 0.5)
     assert motion.undecided == ("wrist",)
     assert motion.horizon < 0.5
-    assert motion.remark is not None
     assert "move wrist too far in 0.5 s" in motion.remark
     if motion.decided:
-        assert motion.motions is not None
         assert all(m.relative < 0.25 for m in motion.motions)
     else:
         assert "does not count" in motion.remark
@@ -166,7 +162,6 @@ def test_a_light_wrist_that_runs_away_does_not_speak_against_a_good_model(wrist:
 def test_what_allowed_errors_cannot_do_speaks_against_the_model() -> None:
     motion = judged(1.0, 0.6, 0.5, 0.5)
     assert (motion.horizon, motion.undecided) == (0.5, ())
-    assert motion.motions is not None
     assert max(m.relative for m in motion.motions) > 0.25
 
 

@@ -1,8 +1,6 @@
 """Figures of identification and verification: what is drawn agrees with the numbers behind it."""
 
 import dataclasses
-import itertools
-import os
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +8,11 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
-from matplotlib.transforms import Bbox
+from reported import misplaced
 
-from excite.identification.estimate import Estimate
+from excite.identification.estimator import Estimate
 from excite.identification.identification import Identification
 from excite.identification.observations import Observations
 from excite.identification.recipe import Recipe
@@ -23,22 +20,20 @@ from excite.identification.result import FitData, ReferenceValues
 from excite.information.target import IdentificationTarget, target_of
 from excite.simulation.replay import Outcome, Replay
 from excite.tasks.task import Task
-from excite.verification.simulated_motion import motion_errors
-from excite.verification.tolerances import Tolerances
+from excite.verification.simulated_motion import Tolerances, motion_errors
 from excite.verification.verdict import TorqueError, Verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
-from excite.views.estimates_plot import estimates_figure, settled_range
-from excite.views.figure_files import drawn_figures
-from excite.views.figures import write_view_figures
+from excite.views.figures import drawn_figures, write_view_figures
 from excite.views.identification_plots import (
     DENSE,
     MEASURED,
     PERCENTILES,
     PREDICTED,
     autocorrelation,
-    draw_values,
     envelope,
+    estimates_figure,
     residuals_figure,
+    settled_range,
     torques_figure,
 )
 from excite.views.identification_view import identification_figures
@@ -47,7 +42,6 @@ from excite.views.parameters_plot import decimal, differences, parameters_figure
 from excite.views.style import BAND, BLUE, DARK, FORBIDDEN, VERMILLION
 from excite.views.verification_plots import error_parts_figure, predicted_torques_figure, simulated_motion_figure
 from excite.views.verification_view import verification_view
-from excite.views.view import View
 from regressors.errors import InputError
 from regressors.readers.library import built_in, load_robot
 from regressors.samples import Samples
@@ -164,21 +158,6 @@ def test_torques_are_the_measured_and_predicted_rows_of_each_equation(result: Id
     assert legend_texts(figure) == ["measured", "predicted by the estimate", "residual"]
 
 
-def test_measurement_is_seen_beside_a_prediction_that_equals_it(result: Identification) -> None:
-    exact = dataclasses.replace(result.observations, y=result.observations.W @ result.estimate.values)
-    ax = torques_figure(observing(result, exact)).axes[0]
-    measured, predicted = (line for line in ax.lines if len(line.get_xdata()) > 2)
-    assert (measured.get_color(), predicted.get_color()) == (MEASURED_COLOUR, PREDICTED_COLOUR)
-    assert measured.get_linewidth() >= 3 * predicted.get_linewidth()
-    assert measured.get_zorder() <= predicted.get_zorder()
-    grey = [rgb_to_grey(line.get_color()) for line in (measured, predicted)]
-    assert grey[0] - grey[1] > 0.3  # in print without colours too
-
-
-def rgb_to_grey(colour: object) -> float:
-    return float(np.dot(to_rgba(colour)[:3], (0.299, 0.587, 0.114)))  # type: ignore[arg-type]
-
-
 def test_logs_stand_apart_and_keep_their_own_times(result: Identification) -> None:
     figure = torques_figure(result)
     above, ax = figure.axes[-2:]
@@ -232,34 +211,6 @@ def test_residuals_and_their_autocorrelation_are_drawn(result: Identification) -
     assert figure.axes[-1].get_xlabel() == "lag [s]"
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_dense_log_is_drawn_as_bands_that_hold_every_value(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    counts = (int(rng.integers(DENSE, 20_000)), int(rng.integers(1, 900)))
-    time = np.concatenate([3.0 + 0.002 * np.arange(counts[0]), 0.01 * np.arange(counts[1])])
-    log, values = np.repeat([0, 1], counts), rng.standard_t(3, sum(counts))
-    timeline, ax = Timeline.of(["a", "b"], time, log), Figure().subplots()
-    draw_values(ax, timeline, time, log, values)
-    bands = [band.get_paths()[0].vertices for band in ax.collections]
-    assert len(bands) == 4
-    for k in (0, 1):
-        place, own = time[log == k] + timeline.offsets[k], values[log == k]
-        edges, low, high = steps(np.asarray(bands[2 * k]))
-        assert (edges[0, 0], edges[-1, 1]) == pytest.approx((place[0], place[-1]))
-        for t, value in zip(place, own, strict=True):
-            here = (edges[:, 0] <= t) & (t <= edges[:, 1])
-            assert low[here].min() <= value <= high[here].max()
-
-
-def steps(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ends, lower and upper edge of each step of a band, from the corners of its outline."""
-    count = (len(corners) - 3) // 2
-    lower, upper = corners[1 : 1 + count], corners[2 + count : 2 + 2 * count][::-1]
-    np.testing.assert_array_equal(lower[:, 0], upper[:, 0])
-    assert np.all(lower[:, 1] <= upper[:, 1])
-    return lower[:, 0].reshape(-1, 2), lower[::2, 1], upper[::2, 1]
-
-
 def test_an_envelope_has_the_percentiles_of_its_stretches() -> None:
     values = np.random.default_rng(3).normal(size=1003)
     values[200:300] = np.nan
@@ -290,6 +241,7 @@ def test_long_logs_have_bands_in_place_of_a_solid_block(result: Identification) 
     for figure, panels in ((torques_figure(shown), slice(1, None, 2)), (residuals_figure(shown), slice(0, None, 2))):
         for ax in figure.axes[panels]:
             assert len(ax.collections) == 2
+            assert np.ptp(ax.dataLim.intervalx) == pytest.approx(0.01 * (count - 1))
             assert max(len(line.get_xdata()) for line in ax.lines) < 1000
         assert {"median of the residuals", "90 % of the residuals", "all of them"} <= set(legend_texts(figure))
 
@@ -309,9 +261,6 @@ def test_autocorrelation_stays_within_logs_and_weighs_them_by_their_own_size() -
     for lag in range(6):
         expected = sum(sum(e[t] * e[t + lag] for t in range(len(e) - lag)) for e in scaled) / 120
         assert found[lag] == pytest.approx(expected, abs=1e-12)
-
-
-def test_autocorrelation_of_nothing_is_zero() -> None:
     np.testing.assert_array_equal(autocorrelation(np.zeros(9), np.zeros(9, dtype=int), 3), np.zeros(4))
 
 
@@ -325,10 +274,7 @@ def test_extremes_keep_every_peak_and_both_ends() -> None:
     assert kept.size <= 2 * BINS + 2
     assert {0, 7, 20_001, 39_990, 39_999} <= set(kept.tolist())
     assert np.all(np.diff(kept) > 0)
-
-
-def test_short_curves_are_drawn_whole_and_gaps_stay() -> None:
-    np.testing.assert_array_equal(extremes(np.arange(5.0)), np.arange(5))
+    np.testing.assert_array_equal(extremes(np.arange(5.0)), np.arange(5))  # drawn whole
     values = np.ones(10_000)
     values[4000:4100] = np.nan
     assert np.any(np.isnan(values[extremes(values)]))
@@ -341,11 +287,9 @@ def test_a_log_of_one_instant_has_room() -> None:
     np.testing.assert_array_equal(values, [1.0, np.nan, 2.0])
 
 
-@pytest.mark.parametrize(
-    ("name", "length", "short"), [("abcdef", 6, "abcdef"), ("abcdefgh", 5, "ab…gh"), ("abcdefgh", 6, "ab…fgh")]
-)
-def test_long_names_keep_both_ends(name: str, length: int, short: str) -> None:
-    assert ends(name, length) == short
+def test_long_names_keep_both_ends() -> None:
+    names = {("abcdef", 6): "abcdef", ("abcdefgh", 5): "ab…gh", ("abcdefgh", 6): "ab…fgh"}
+    assert {name: ends(*name) for name in names} == names
 
 
 # --- parameters
@@ -426,17 +370,8 @@ def test_far_differences_leave_the_interval_visible(result: Identification) -> N
     assert ax.get_xlim()[1] > 1e5
     left, right = (ax.transData.transform((x, 0.0))[0] for x in (-1.0, 1.0))
     assert right - left > 0.05 * ax.bbox.width
-
-
-def test_nothing_known_is_drawn_like_no_reference(result: Identification) -> None:
-    assert (
-        len(
-            parameters_figure(
-                dataclasses.replace(result, reference=ReferenceValues("description", np.full(P, np.nan)))
-            ).axes
-        )
-        == 1
-    )
+    unknown = ReferenceValues("description", np.full(P, np.nan))  # drawn like no reference
+    assert len(parameters_figure(dataclasses.replace(result, reference=unknown)).axes) == 1
 
 
 def test_differences_are_unknown_without_an_interval() -> None:
@@ -445,22 +380,11 @@ def test_differences_are_unknown_without_an_interval() -> None:
     np.testing.assert_array_equal(differences(values, half, known), [np.nan, np.nan, np.nan, np.nan, 1.5])
 
 
-@pytest.mark.parametrize(
-    ("value", "half_width", "text"),
-    [
-        (27.95301, 0.0793, "27.953"),
-        (-0.00082, 0.036, "-0.001"),
-        (-0.00002, 0.036, "0.000"),
-        (1234.5, 56.0, "1234"),
-        (1234.5, 560.0, "1230"),
-        (2.5e-6, 3.2e-7, "2.50e-06"),
-        (1e-9, 3.2e-7, "0"),
-        (0.25, 0.0, "0.2500"),
-        (0.25, np.inf, "0.2500"),
-    ],
-)
-def test_values_are_written_as_far_as_their_interval_gives_meaning(value: float, half_width: float, text: str) -> None:
-    assert decimal(value, half_width) == text
+def test_values_are_written_as_far_as_their_interval_gives_meaning() -> None:
+    texts = {(27.95301, 0.0793): "27.953", (-0.00082, 0.036): "-0.001", (-0.00002, 0.036): "0.000"}
+    texts |= {(1234.5, 56.0): "1234", (1234.5, 560.0): "1230", (2.5e-6, 3.2e-7): "2.50e-06", (1e-9, 3.2e-7): "0"}
+    texts |= {(0.25, 0.0): "0.2500", (0.25, np.inf): "0.2500"}
+    assert {pair: decimal(*pair) for pair in texts} == texts
 
 
 # --- estimates over time
@@ -484,12 +408,13 @@ def test_estimates_over_time_end_at_the_value_with_its_interval(
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert titles[:1] + titles[-1:] == ["X1 [kg m²]", "F3v [Nm s/rad]"]
     assert legend_texts(figure)[-1] == "true value"
-
-
-def test_an_estimate_that_is_not_shown_has_no_interval(result: Identification) -> None:
-    ax = estimates_figure(with_unseen(result, 4)).axes[4]
-    assert [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)] == []
-    assert ax.get_title(loc="right") == "not shown"
+    hidden = estimates_figure(with_unseen(result, 4)).axes[4]
+    assert [p for p in hidden.patches if p.get_facecolor() == to_rgba(BAND)] == []
+    assert hidden.get_title(loc="right") == "not shown"
+    without = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, history=None))
+    with pytest.raises(InputError, match="estimator recursive keeps no history"):
+        estimates_figure(without)
+    assert [each.ending for each in identification_figures(without)] == ["parameters", "torques", "residuals"]
 
 
 def test_a_reference_out_of_view_is_named_beside_an_arrow(result: Identification) -> None:
@@ -500,20 +425,10 @@ def test_a_reference_out_of_view_is_named_beside_an_arrow(result: Identification
     assert axes[0].get_ylim()[0] > far[0]
 
 
-def test_estimates_without_history_are_refused(result: Identification) -> None:
-    without = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, history=None))
-    with pytest.raises(InputError, match="estimator recursive keeps no history"):
-        estimates_figure(without)
-
-
-@pytest.mark.parametrize(
-    ("known", "low", "high"), [(np.nan, 0.9, 2.1), (3.0, 0.8, 3.2), (50.0, 0.9, 2.1), (-1.0, -1.3, 2.3)]
-)
-def test_range_of_an_estimate_leaves_its_beginning_and_far_references_out(
-    known: float, low: float, high: float
-) -> None:
+def test_range_of_an_estimate_leaves_its_beginning_and_far_references_out() -> None:
     path = np.concatenate([np.full(25, 1e6), np.full(75, 2.0)])
-    assert settled_range(path, 1.5, 0.5, known) == pytest.approx((low, high))
+    for known, ends_of in {np.nan: (0.9, 2.1), 3.0: (0.8, 3.2), 50.0: (0.9, 2.1), -1.0: (-1.3, 2.3)}.items():
+        assert settled_range(path, 1.5, 0.5, known) == pytest.approx(ends_of)
 
 
 # --- verification
@@ -604,21 +519,6 @@ def test_windows_that_are_not_simulated_stay_empty(verification: Verification) -
     assert "starts at the measured state, every 0.50 s where it is simulated" in legend_texts(figure)
 
 
-def test_long_curves_are_drawn_by_their_extremes(verification: Verification) -> None:
-    time = 0.001 * np.arange(40_000)
-    q = np.sin(3 * time)[:, None] * np.ones(3)
-    q[12_345] = 2.0
-    assert verification.replay is not None
-    starts = tuple(range(0, 40_000, 500))
-    replay = dataclasses.replace(verification.replay, time=time, q=q, dq=q, starts=starts, stops=(*starts[1:], 40_000))
-    motion = dataclasses.replace(verification.motion, time=time, q=q)
-    figure = simulated_motion_figure(dataclasses.replace(verification, replay=replay, motion=motion))
-    for colour in (MEASURED_COLOUR, PREDICTED_COLOUR):
-        drawn = curve(figure.axes[0], colour)
-        assert drawn.size < 4000
-        assert drawn.max() == 2.0
-
-
 def test_a_simulation_that_failed_says_where_and_why() -> None:
     figure = simulated_motion_figure(made_verification(Outcome.RAN_AWAY))
     assert figure.axes[0].get_title(loc="right") == "failed at 3.600 s: the motion diverges"
@@ -649,31 +549,6 @@ def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, 
 # --- all of them
 
 
-@pytest.mark.slow
-def test_files_are_whole_pictures_and_nothing_else(
-    result: Identification, verification: Verification, reference: ReferenceValues, tmp_path: Path
-) -> None:
-    view = View("", "", figures=identification_figures(dataclasses.replace(result, reference=reference)))
-    paths = write_view_figures(view, tmp_path)
-    paths += write_view_figures(verification_view(verification, "new"), tmp_path)
-    names = ["parameters", "torques", "residuals", "estimates", "new_torques", "new_motion", "new_parts"]
-    assert [path.name for path in paths] == [f"{name}.png" for name in names]
-    assert sorted(os.listdir(tmp_path)) == sorted(f"{name}.png" for name in names)
-    assert all(np.ptp(imread(path)) > 0.5 for path in paths)
-
-
-def test_only_a_history_is_drawn_over_time(result: Identification, tmp_path: Path) -> None:
-    without = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, history=None))
-    view = View("", "", figures=identification_figures(without))
-    names = [path.name for path in write_view_figures(view, tmp_path)]
-    assert names == ["parameters.png", "torques.png", "residuals.png"]
-
-
-def test_a_folder_that_is_not_there_is_refused(result: Identification, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cannot write .*parameters\.png"):
-        write_view_figures(View("", "", figures=identification_figures(result)), tmp_path / "absent")
-
-
 @pytest.mark.parametrize(
     "width",
     ["screen", pytest.param("single", marks=pytest.mark.slow), pytest.param("double", marks=pytest.mark.slow)],
@@ -692,32 +567,4 @@ def test_texts_stay_inside_and_apart(
         "parts": lambda: error_parts_figure(verification),
     }
     figure = drawn_figures(lambda: {name: draw[name]()}, width)[name]
-    figure.draw_without_rendering()
-    boxes = {text: box_of(text) for text in seen(figure)}
-    outside = [t.get_text() for t, box in boxes.items() if not figure.bbox.padded(1.0).containsx(box.x0)]
-    outside += [t.get_text() for t, box in boxes.items() if not figure.bbox.padded(1.0).containsx(box.x1)]
-    assert outside == []
-    pairs = itertools.combinations(boxes, 2)
-    assert [(a.get_text(), b.get_text()) for a, b in pairs if boxes[a].overlaps(boxes[b])] == []
-
-
-def box_of(text: Text) -> Bbox:
-    """Where a text is drawn, without the empty lines at its end."""
-    box, whole = text.get_window_extent(), text.get_text()
-    text.set_text(whole.rstrip("\n"))
-    height = text.get_window_extent().height
-    text.set_text(whole)
-    return Bbox([[box.x0, box.y1 - height], [box.x1, box.y1]])
-
-
-def seen(figure: Figure) -> list[Text]:
-    """Every text that is drawn: of ticks only those in view."""
-    hidden: set[Text] = set()
-    for ax in figure.axes:
-        for axis, (low, high) in ((ax.xaxis, sorted(ax.get_xlim())), (ax.yaxis, sorted(ax.get_ylim()))):
-            hidden |= {label for tick in axis.get_minor_ticks() for label in (tick.label1, tick.label2)}
-            for tick in axis.get_major_ticks():
-                hidden |= {tick.label2} if low <= tick.get_loc() <= high else {tick.label1, tick.label2}
-    return [
-        text for text in figure.findobj(Text) if text.get_text().strip() and text.get_visible() and text not in hidden
-    ]
+    assert misplaced(figure) == []

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import until
 from public_arms import ARMS
 from reported import CHROMIUM, Page, browser_page, reported_design
 from written_results import result
 
 import excite
 from constraints.clearance import link_poses
-from excite.views.drawings import dark
+from excite.views.page_text import dark
 
 pytestmark = [
     pytest.mark.slow,
@@ -49,8 +50,7 @@ def test_nothing_fails_and_nothing_is_asked_of_the_network(page: Page, path: Pat
     page.value("exciteReport.players[0].seek(1)")
     page.value("document.querySelectorAll('.player')[1].scrollIntoView()")
     page.call("Emulation.setEmulatedMedia", features=DARK)
-    page.value("new Promise((done) => setTimeout(done, 300))")
-    assert page.value("document.querySelectorAll('.stage canvas').length") == 2  # WebGL is there
+    until(lambda: page.value("document.querySelectorAll('.stage canvas').length") == 2)  # WebGL is there
     assert page.errors == []
     assert {url for url in page.requests if not url.startswith("data:")} == {path.resolve().as_uri()}
 

@@ -7,22 +7,32 @@ import dataclasses
 import hashlib
 import json
 import re
-from dataclasses import asdict
+import shutil
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from reported import HOSTILE, ParsedPage, reported_design, saved
-from written_results import result, verification
+from written_results import design, plan, result, verification
 
 import excite
 from excite.design.task_file import read_task_file, task_content, task_from_options
+from excite.friction.friction_fit import load_friction_fit
+from excite.identification.result import RepeatedParameter, RepetitionSummary
 from excite.information.matrix import CONVENTIONS
+from excite.study.time_study import load_time_study
+from excite.tasks.friction_file import write_friction
 from excite.views.page_text import page_text
-from excite.views.sections import commands_of, comparison_section, parameters_section
+from excite.views.player_log import Appearance
+from excite.views.sections import commands_of, comparison_section, parameters_section, section_of
 from excite.views.write_report import report_text
 from regressors.errors import InputError
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
+
+# Pages: every number of the files, every name escaped, nothing from elsewhere, and whole or not at all.
 
 
 @pytest.fixture(scope="module")
@@ -108,23 +118,6 @@ def test_task_file_is_the_same_task(parsed: ParsedPage, content: dict[str, Any],
     assert json.loads(json.dumps(task_content(again))) == content["task"]
 
 
-def test_a_loaded_design_is_the_design(folder: Path) -> None:
-    stored, design = excite.load_design(folder), reported_design()
-    samples = (vars(each.sequence.sampled()[0]).values() for each in (stored, design))
-    for new, old in zip(*samples, strict=True):
-        np.testing.assert_allclose(new, old, rtol=0, atol=1e-9 * max(1.0, float(np.abs(old).max())))
-    assert stored.transfer_limits.keys() == design.transfer_limits.keys()
-    both = zip(*([each.limits, *each.transfer_limits.values()] for each in (stored, design)), strict=True)
-    for new, old in ((n, o) for some in both for n, o in zip(*some, strict=True)):
-        assert abs(new.extreme) == pytest.approx(abs(old.extreme), rel=1e-9, abs=1e-9)
-        assert (new.label, new.method, new.holds) == (old.label, old.method, old.holds)
-    for new, old in zip(stored.predicted, design.predicted, strict=True):
-        assert (new.name, new.expression) == (old.name, old.expression)
-        assert new.standard_deviation == pytest.approx(old.standard_deviation, rel=1e-9)
-    assert stored.rows == design.rows
-    assert [limit.labels for limit in stored.nonlinear] == [limit.labels for limit in design.nonlinear]
-
-
 def test_identification_and_verification(tmp_path: Path) -> None:
     target = saved(tmp_path / "result", result("old"))
     verification("old").save(target, name="verification-run")
@@ -145,11 +138,6 @@ def test_identification_and_verification(tmp_path: Path) -> None:
     assert sum("data-motion" in each.attributes for each in parsed.elements) == 2
 
 
-def test_new_identification_is_drawn_whole() -> None:
-    parsed = ParsedPage(report_text(result("old")))
-    assert len(parsed.of("svg")) == 3
-
-
 def test_several_results_are_compared(folder: Path) -> None:
     designs = [excite.load_design(folder)] * 2
     sections = [comparison_section(designs), parameters_section([result("old"), result("new")])]
@@ -159,16 +147,6 @@ def test_several_results_are_compared(folder: Path) -> None:
     values = np.array(parsed.numbers("side-by-side"))
     np.testing.assert_allclose(values[:, 0], result("old").estimate.values, rtol=1e-12)
     np.testing.assert_allclose(values[:, 3], result("new").estimate.half_width, rtol=1e-12)
-
-
-def test_campaign(tmp_path: Path) -> None:
-    campaign = excite.plan_campaign("irp6")
-    (tmp_path / "plan.json").write_text(json.dumps(asdict(campaign)))
-    parsed = ParsedPage(report_text(tmp_path / "plan.json"))
-    assert parsed.numbers("steps") == [[k, step.rank] for k, step in enumerate(campaign.steps, 1)]
-    assert parsed.numbers("subsets") == [[rank] for _, rank in campaign.subsets]
-    assert not parsed.of("canvas")
-    assert len(parsed.of("script")) == 1  # no player without a motion
 
 
 def test_page_is_replaced_when_asked_and_only_by_a_whole_one(tmp_path: Path, folder: Path) -> None:
@@ -187,27 +165,21 @@ def test_page_is_replaced_when_asked_and_only_by_a_whole_one(tmp_path: Path, fol
     assert sorted(path.name for path in page.parent.iterdir()) == ["page.html"]
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
+def test_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "other.json").write_text('{"schema": "excite.other/1"}')
+    (tmp_path / "plan.json").write_text('{"steps": [{"drives": "z1"}], "subsets": []}')
+    for given, message in (
         ([], "none is given"),
         ([3], "an object of type int"),
         (["missing"], "there is no folder missing"),
         (["missing.json"], "missing.json"),
         (["other.json"], "expected a design, an identification, a verification, a friction plan"),
         (["plan.json"], "plan.json: not a complete campaign"),
-    ],
-)
-def test_bad_input(given: list[object], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "other.json").write_text('{"schema": "excite.other/1"}')
-    (tmp_path / "plan.json").write_text('{"steps": [{"drives": "z1"}], "subsets": []}')
-    with pytest.raises(InputError, match=re.escape(message)):
-        excite.write_report(given, "page.html")
-    assert not (tmp_path / "page.html").exists()
-
-
-def test_other_endings_are_refused(tmp_path: Path) -> None:
+    ):
+        with pytest.raises(InputError, match=re.escape(message)):
+            excite.write_report(given, "page.html")
+        assert not (tmp_path / "page.html").exists()
     with pytest.raises(InputError, match=r"ends in \.html"):
         excite.write_report(tmp_path, tmp_path / "page.pdf")
 
@@ -221,7 +193,7 @@ def test_edited_results_are_refused(tmp_path: Path) -> None:
 
 
 def test_commands_repeat_an_identification(tmp_path: Path) -> None:
-    from excite.cli.identify_command import command
+    from excite.cli.identify_commands import command
 
     made = result("old")
     facts = dataclasses.replace(made.facts, logs=(dataclasses.replace(made.facts.logs[0], file="run.csv"),))
@@ -247,3 +219,134 @@ def test_entries_that_are_missing_are_named(entry: str, folder: Path, tmp_path: 
         return
     with pytest.raises(InputError, match=rf"not a complete design: .*'{entry}(\.\w+)?'.* is missing"):
         report_text(tmp_path / "older.json")
+
+
+# Sections of friction plans, fits of friction curves, studies, repetitions, and campaigns with their designs.
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plans") / "plan"
+    plan("old").save(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fit(planned: Path) -> excite.FrictionFit:
+    log = excite.simulate(str(planned / "z3.csv"), rate=100.0, seed=0)
+    return excite.fit_friction("irp6", [log], plan=planned)
+
+
+def test_a_friction_plan(planned: Path) -> None:
+    page = report_text(planned)
+    parsed, content = ParsedPage(page), json.loads((planned / "plan.json").read_text())
+    (z3,) = content["trajectories"]
+    numbers = [z3["stroke"], z3["velocity"], z3["largest_gravity"], len(z3["windows"]), z3["duration"]]
+    assert parsed.numbers("coordinates") == [numbers]
+    windows = [[w[n] for n in ("percent", "speed", "start", "end", "first", "last")] for w in z3["windows"]]
+    assert parsed.numbers("windows") == windows
+    verdict = next("".join(each.text) for each in parsed.elements if each.attributes.get("class") == "verdict good")
+    assert f"friction of z3 in {len(windows)} windows" in verdict
+    assert "not checked: collisions" in verdict
+    assert len(parsed.of("svg")) == 1
+
+
+def test_limits_of_a_plan_are_those_of_its_files(planned: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(planned, tmp_path / "plan")
+    (folder / "manifest.json").unlink()
+    lines = (folder / "z3.csv").read_text().splitlines(keepends=True)
+    k = lines[0].split(",").index("q3.velocity")
+    rows = (line.split(",") for line in lines[1:])
+    fast = [",".join([*row[:k], str(3 * float(row[k])), *row[k + 1 :]]) for row in rows]
+    (folder / "z3.csv").write_text("".join([lines[0], *fast]))
+    page = ParsedPage(report_text(folder))
+    verdict = next("".join(each.text) for each in page.elements if "verdict" in str(each.attributes.get("class")))
+    assert "It breaks" in verdict
+    assert "velocity" in verdict
+
+
+def test_the_motion_of_a_stored_plan_is_the_planned_one(planned: Path) -> None:
+    (coordinate,) = plan("old").coordinates
+    runs, _ = coordinate.samples()
+    scripts = [each for each in ParsedPage(report_text(planned)).of("script") if "id" in each.attributes]
+    motion = json.loads("".join(scripts[0].text))
+    played = np.column_stack([np.interp(motion["time"], runs.time - runs.time[0], column) for column in runs.q.T])
+    np.testing.assert_allclose(motion["q"], played, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_fit_of_friction_curves(fit: excite.FrictionFit, tmp_path: Path) -> None:
+    fit.save(tmp_path / "fit")
+    (known,), (made,) = load_friction_fit(tmp_path / "fit" / "fit.json").characteristics, fit.characteristics
+    assert known.fit is not None
+    assert made.fit is not None
+    assert (known.fit.form, known.points, known.stiction) == (made.fit.form, made.points, made.stiction)
+    v = np.linspace(-1.0, 1.0, 7)
+    np.testing.assert_array_equal(known.fit.band(v), made.fit.band(v))
+    assert [other.form for other in known.others] == [other.form for other in made.others]
+    each = zip(made.fit.form.parameters, made.fit.values, made.fit.halfwidth, strict=True)
+    shown = [[x, x - h, x + h][: 1 if name in made.fit.held else 3] for name, x, h in each]
+    parsed, new = (ParsedPage(report_text(each)) for each in (tmp_path / "fit", fit))
+    for page in (parsed, new):
+        np.testing.assert_allclose(np.concatenate(page.numbers("friction")), np.concatenate(shown), rtol=1e-9)
+    assert ["".join(e.text) for e in parsed.of("text")] == ["".join(e.text) for e in new.of("text")]
+
+
+@pytest.mark.slow
+def test_a_study(tmp_path: Path) -> None:
+    study = excite.study_over_time("irp6", designs=[design("old")], points=10, repeats=2, rate=100.0)
+    study.save(tmp_path / "s")
+    (known,), (made,) = load_time_study(tmp_path / "s" / "study.json").courses, study.courses
+    seen = np.isfinite(made.half_width)
+    np.testing.assert_array_equal(known.half_width[seen], made.half_width[seen])
+    parsed = ParsedPage(report_text(tmp_path / "s"))
+    assert [row[0] for row in parsed.numbers("course")] == made.values[-1].tolist()
+    assert len(parsed.of("svg")) == 1
+
+
+@pytest.mark.slow
+def test_repetitions() -> None:
+    made = result("old")
+    section = section_of(made, "s", Appearance())
+    assert "repetitions" not in [table.name for table in section.view.tables]
+    row = RepeatedParameter("a", "Nm", 1.0, 1.1, 0.1, 0.2, 0.9)
+    repeated = replace(made, repetitions=RepetitionSummary(5, 3, (row,)))
+    section = section_of(repeated, "s", Appearance())
+    parsed = ParsedPage(page_text([section]))
+    assert parsed.numbers("repetitions") == [[1.0, 1.1, 0.1, 0.2, 0.9]]
+    said = "5 repetitions in simulation: the 99 % intervals hold the truth in 90.0 % (the worst"
+    assert said in section.view.summary[-1]
+
+
+@pytest.mark.slow
+def test_a_campaign_lists_its_designs(tmp_path: Path) -> None:
+    campaign = excite.plan_campaign("irp6")
+    model = excite.ModelChoice(model=campaign.model, drives=campaign.steps[0].drives)
+    search, motion = excite.Search(starts=1, executor="serial"), excite.TrajectoryChoice(harmonics=2, period=2.0)
+    made = excite.design_trajectory(excite.Task("irp6", model=model, trajectory=motion, search=search))
+    other = design("old")
+    section = section_of(campaign, "s", Appearance(), [made, other])
+    assert section.view.verdict.endswith(" 1 of them is designed here.")
+    assert ParsedPage(page_text([section])).numbers("motions-designed")[0][:2] == [1.0, made.condition_number]
+    (tmp_path / "plan.json").write_text(json.dumps(asdict(campaign)))
+    kinds = [
+        e.attributes["data-kind"] for e in ParsedPage(report_text([tmp_path / "plan.json", made, other])).of("article")
+    ]
+    assert kinds == ["campaign", "design", "design"]  # one of another kind is nothing to compare
+
+
+def test_missing_entries_of_plans_fits_and_studies_are_named(planned: Path, tmp_path: Path) -> None:
+    stored = json.loads((planned / "plan.json").read_text())
+    fit = {"schema": "excite.friction-fit/1", "logs": [], "settings": {}, "subtracted": None, "provenance": {}}
+    study = {"schema": "excite.study/1", "robot": {"name": "a", "sha256": ""}, "below": 0.05}
+    write_friction(FrictionCurves({"z1": CoulombViscous(1.0, 1.0, 0.0)}), tmp_path / "friction.yaml")
+    for name, content, message in (
+        ("plan.json", {**stored, "trajectories": [{}]}, r"friction plan: trajectories\[0\]: .* is missing"),
+        ("plan.json", {**stored, "trajectories": []}, "not a complete friction plan"),
+        ("fit.json", {**fit, "drives": [{"name": "z9"}]}, "not a complete friction fit"),
+        ("study.json", {**study, "courses": [{}]}, "not a complete study"),
+    ):
+        (tmp_path / name).write_text(json.dumps(content))
+        with pytest.raises(InputError, match=message):
+            report_text(tmp_path)
+        (tmp_path / name).unlink()

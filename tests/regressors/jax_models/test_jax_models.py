@@ -132,23 +132,6 @@ def test_rows_are_those_of_the_model(kind: str, name: str) -> None:
     assert_columns_equal(rows(JaxModel(model), states), expected_rows(model, states))
 
 
-@pytest.mark.parametrize(
-    ("gear", "terms"),
-    [
-        (SCREW, Terms(coulomb=False)),
-        (ConstantRatio(-7.0), Terms(rotor=False, viscous=False)),
-    ],
-)
-def test_terms_and_soft_friction(gear: GearFunction, terms: Terms) -> None:
-    robot = random_chain("p", np.random.default_rng(1))
-    drives = (Drive("z1", gear, 1e-3), Drive("z2"))
-    coupling = Transmission(np.array([[2.0], [-1.0]]), drives, Limits.none(2))
-    states = random_states(robot, 20, seed=2)
-    for kind in (DifferentialModel, EnergyModel):
-        model = kind(robot.replace(transmission=coupling), terms, sign_width=0.5)
-        assert_columns_equal(rows(JaxModel(model), states), expected_rows(model, states))
-
-
 def test_a_partial_motion_and_a_selection_of_columns() -> None:
     robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
     model = PartialModel(DifferentialModel(robot), of_drives(robot, ["z2", "z3"]), ["z3"])
@@ -225,7 +208,7 @@ def test_a_motion_that_stands_still_goes_nowhere() -> None:
 
 
 class _Lever(GearFunction):
-    def ratio(self, z):  # type: ignore[no-untyped-def]
+    def ratio(self, z):
         return 2 + z
 
 

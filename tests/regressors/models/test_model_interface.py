@@ -15,7 +15,7 @@ from slow_dynamics import general, three_axes
 from excite.identification.equations import drive_rows, equations_of, friction_drives
 from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import weighted, weighting
-from excite.identification.estimators.standard import standard_problem
+from excite.identification.estimators.possible_set import standard_problem
 from excite.identification.preparation import prepare
 from excite.identification.presliding import best_presliding, presliding_note
 from excite.identification.recipe import Recipe
@@ -32,7 +32,7 @@ from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.models.partial import of_drives, of_joints
 from regressors.models.reduction import Reduction, standard_columns
-from regressors.models.windows import Window, WindowModel
+from regressors.models.windows import Window
 from regressors.readers.library import built_in
 from regressors.robot.columns import Column, Terms
 from regressors.robot.locked_joints import with_locked_joints
@@ -94,25 +94,6 @@ class Height(RegressorModel):
         return ca.SX(ca.sin(q[0]))
 
 
-class Unsaid(WindowModel):
-    """A model over windows that says nothing of single instants."""
-
-    row_labels = (("area", "rad s"),)
-    columns = (Column("a", "1", "share"),)
-
-    def __init__(self, robot: Robot, window: Window | None = None) -> None:
-        self.robot, self.window = robot, window if window is not None else Window()
-
-    def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
-        return ca.SX(1, 1)
-
-    def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
-        return ca.SX(q[0])
-
-    def measured_density(self, samples: Samples, measured: Array) -> Array:
-        return measured
-
-
 class TiedSprings(SprungModel):
     """A constructor that takes one thing more says so in its options."""
 
@@ -169,7 +150,7 @@ def test_models_come_back_from_pickles_with_the_same_rows(model: RegressorModel)
     np.testing.assert_array_equal(again.definition()[0], model.definition()[0])
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", ["irp6-full", "panda"])
 def test_robots_come_back_from_pickles_as_they_were(name: str) -> None:
     robot = built_in(name)
     again = pickle.loads(pickle.dumps(robot))
@@ -181,28 +162,6 @@ def test_robots_come_back_from_pickles_as_they_were(name: str) -> None:
 
 
 # --- columns ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_kinds_and_owners_are_those_that_names_are_made_of(name: str) -> None:
-    robot = with_locked_joints(built_in(name), [1, 2])
-    spelling = {
-        "mass": "m{}",
-        "rotor": "Ia{}",
-        "coulomb": "F{}c",
-        "viscous": "F{}v",
-        "offset": "F{}o",
-    }
-    for column in DifferentialModel(robot, Terms(offset=True)).standard_columns:
-        if column.kind == "first moment":
-            assert column.name[:-1] == f"m{column.owner}c{column.owner}"
-        elif column.kind == "inertia":
-            assert column.name[:-2] == f"I{column.owner}"
-        else:
-            assert column.name == spelling[column.kind].format(column.owner)
-        assert column.group == {"rotor": "rotor"}.get(
-            column.kind, "friction" if column.kind in ("coulomb", "viscous", "offset") else "inertial"
-        )
 
 
 def test_combinations_of_the_structure_belong_to_no_body_and_loads_to_none_of_the_robot() -> None:
@@ -257,9 +216,8 @@ def test_a_name_decides_nothing() -> None:
     for one, other in zip(*(vars(friction_drives(target, samples)).values() for target in targets), strict=True):
         np.testing.assert_array_equal(one, other)
     assert len(friction_drives(targets[1], samples).columns) == 3
-    assert (
-        presliding_note(Recipe(), targets[1], known=False) == presliding_note(Recipe(), targets[0], known=False) != ()
-    )
+    said = [presliding_note(Recipe(), target, known=False) for target in targets]
+    assert said[0] == said[1] != ()
     positive = [problem_of(target).positive for target in targets]
     np.testing.assert_array_equal(*positive)
     assert len(positive[0]) == 9
@@ -318,18 +276,15 @@ def test_a_model_of_joint_torques_is_restricted_to_what_moves(model: RegressorMo
     seen = model.restricted(moved, ["z3"])
     samples = motion(robot, 20)
     Y = model.instants(samples).reshape(20, 3, -1)
-    np.testing.assert_allclose(
-        seen.instants(samples), np.einsum("j,ijp->ip", moved.matrix[:, 1], Y), rtol=1e-12, atol=1e-12
-    )
+    expected = np.einsum("j,ijp->ip", moved.matrix[:, 1], Y)
+    np.testing.assert_allclose(seen.instants(samples), expected, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(seen.speeds(samples)[:, 0], samples.dq @ np.linalg.pinv(moved.matrix)[1])
     assert seen.restricted(moved).row_labels == (("z2", "Nm"), ("z3", "Nm"))
     assert seen.channel == "effort"
     equations = seen.torque_equations()
-    assert equations is not None
     assert equations.model is model
     assert equations.unused == ("z2",)
     whole = model.torque_equations()
-    assert whole is not None
     assert (whole.unused, whole.every_joint) == ((), True)
     np.testing.assert_array_equal(model.speeds(samples), samples.dq)
 
@@ -340,7 +295,6 @@ def test_coulomb_columns_are_their_drives_directions(model: RegressorModel, driv
     seen = model if drives is None else model.restricted(of_drives(model.robot, drives))
     samples = motion(model.robot, 50)
     friction = seen.coulomb_friction()
-    assert friction is not None
     W = seen.assemble(samples).reshape(50, len(seen.row_labels), -1)
     expected = np.sign(samples.dq @ friction.coupling.T)[:, None, :] * friction.rows.T
     np.testing.assert_allclose(W[:, :, friction.columns], expected, atol=1e-12)
@@ -423,10 +377,8 @@ def test_a_motion_under_springs_is_replayed_by_the_models_own_rows() -> None:
 
 
 def test_models_over_windows_say_what_they_integrate() -> None:
-    energy, load = (
-        EnergyModel(three_axes(), Terms(offset=True), sign_width=0.2),
-        LoadIntegralModel(built_in("ur10e"), SENSOR),
-    )
+    energy = EnergyModel(three_axes(), Terms(offset=True), sign_width=0.2)
+    load = LoadIntegralModel(built_in("ur10e"), SENSOR)
     instant = energy.instantaneous()
     assert (instant.columns, instant.sign_width) == (energy.columns, 0.2)
     samples = motion(three_axes(), 20)
@@ -436,8 +388,6 @@ def test_models_over_windows_say_what_they_integrate() -> None:
     assert load.channel == load.instantaneous().channel == "wrench"
     assert load.keeps_all_links
     assert load.instantaneous().keeps_all_links
-    with pytest.raises(InputError, match="Unsaid does not name the model of single instants"):
-        Unsaid(plain()).instantaneous()
 
 
 def test_a_subclass_does_not_pass_for_what_its_parent_integrates() -> None:
@@ -458,7 +408,6 @@ def test_windows_fit_the_samples_of_a_log() -> None:
     other = model.with_window(Window("long"))
     assert isinstance(other, EnergyModel)
     assert (other.window, other.terms, other.sign_width) == (Window("long"), model.terms, 0.1)
-    assert Unsaid(plain()).with_window(Window("long")).window == Window("long")
     samples = motion(three_axes())
     np.testing.assert_allclose(model.row_times(samples.time), np.arange(1, 101) * 0.02)
     np.testing.assert_array_equal(DifferentialModel(plain()).row_times(samples.time), samples.time)
@@ -486,10 +435,3 @@ def test_a_form_in_jax_is_not_inherited() -> None:
     for model in (SprungModel(plain()), SprungModel(plain()).restricted(of_joints(plain(), [0]))):
         with pytest.raises(InputError, match="SprungModel has no JAX form"):
             JaxModel(model)
-
-
-def test_a_class_may_name_the_form_of_its_parent() -> None:
-    class Same(DifferentialModel):
-        jax_form = DifferentialModel.jax_form
-
-    assert JaxModel(Same(plain())).names == DifferentialModel(plain()).names

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import pkgutil
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import constraints
@@ -16,45 +16,15 @@ from regressors.models.model import RegressorModel
 
 PACKAGES = [Path(package.__file__).parent for package in (regressors, constraints, excite)]
 INSIDE = PACKAGES[0] / "models"
-# patterns of files' names, of numbers and of text; none of them is given the name of a parameter
-READ_BY_PATTERNS = {
-    "regressors/numerical.py",
-    "regressors/quantities.py",
-    "regressors/readers/chain_ends.py",
-    "regressors/readers/description_schema.py",
-    "regressors/readers/dh_table.py",
-    "regressors/readers/documents.py",
-    "regressors/readers/xacro_expansion.py",
-    "regressors/readers/xacro_expressions.py",
-    "excite/cli/command.py",
-    "excite/cli/messages.py",
-    "excite/design/design_folder.py",
-    "excite/design/executors/dask_cluster.py",
-    "excite/design/start_results.py",
-    "excite/export/models/plain_models.py",
-    "excite/export/models/xml_copy.py",
-    "excite/export/motions/motion_format.py",
-    "excite/friction/plan/schedule.py",
-    "excite/logs/guess/channels.py",
-    "excite/logs/recordings/array_streams.py",
-    "excite/logs/recordings/column_name.py",
-    "excite/logs/recordings/text_table.py",
-    "excite/storage/atomic.py",
-    "excite/storage/migrations.py",
-    "excite/tasks/friction_file.py",
-    "excite/tasks/option.py",
-    "excite/views/bars.py",
-    "excite/views/drawings.py",
-    "excite/views/figure_files.py",
-    "excite/views/page_text.py",
-    "excite/views/style.py",
-}
+PARAMETERS = ("regressors.models", "excite.identification", "excite.study")  # where parameters have their names
+PATTERNS_OF_FILES = {"excite/export/models/plain_models.py"}  # of names of files and links, not of parameters
 
 
-def sources() -> Iterator[tuple[str, Path]]:
-    for package in PACKAGES:
-        for path in sorted(package.rglob("*.py")):
-            yield path.relative_to(package.parent).as_posix(), path
+@cache
+def sources() -> dict[str, ast.Module]:
+    """Every file of the packages."""
+    paths = [path for package in PACKAGES for path in sorted(package.rglob("*.py"))]
+    return {path.relative_to(INSIDE.parents[1]).as_posix(): ast.parse(path.read_text("utf-8")) for path in paths}
 
 
 def model_classes() -> set[str]:
@@ -86,32 +56,23 @@ def kinds_asked_for(tree: ast.AST, classes: set[str]) -> list[int]:
 def test_the_search_sees_what_it_is_to_see() -> None:
     classes = model_classes()
     assert {"RegressorModel", "WindowModel", "PartialModel", "DifferentialModel", "LoadIntegralModel"} <= classes
-    for line in (
-        "isinstance(x, EnergyModel)",
-        "isinstance(x, int | load.LoadModel)",
-        "type(x) is EnergyModel",
-        "type(x).__name__ == 'EnergyModel'",
-    ):
-        assert kinds_asked_for(ast.parse(line), classes) == [1]
+    asked = ("isinstance(x, EnergyModel)", "isinstance(x, int | load.LoadModel)", "type(x).__name__ == 'EnergyModel'")
+    assert [kinds_asked_for(ast.parse(line), classes) for line in asked] == [[1]] * 3
     assert kinds_asked_for(ast.parse("EnergyModel(robot).names == names and isinstance(x, int)"), {"LoadModel"}) == []
 
 
 def test_outside_the_models_nobody_asks_which_model_one_is() -> None:
     classes = model_classes() - {"RegressorModel"}  # that something is a model may be asked
-    found = {
-        f"{name}:{line}"
-        for name, path in sources()
-        if INSIDE not in path.parents
-        for line in kinds_asked_for(ast.parse(path.read_text(encoding="utf-8")), classes)
-    }
-    assert found == set()
+    outside = {name: tree for name, tree in sources().items() if not name.startswith("regressors/models/")}
+    assert [f"{name}:{line}" for name, tree in outside.items() for line in kinds_asked_for(tree, classes)] == []
 
 
-def test_patterns_are_for_text_and_files_only() -> None:
-    using = {
-        name
-        for name, path in sources()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Import) and any(alias.name == "re" for alias in node.names)
-    }
-    assert using == READ_BY_PATTERNS
+def test_who_knows_parameters_reads_no_patterns() -> None:
+    """Files that import `re` take nothing from the rooms of models and estimates."""
+    both = set()
+    for name, tree in sources().items():
+        imports = [node for node in ast.walk(tree) if isinstance(node, ast.Import)]
+        taken = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        if any(alias.name == "re" for node in imports for alias in node.names):
+            both |= {name for module in taken if module.startswith(PARAMETERS)}
+    assert both == PATTERNS_OF_FILES

@@ -22,7 +22,7 @@ from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
 from regressors.readers.library import built_in
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
-from regressors.samples import Array, Samples
+from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)
 
@@ -41,29 +41,10 @@ def coupled(seed: int, kinds: str = "rpr") -> Robot:
 
 
 def coupling(robot: Robot) -> Array:
-    assert robot.transmission is not None
     return robot.transmission.coupling[[not drive.rests for drive in robot.transmission.drives]]
 
 
 # --- which joints move -----------------------------------------------------------------------------------------------
-
-ALONE = {
-    "1": [1, 0, 0, 0, 0],
-    "2": [0, 1, -1, 0, 0],  # the forearm keeps its orientation
-    "3": [0, 0, 1, -1, 0],  # the hand keeps its own
-    "4": [0, 0, 0, 1, 0],
-    "5": [0, 0, 0, 0, 1],
-}
-
-
-@pytest.mark.parametrize("drive", ALONE)
-def test_one_drive_of_the_irp6_alone(drive: str) -> None:
-    motion = of_drives(built_in("irp6"), [drive])
-    assert motion.labels == (f"z{drive}",)
-    assert motion.units == ("rad",)
-    np.testing.assert_array_equal(motion.matrix[:, 0], ALONE[drive])
-    np.testing.assert_array_equal(motion.offset, np.zeros(5))
-    assert not motion.complete
 
 
 def test_drives_of_the_first_three_axes() -> None:
@@ -185,24 +166,6 @@ def test_rows_are_those_of_the_moving_coordinates(seed: int, data: st.DataObject
     np.testing.assert_array_equal(seen.assemble(states), found.reshape(-1, len(model.columns)))
 
 
-def test_columns_and_definition_are_those_of_the_whole_model() -> None:
-    model = DifferentialModel(three_axes())
-    seen = PartialModel(model, of_drives(three_axes(), ["2", "3"]))
-    assert seen.columns == model.columns
-    assert seen.robot is model.robot
-    assert seen.row_labels == (("z2", "Nm"), ("z3", "Nm"))
-    for one, other in zip(seen.definition(), model.definition(), strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-def test_whole_motions_of_joints_need_no_projection() -> None:
-    robot = three_axes()
-    model, energy = DifferentialModel(robot), EnergyModel(robot)
-    assert model.restricted(of_joints(robot, range(3))) is model
-    assert isinstance(model.restricted(of_drives(robot, ["1", "2", "3"])), PartialModel)
-    assert energy.restricted(of_drives(robot, ["2"])) is energy  # work is one number, whoever does it
-
-
 # --- ranks -----------------------------------------------------------------------------------------------------------
 
 # Identifiable parameters of each subset of motors (shared/paper/errata.md), as combinations of standard ones.
@@ -321,45 +284,6 @@ def test_motors_1_and_2_show_ten_parameters_only_over_two_angles_of_the_forearm(
 # --- limits ----------------------------------------------------------------------------------------------------------
 
 
-def lifted(motion: PartialMotion, s: list[Array]) -> Samples:
-    q, *derivatives = (x @ motion.matrix.T for x in s)
-    return Samples(np.arange(len(q), dtype=float), q + motion.offset, *derivatives)
-
-
-MOTIONS = {
-    "drive 2": lambda: of_drives(built_in("irp6"), ["2"]),
-    "drive 3": lambda: of_drives(built_in("irp6"), ["3"]),
-    "drives 1 and 4": lambda: of_drives(built_in("irp6"), ["1", "4"]),
-    "all drives": lambda: of_drives(built_in("irp6"), list("12345")),
-    "joint 2": lambda: of_joints(built_in("irp6"), [1]),
-    "joints 1 and 3": lambda: of_joints(built_in("irp6"), [0, 2]),
-}
-
-
-@pytest.mark.parametrize("name", MOTIONS)
-@pytest.mark.parametrize("place", [0.0, 0.1])
-def test_limits_of_the_moving_coordinates_are_those_of_the_joints_and_drives(name: str, place: float) -> None:
-    """``lower <= A (N s + q0) + a0 <= upper`` has the same values, bounds, labels and units as on the lifted motion."""
-    robot = built_in("irp6")
-    motion = dataclasses.replace(MOTIONS[name](), offset=np.full(5, place))
-    k = len(motion.labels)
-    s = list(np.random.default_rng(8).normal(size=(4, 30, k)))
-    own = Samples(np.arange(30.0), *s)
-    for limit in linear_limits(robot):
-        restricted = limit.restricted(motion)
-        whole = limit.values(lifted(motion, s))
-        assert restricted.matrix.shape == (len(restricted.labels), k)
-        rows = [limit.labels.index(label) for label in restricted.labels]
-        np.testing.assert_allclose(restricted.values(own), whole[:, rows], atol=1e-12)
-        np.testing.assert_array_equal(restricted.lower, limit.lower[rows])
-        np.testing.assert_array_equal(restricted.upper, limit.upper[rows])
-        assert restricted.units == tuple(limit.units[row] for row in rows)
-        left_out = np.setdiff1d(np.arange(len(limit.labels)), rows)
-        still = whole[:, left_out]
-        np.testing.assert_allclose(still, np.broadcast_to(still[:1], still.shape), atol=1e-12)
-        assert np.all((limit.lower[left_out] <= still) & (still <= limit.upper[left_out]))
-
-
 def test_motor_2_alone_is_limited_by_what_it_moves() -> None:
     """It turns joints 2 and 3; the forearm's orientation does not change, so drive 3 has no limit to keep."""
     robot = built_in("irp6")
@@ -371,13 +295,21 @@ def test_motor_2_alone_is_limited_by_what_it_moves() -> None:
 # --- bad input -------------------------------------------------------------------------------------------------------
 
 
-def test_unknown_drives_and_joints() -> None:
+def test_drives_and_joints_that_cannot_move() -> None:
     robot = built_in("irp6")
     with pytest.raises(UnknownName, match=r"no drive named 'z9'; available: 1 \(z1\), 2 \(z2\)"):
         of_drives(robot, ["z9"])
     for number in ("0", "6", "-1", "2.0", ""):
         with pytest.raises(UnknownName, match="no drive named"):
             of_drives(robot, ["1", number])
+    with pytest.raises(UnknownName, match="no equation named 'z1'"):
+        PartialModel(DifferentialModel(robot), of_drives(robot, ["2", "3"]), ["z1"])
+    with pytest.raises(InputError, match=r"no joint moves; choose from q1, q2, q3, q4, q5"):
+        of_joints(robot, [])
+    with pytest.raises(InputError, match=r"no drive moves; choose from z1, z2, z3, z4, z5"):
+        of_drives(robot, [])
+    with pytest.raises(InputError, match="`joints` and `drives` exclude each other"):
+        Task("irp6", joints=("1",), drives=("1",))
     with pytest.raises(UnknownName, match="no joint named 'elbow'"):
         of_drives(built_in("panda"), ["elbow"])
     with pytest.raises(UnknownName, match=r"no drive named '4'; available: 1 \(z1\), 2 \(z2\), 3 \(z3\)"):
@@ -388,16 +320,8 @@ def test_unknown_drives_and_joints() -> None:
         target_of(robot, Task("irp6", drives=("q2",)))
 
 
-def test_nothing_moves() -> None:
-    with pytest.raises(InputError, match=r"no joint moves; choose from q1, q2, q3, q4, q5"):
-        of_joints(built_in("irp6"), [])
-    with pytest.raises(InputError, match=r"no drive moves; choose from z1, z2, z3, z4, z5"):
-        of_drives(built_in("irp6"), [])
-
-
 def test_drives_that_do_not_fix_the_joints() -> None:
     robot = coupled(1)
-    assert robot.transmission is not None
     C = robot.transmission.coupling.copy()
     C[2] = C[0] + C[1]
     singular = robot.replace(transmission=dataclasses.replace(robot.transmission, coupling=C))
@@ -405,24 +329,3 @@ def test_drives_that_do_not_fix_the_joints() -> None:
     for broken in (singular, robot.replace(transmission=few)):
         with pytest.raises(InputError, match="drives do not fix its 3 joints"):
             of_drives(broken, ["d1"])
-
-
-def test_joints_and_drives_exclude_each_other() -> None:
-    with pytest.raises(InputError, match="`joints` and `drives` exclude each other"):
-        Task("irp6", joints=("1",), drives=("1",))
-
-
-# --- torques of some of the moving coordinates -----------------------------------------------------------------------
-
-
-def test_rows_of_some_moving_coordinates_only() -> None:
-    robot = three_axes()
-    motion = of_drives(robot, ["2", "3"])
-    states = motion.states(random_states(robot, 10, seed=9))
-    whole = PartialModel(DifferentialModel(robot), motion).assemble(states).reshape(10, 2, 13)
-    for k, label in enumerate(motion.labels):
-        one = PartialModel(DifferentialModel(robot), motion, [label])
-        assert one.row_labels == ((label, "Nm"),)
-        np.testing.assert_array_equal(one.assemble(states), whole[:, k])
-    with pytest.raises(UnknownName, match="no equation named 'z1'"):
-        PartialModel(DifferentialModel(robot), motion, ["z1"])

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refused import refusal
 
 from regressors.errors import InputError, UnknownName
 from regressors.readers.description import parse_description, read_description, standard_parameters
 from regressors.readers.description_schema import Coefficient
 from regressors.robot.gears import BallScrew, ConstantRatio
-from regressors.robot.inertia import from_centre_of_mass, skew
+from regressors.robot.inertia import from_centre_of_mass
+from regressors.robot.robot import Robot
 
 FULL = """\
 name: two
@@ -57,55 +59,42 @@ structure:
 MINIMAL = "name: one\njoints:\n  - name: a\n    mdh: {d: 1.0}\n"
 
 
-def test_reads_everything() -> None:
-    robot = parse_description(FULL, "two.yaml")
-    assert (robot.name, robot.source) == ("two", "a drawing")
-    assert np.array_equal(robot.gravity, [0, 0, -9])
-    assert dict(robot.constants) == {"l1": 0.5, "n": 10.0}
-    assert robot.joint_names == ("lift", "turn")
-    lift, turn = robot.joints
+@pytest.fixture(scope="module")
+def two() -> Robot:
+    return parse_description(FULL, "two.yaml")
+
+
+def test_reads_joints_and_limits(two: Robot) -> None:
+    assert (two.name, two.source, two.joint_names) == ("two", "a drawing", ("lift", "turn"))
+    assert np.array_equal(two.gravity, [0, 0, -9])
+    assert dict(two.constants) == {"l1": 0.5, "n": 10.0}
+    lift, turn = two.joints
     assert (lift.kind, turn.kind) == ("prismatic", "revolute")
     assert np.allclose(lift.translation, [0.1, -0.2, 0.0], atol=1e-15)
     assert np.allclose(lift.rotation[:, 0], [np.cos(np.pi / 6), 0, np.sin(np.pi / 6)])
     assert np.array_equal(turn.translation, [0, 0, 0.5])
     assert np.allclose(turn.rotation, [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-15)
     assert np.array_equal(turn.axis, [0, 0, 1])
+    limits = two.limits
+    assert np.array_equal([limits.lower, limits.upper], [[0.0, np.deg2rad(-170)], [1.5, 1.0]])
+    assert np.array_equal([limits.velocity, limits.acceleration], [[0.5, np.deg2rad(98)], [2.0, np.deg2rad(1)]])
+    assert np.array_equal([limits.jerk, limits.torque], [[20.0, np.deg2rad(2)], [100.0, np.inf]])
 
 
-def test_reads_limits() -> None:
-    limits = parse_description(FULL, "two.yaml").limits
-    assert np.array_equal(limits.lower, [0.0, np.deg2rad(-170)])
-    assert np.array_equal(limits.upper, [1.5, 1.0])
-    assert np.array_equal(limits.velocity, [0.5, np.deg2rad(98)])
-    assert np.array_equal(limits.acceleration, [2.0, np.deg2rad(1)])
-    assert np.array_equal(limits.jerk, [20.0, np.deg2rad(2)])
-    assert np.array_equal(limits.torque, [100.0, np.inf])
-
-
-def test_reads_drives() -> None:
-    transmission = parse_description(FULL, "two.yaml").transmission
-    assert transmission is not None
-    belt, screw = transmission.drives
-    assert (belt.name, belt.ratio, belt.rotor_inertia) == ("belt", ConstantRatio(50.0), 1e-4)
-    assert (belt.coulomb, belt.viscous) == (3.0, None)
-    assert (screw.name, screw.ratio, screw.rotor_inertia) == ("screw", BallScrew(0.005, 0.08, -0.03, 0.05), None)
-    assert np.array_equal(transmission.coupling, [[1, 0], [0.5, 1]])
-    assert np.array_equal(transmission.offset, [0, np.deg2rad(5)])
-    assert np.array_equal(transmission.limits.upper, [np.deg2rad(10), np.inf])
-
-
-def test_reads_links() -> None:
-    carriage, boom = parse_description(FULL, "two.yaml").links
+def test_reads_links_drives_and_structure(two: Robot) -> None:
+    carriage, boom = two.links
     assert (carriage.name, carriage.theta) == ("carriage", None)
     tensor = [[0.1, 0.01, 0], [0.01, 0.2, 0], [0, 0, 0.2]]
     assert np.allclose(boom.theta, from_centre_of_mass(2.0, [0.1, 0, 0], tensor), rtol=1e-15)
-
-
-def test_reads_structure() -> None:
-    structure = parse_description(FULL, "two.yaml").structure
-    assert structure.zero == {"m2c2y"}
-    assert structure.equal == (("I2yy", "I2zz"),)
-    (form,) = structure.aggregates
+    belt, screw = two.transmission.drives
+    assert (belt.name, belt.ratio, belt.rotor_inertia) == ("belt", ConstantRatio(50.0), 1e-4)
+    assert (belt.coulomb, belt.viscous) == (3.0, None)
+    assert (screw.name, screw.ratio, screw.rotor_inertia) == ("screw", BallScrew(0.005, 0.08, -0.03, 0.05), None)
+    assert np.array_equal(two.transmission.coupling, [[1, 0], [0.5, 1]])
+    assert np.array_equal(two.transmission.offset, [0, np.deg2rad(5)])
+    assert np.array_equal(two.transmission.limits.upper, [np.deg2rad(10), np.inf])
+    assert (two.structure.zero, two.structure.equal) == ({"m2c2y"}, (("I2yy", "I2zz"),))
+    (form,) = two.structure.aggregates
     assert form.joints == ("lift", "turn")  # in the robot's order, whatever the file's
     assert form.parameters == {"X1": {"I2zz": 1.0, "Ia1": 100.0, "m2": -1.0}}
 
@@ -119,18 +108,9 @@ def test_what_is_not_given_is_not_known() -> None:
     assert np.array_equal(robot.limits.lower, [-np.inf])
     assert all(np.array_equal(getattr(robot.limits, name), [np.inf]) for name in ("upper", "velocity", "torque"))
     assert robot.structure.zero == frozenset()
-
-
-def test_gravity_may_be_a_vector() -> None:
-    robot = parse_description(MINIMAL + "gravity: [0, 9.81, 0]\n", "one.yaml")
-    assert np.array_equal(robot.gravity, [0, 9.81, 0])
-
-
-def test_drives_without_coupling_move_their_own_joints() -> None:
-    robot = parse_description(MINIMAL + "drives: [{name: z}]\n", "one.yaml")
-    assert robot.transmission is not None
-    assert np.array_equal(robot.transmission.coupling, [[1.0]])
-    assert robot.transmission.drives[0].ratio == ConstantRatio(1.0)
+    more = parse_description(MINIMAL + "gravity: [0, 9.81, 0]\ndrives: [{name: z}]\n", "one.yaml")
+    assert np.array_equal(more.gravity, [0, 9.81, 0])
+    assert (more.transmission.coupling.tolist(), more.transmission.drives[0].ratio) == ([[1.0]], ConstantRatio(1.0))
 
 
 def test_first_moment_and_origin_are_the_other_way_to_write_a_link() -> None:
@@ -157,26 +137,7 @@ def test_zero_in_a_turned_frame_is_zero() -> None:
     numbers = "name: l, mass: 2.0, com: [0.1, 0.2, 0], inertia: {about: centre-of-mass, xx: 1, yy: 2, zz: 2.5}"
     text = f"{MINIMAL}links: [{{{numbers}, frame: {{rpy: [90 deg, 0, 0]}}}}]\nstructure: {{zero: [m1c1y]}}\n"
     (link,) = parse_description(text, "x").links
-    assert link.theta is not None
     assert 0 < abs(link.theta[2]) < 1e-15
-
-
-def test_link_without_mass() -> None:
-    link = "{name: l, mass: 0, com: [0.1, 0, 0], inertia: {about: centre-of-mass, xx: 0, yy: 0, zz: 0}}"
-    assert np.array_equal(parse_description(f"{MINIMAL}links: [{link}]\n", "x").links[0].theta, np.zeros(10))
-
-
-def test_roll_pitch_yaw_turn_in_the_order_of_urdf() -> None:
-    text = MINIMAL.replace("mdh: {d: 1.0}", "pose: {rpy: [0.1, 0.2, 0.3]}")
-    (joint,) = parse_description(text, "x").joints
-    turn = [from_axis(axis, angle) for axis, angle in zip(np.eye(3), (0.1, 0.2, 0.3), strict=True)]
-    assert np.allclose(joint.rotation, turn[2] @ turn[1] @ turn[0], atol=1e-15)
-
-
-def from_axis(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Rotation by Rodrigues' formula."""
-    K = skew(axis)
-    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
 
 
 def test_hash_is_that_of_the_content() -> None:
@@ -211,84 +172,46 @@ def test_numbers_survive_the_text(
     assert (limits.lower[0], limits.upper[0], limits.velocity[0]) == (lower, upper, velocity)
 
 
-@settings(deadline=None)
-@given(st.floats(-1e6, 1e6))
-def test_degrees_are_converted_by_numpy(angle: float) -> None:
-    text = MINIMAL.replace("mdh: {d: 1.0}", f"mdh: {{offset: {angle!r} deg}}")
-    (joint,) = parse_description(text, "x").joints
-    expected = type(joint).from_mdh("a", "revolute", alpha=0.0, a=0.0, offset=float(np.deg2rad(angle)))
-    assert np.array_equal(joint.rotation, expected.rotation)
-
-
 # What is wrong, as a change of FULL or as a whole file, and what the message must say --------------------------------
 
 PLACE = "    pose: {xyz: [0.0, 0.0, 0.5], rpy: [0.0, 90 deg, 0.0], axis: [0.0, 0.0, 2.0]}\n"
 CHANGES = [
     ("name: two", "name: 2", "name (line 1): should be a valid string, given 2"),
     ("name: two", "nam: two", "name (line 1): is missing; nam (line 1): no such field; did you mean name? available:"),
-    ("name: two", "name: ' '", "name (line 1): a robot's name is printable text on one line, given ' '"),
     ("gravity: 9.0", "gravity: .nan", "gravity[3] (line 4): should be a finite number, given nan"),
     ("gravity: 9.0", "gravity: [0, 0]", "gravity (line 4): should have at least 3 items, given a list of 2"),
-    ("gravity: 9.0", "gravity: down", "gravity (line 4): should be a valid list, given 'down'"),
-    ("gravity: 9.0", "gravity: true", "gravity (line 4): should be a valid list, given True"),
     ("gravity: 9.0", "gravity: 9.0\ngravity: 9.81", "gravity (line 4): is given twice, again in line 5"),
     ("l1: 0.5", "l1: .inf", "constants.l1 (line 5): should be a finite number, given inf"),
     ("l1: 0.5", "1l: 0.5", "a constant's name holds letters, digits and '_' only, given '1l'"),
-    ("l1: 0.5", "l1: 'x'", "constants.l1 (line 5): should be a valid number, given 'x'"),
     ("l1: 0.5", f"l1: {10**400}", "constants.l1 (line 5): should be a valid number, given 1000"),
-    ("l1: 0.5", f"l1: {'9' * 5000}", "constants.l1 (line 5): '9999"),
     ("alpha: 90 deg", "alpha: 90 grad", "mdh.alpha (line 9): expected a number or text such as '90 deg', given '90 gr"),
-    ("alpha: 90 deg", "alpha: 90 deg/s", "joints[1].mdh.alpha (line 9): expected a number or text such as '90 deg'"),
     ("alpha: 90 deg", "alpha: 1e999 deg", "joints[1].mdh.alpha (line 9): should be a finite number, given inf"),
-    ("alpha: 90 deg", "alpha: yes", "joints[1].mdh.alpha (line 9): expected a number"),
-    ("alpha: 90 deg", "alpha: true", "joints[1].mdh.alpha (line 9): should be a valid number, given True"),
-    ("alpha: 90 deg", "alhpa: 90 deg", "joints[1].mdh.alhpa (line 9): no such field; did you mean alpha? available: a"),
-    ("a: 0.1", "a: 10 deg", "joints[1].mdh.a (line 9): should be a valid number, given '10 deg'"),
     ("kind: prismatic", "kind: sliding", "joints[1].kind (line 8): should be 'revolute' or 'prismatic', given 'slidin"),
     ("position: [0.0, 1.5]", "position: [0 deg, 9 deg]", "limits (line 10): the limits of a prismatic joint are in me"),
     ("position: [0.0, 1.5]", "position: [1.5, 0.0]", "position (line 10): lower bound 1.5 must be below the upper bou"),
-    ("position: [0.0, 1.5]", "position: [1.5]", "limits.position (line 10): should have at least 2 items, given a lis"),
     ("position: [0.0, 1.5]", "position: [-.inf, 1]", "joints[1].limits.position[1] (line 10): should be a finite numb"),
     ("velocity: 0.5", "velocity: 0", "joints[1].limits.velocity (line 10): should be greater than 0, given 0"),
-    ("velocity: 0.5", "velocity: -1", "joints[1].limits.velocity (line 10): should be greater than 0, given -1"),
     ("velocity: 98 deg/s", "velocity: 98 deg/s^2", "velocity (line 14): expected a number or text such as '90 deg/s'"),
     ("name: turn", "name: lift", "joints[2].name (line 11): the name 'lift' is given twice"),
     ("name: turn", "name: the turn", "joints[2].name (line 11): a name must not be empty nor hold spaces or commas"),
     ("    pose: {", "    poes: {", "joints[2].poes (line 13): no such field; did you mean pose? available: name, kind"),
     (PLACE, "", "joints[2] (line 11): joint 'turn' needs mdh or pose, and not both"),
-    ("    pose: {", "    mdh: {d: 1.0}\n    pose: {", "joints[2] (line 11): joint 'turn' needs mdh or pose, and not b"),
     ("axis: [0.0, 0.0, 2.0]", "axis: [0, 0, 0]", "pose.axis (line 13): an axis needs a length that is not zero"),
     ("    mass: 2.0\n", "", "links[2] (line 17): link 'boom': give mass, com or first_moment, and inertia, or none; n"),
-    ("mass: 2.0", "mass: -2.0", "links[2].mass (line 18): should be greater than or equal to 0, given -2.0"),
-    ("com: [0.1", "com: [.nan", "links[2].com[1] (line 19): should be a finite number, given nan"),
     ("    com:", "    first_moment: [1, 0, 0]\n    com:", "links[2] (line 17): link 'boom': give com or first_moment"),
     ("about: centre-of-mass, ", "", "links[2].inertia.about (line 20): is missing"),
-    ("about: centre-of-mass", "about: com", "inertia.about (line 20): should be 'origin' or 'centre-of-mass', given"),
     ("  - name: carriage\n", "", "links (line 15): expected as many links as joints, 2, given 1"),
-    ("name: boom", "name: carriage", "links[2].name (line 17): the name 'carriage' is given twice"),
     ("ratio: 50", "ratio: 0", "drives[1].ratio (line 23): gear ratio must be a finite number other than zero, given 0"),
     ("ratio: 50", "ratio: fast", "drives[1].ratio (line 23): expected a number or a ball_screw, given 'fast'"),
-    ("ratio: 50", "ratio: {}", "drives[1].ratio (line 23): a ratio is a number or a ball_screw"),
-    ("pitch: 0.005", "pitch: 0", "drives[2].ratio.ball_screw.pitch (line 28): should be greater than 0, given 0"),
     ("square: 0.08", "square: 0.01", "ratio.ball_screw (line 28): ball screw: no triangle has squared length 0.01"),
-    ("rotor_inertia: 1.0e-4", "rotor_inertia: -1", "drives[1].rotor_inertia (line 24): should be greater than or eq"),
-    ("coulomb: 3.0", "columb: 3.0", "drives[1].friction.columb (line 25): no such field; did you mean coulomb? availa"),
-    ("name: screw", "name: belt", "drives[2].name (line 27): the name 'belt' is given twice"),
     ("coupling: [[1, 0], [0.5, 1]]", "coupling: [[1, 0]]", "coupling (line 30): expected as many rows as drives, 2, "),
     ("[0.5, 1]]", "[0.5]]", "coupling[2] (line 30): expected as many columns as joints, 2, given 1"),
-    ("[0.5, 1]]", "[x, 1]]", "coupling[2][1] (line 30): should be a valid number, given 'x'"),
-    ("zero: [m2c2y]", "zero: [m3c3y]", "structure.zero[1] (line 32): no parameter named 'm3c3y'; available: m1, m1c1x"),
     ("zero: [m2c2y]", "zero: [m2]", "structure.zero[1] (line 32): m2 is declared zero, but its link gives 2"),
-    ("zero: [m2c2y]", "zero: [Ia2]", "no parameter named 'Ia2'; available: m2, m2c2x, m2c2y, m2c2z, I2xx,"),
     ("zero: [m2c2y]", "zero: [I2zz]", "structure.equal[1][2] (line 33): I2zz is already declared zero or equal"),
-    ("[I2yy, I2zz]", "[I2yy]", "structure.equal[1] (line 33): should have at least 2 items, given a list of 1"),
     ("[I2yy, I2zz]", "[I2xx, I2zz]", "equal[1] (line 33): are declared equal, but the links give I2xx = 0.1, I2zz"),
     ("joints: [turn, lift]", "joints: [turn, grip]", "no joint named 'grip'; available: lift, turn"),
-    ("joints: [turn, lift]", "joints: [turn, turn]", "structure.aggregates[1].joints (line 35): a joint is given twic"),
     ("Ia1: n^2", "Ia1: n^2 + 1", "parameters.X1.Ia1 (line 37): expected a number or a product such as '-2*l2*n1^2'"),
-    ("Ia1: n^2", "Ia1: k^2", "parameters.X1.Ia1 (line 37): no constant named 'k'; available: l1, n"),
     ("Ia1: n^2", "Ia1: .nan", "X1.Ia1 (line 37): expected a finite number or a product such as '-2*l2*n1^2', given na"),
-    ("Ia1: n^2", "Ia1: true", "X1.Ia1 (line 37): expected a finite number or a product such as '-2*l2*n1^2', given Tr"),
     ("Ia1: n^2", "Ia7: n^2", "structure.aggregates[1].parameters.X1.Ia7 (line 37): no parameter named 'Ia7'"),
 ]
 
@@ -296,60 +219,34 @@ CHANGES = [
 @pytest.mark.parametrize(("old", "new", "message"), CHANGES)
 def test_refuses_and_says_why(old: str, new: str, message: str) -> None:
     assert old in FULL
-    with pytest.raises(InputError) as raised:
-        parse_description(FULL.replace(old, new, 1), "two.yaml")
-    told = str(raised.value)
-    assert told.startswith("two.yaml: ")
-    assert message in told
-    assert "\n" not in told
+    assert message in refusal(parse_description, FULL.replace(old, new, 1), "two.yaml", begins="two.yaml: ")
 
 
 WHOLE = [
     ("", "f.yaml: expected a mapping of fields, given nothing"),
-    ("# nothing\n", "f.yaml: expected a mapping of fields, given nothing"),
-    ("- a\n- b\n", "f.yaml: expected a mapping of fields, given a list of 2"),
-    ("just text", "f.yaml: expected a mapping of fields, given 'just text'"),
     ("name: x\njoints: []\n", "f.yaml: joints (line 2): should have at least 1 item, given a list of 0"),
-    ("name: x\njoints: 3\n", "f.yaml: joints (line 2): should be a valid list, given 3"),
-    ("name: x\njoints: [3]\n", "f.yaml: joints[1] (line 2): should be a mapping of fields, given 3"),
     ("name: x\n joints: [\n", "f.yaml, line 2: not valid YAML: mapping values are not allowed here"),
-    ("name: x\njoints: [1,\n", "f.yaml, line 3: not valid YAML: expected the node content"),
     ("name: x\n\tjoints: 1\n", "f.yaml, line 2: not valid YAML: found character"),
     ("name: x\n---\nname: y\n", "f.yaml, line 2: not valid YAML: but found another document"),
     ("name: x\nsource: \x01\n", "f.yaml, line 2: not valid YAML: character '\\x01'"),
     ("%YAML 1.1\n---\nname: x\n", "f.yaml, line 1: YAML directives are not supported, given '%YAML 1.1'"),
     ("name: !!python/object:os.system x\n", "f.yaml: name (line 1): YAML tags are not supported, given 'tag:yaml.org"),
-    ("name: !x {a: 1}\n", "f.yaml: name (line 1): YAML tags are not supported, given '!x'"),
-    ("name: !!int x\n", "f.yaml: name (line 1): 'x' is not a value of type int"),
     ("name: &a x\nsource: *a\n", "f.yaml: name (line 1): anchors and aliases (&name, *name) are not supported"),
-    ("name: &a [*a]\n", "f.yaml: name (line 1): anchors and aliases (&name, *name) are not supported"),
-    ("<<: {name: x}\njoints: []\n", "'<<' (line 1): no such field"),
     ("? [a, b]\n: 1\n", "f.yaml: the file (line 1): a field's name must be text (line 1)"),
     ("[" * 500, "f.yaml: lists and mappings are nested too deeply"),
     (MINIMAL + "drives: [{name: y}, {name: z}]\n", "f.yaml: drives (line 5): 2 drives of 1 joints need a coupling"),
     (MINIMAL + "coupling: [[1]]\n", "f.yaml: coupling (line 5): a coupling needs drives"),
-    (MINIMAL + "drives: []\ncoupling: [[1]]\n", "f.yaml: coupling (line 6): expected as many rows as drives, 0"),
-    (
-        MINIMAL + "structure: {aggregates: [{joints: [a], parameters: {}}, {joints: [a], parameters: {}}]}\n",
-        "f.yaml: structure.aggregates[2] (line 5): these joints have aggregates already",
-    ),
 ]
 
 
 @pytest.mark.parametrize(("text", "message"), WHOLE)
 def test_refuses_whole_files(text: str, message: str) -> None:
-    with pytest.raises(InputError) as raised:
-        parse_description(text, "f.yaml")
-    assert message in str(raised.value)
-    assert str(raised.value).startswith("f.yaml")
-    assert "\n" not in str(raised.value)
+    assert message in refusal(parse_description, text, "f.yaml", begins="f.yaml")
 
 
 def test_tells_everything_at_once_in_the_order_of_lines() -> None:
     text = FULL.replace("ratio: 50", "ratio: 0").replace("velocity: 0.5", "velocity: no").replace("name: two", "nam: 1")
-    with pytest.raises(InputError) as raised:
-        parse_description(text, "two.yaml")
-    told = str(raised.value).split("; ")
+    told = refusal(parse_description, text, "two.yaml").split("; ")
     assert [part.split(":")[0] for part in told if "(line" in part] == [
         "two.yaml",
         "nam (line 1)",
@@ -367,22 +264,9 @@ def complaint(text: str) -> str:
 
 
 @settings(deadline=None)
-@given(st.text(max_size=60))
-def test_any_text_gives_a_robot_or_one_line(text: str) -> None:
-    assert "\n" not in complaint(text)
-
-
-@settings(deadline=None)
 @given(st.sampled_from(FULL.split()), st.text(max_size=8))
 def test_any_change_gives_a_robot_or_one_line(old: str, new: str) -> None:
     assert "\n" not in complaint(FULL.replace(old, new, 1))
-
-
-def test_reads_files(tmp_path: Path) -> None:
-    path = tmp_path / "one.yaml"
-    path.write_text(MINIMAL, encoding="utf-8")
-    assert read_description(path).source == str(path)
-    assert read_description(str(path)).name == "one"
 
 
 def test_refuses_files_that_cannot_be_read(tmp_path: Path) -> None:
@@ -424,21 +308,13 @@ def test_coefficient() -> None:
     assert {text: Coefficient.parse(text).value(CONSTANTS) for text in COEFFICIENTS} == COEFFICIENTS
 
 
-@pytest.mark.parametrize("text", NO_COEFFICIENTS)
-def test_coefficient_refuses(text: str) -> None:
-    with pytest.raises(InputError):
-        Coefficient.parse(text).value(CONSTANTS)
-
-
-def test_unknown_constant() -> None:
+def test_coefficients_that_cannot_be() -> None:
+    for text in NO_COEFFICIENTS:
+        refusal(lambda text=text: Coefficient.parse(text).value(CONSTANTS))
+    for text in ("zero^-1", "big^2", "big*big", "1e300*big"):
+        assert "coefficient is not a finite number" in refusal(Coefficient.parse(text).value, CONSTANTS)
     with pytest.raises(UnknownName, match="no constant named 'k'; available: l2, n1, zero, big"):
         Coefficient.parse("k").value(CONSTANTS)
-
-
-@pytest.mark.parametrize("text", ["zero^-1", "big^2", "big*big", "1e300*big"])
-def test_coefficient_that_is_no_number(text: str) -> None:
-    with pytest.raises(InputError, match="coefficient is not a finite number"):
-        Coefficient.parse(text).value(CONSTANTS)
 
 
 names = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,3}", fullmatch=True)
@@ -457,16 +333,6 @@ def test_products_are_products(sign: str, numbers: list[float], factors: list[tu
     assert math.isclose(found, -expected if "-" in sign else expected, rel_tol=1e-12)
 
 
-@settings(deadline=None)
-@given(st.text(alphabet="l2n1*^-+. e_", max_size=12) | st.text(max_size=12))
-def test_any_text_is_a_finite_coefficient_or_refused(text: str) -> None:
-    try:
-        value = Coefficient.parse(text).value(CONSTANTS)
-    except InputError as error:
-        value = 0.0 if "\n" not in str(error) else math.nan
-    assert math.isfinite(value)
-
-
 def motor_limits(text: str, ratio: str = "-50") -> str:
     return MINIMAL + f"drives: [{{name: z, ratio: {ratio}, {text}}}]\n"
 
@@ -474,13 +340,11 @@ def motor_limits(text: str, ratio: str = "-50") -> str:
 def test_limits_of_a_motor_are_those_of_its_coordinate_behind_the_gear() -> None:
     stated = "motor_limits: {position: [-100, 50], velocity: 3000 rpm, acceleration: 5000, jerk: 1.0e+6, torque: 2}"
     robot = parse_description(motor_limits(stated), "f.yaml")
-    assert robot.transmission is not None
     limits = robot.transmission.limits
     expected = (-1.0, 2.0, 2 * np.pi, 100.0, 2.0e4, 100.0)
     found = (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk, limits.torque)
     np.testing.assert_allclose(np.ravel(found), expected, rtol=1e-14)
     mixed = parse_description(motor_limits("limits: {torque: 80}, motor_limits: {velocity: 100}"), "f.yaml")
-    assert mixed.transmission is not None
     assert (mixed.transmission.limits.torque[0], mixed.transmission.limits.velocity[0]) == (80.0, 2.0)
 
 
@@ -493,13 +357,8 @@ def test_limits_of_a_motor_are_those_of_its_coordinate_behind_the_gear() -> None
             "motor_limits need a constant ratio",
         ),
         (motor_limits("motor_limits: {velocity: fast rpm}"), "expected a number of rpm, given 'fast rpm'"),
-        (motor_limits("motor_limits: {velocity: -1}"), "velocity"),
-        (motor_limits("motor_limits: {torque: 0}"), "torque"),
         (motor_limits("motor_limits: {position: [1, -1]}"), "lower bound 1 must be below the upper bound -1"),
-        (motor_limits("motor_limits: {power: 3}"), "power"),
     ],
 )
 def test_limits_of_a_motor_that_cannot_be_are_refused(text: str, message: str) -> None:
-    with pytest.raises(InputError) as raised:
-        parse_description(text, "f.yaml")
-    assert message in str(raised.value)
+    assert message in refusal(parse_description, text, "f.yaml")

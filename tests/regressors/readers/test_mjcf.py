@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from public_arms import ARMS, Arm, reference, robots_folder
+from refused import refusal
 from reloaded import chain_xml, inverse_dynamics
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.readers.library import load_robot
@@ -73,12 +74,8 @@ def test_regressor_and_torques_equal_those_of_the_urdf_of_pinocchio_and_of_mujoc
     tau = torques(robot, samples)
     assert_equal(tau, inverse_dynamics(free_of_contacts(path), robot.joint_names, samples.q, samples.dq, samples.ddq))
     data = expected.model.createData()
-    states = zip(samples.q, samples.dq, samples.ddq, strict=True)
-    positions = (dict(zip(robot.joint_names, q, strict=True)) for q in samples.q)
-    rnea = [
-        pin.rnea(expected.model, data, expected.configuration(named), dq, ddq)
-        for named, (_, dq, ddq) in zip(positions, states, strict=True)
-    ]
+    q = [expected.configuration(dict(zip(robot.joint_names, q, strict=True))) for q in samples.q]
+    rnea = [pin.rnea(expected.model, data, *state) for state in zip(q, samples.dq, samples.ddq, strict=True)]
     assert_equal(tau, np.array(rnea))
 
 
@@ -114,8 +111,6 @@ def turned_arm(turn: str, axis: str = "0 0 1") -> str:
     ("turn", "taken"),
     [
         ('quat="0.707105 -0.707108 0 0"', "-1.570801 for -pi/2"),  # of -1.5708
-        ('quat="0.707388 0.706825 0 0"', "1.57"),
-        ('euler="3.14 0 0"', "3.14 for pi"),
         ('euler="0 0 0.785"', "0.785 for pi/4"),
         ('euler="3.14 1.57 1.57"', "axes that are 0.0011 rad off right angles"),
         ('quat="0.500003 0.499998 0.5 0.500001"', "axes that are 7.2e-06 rad off right angles"),
@@ -135,9 +130,7 @@ def test_turns_that_are_off_right_angles_by_rounding_are_right_angles(turn: str,
         assert set(np.abs(rotation).ravel()) == {0.0, 1.0}
 
 
-@pytest.mark.parametrize(
-    "turn", ['euler="1.5718 0 0"', 'euler="1.5718 0 1.5708"', 'euler="0.3 0.2 0.1"', 'euler="0.7865 0 0"', ""]
-)
+@pytest.mark.parametrize("turn", ['euler="1.5718 0 0"', 'euler="0.3 0.2 0.1"', ""])
 def test_other_turns_stay_as_they_are(turn: str, tmp_path: Path) -> None:
     path = written(tmp_path, turned_arm(turn))
     robot, raw = load_robot(path), load_robot(path, snap_angles=False)
@@ -223,8 +216,7 @@ def test_hand_written_model(tmp_path: Path) -> None:
     np.testing.assert_allclose(robot.limits.lower, [-np.deg2rad(170.0), -np.inf, -0.1, -np.pi / 2])
     assert robot.limits.torque.tolist() == [100, 50, np.inf, 8]
     assert not np.any(np.isfinite([robot.limits.velocity, robot.limits.acceleration, robot.limits.jerk]))
-    assert robot.transmission is not None
-    drives = [(drive.ratio.value, drive.rotor_inertia, drive.viscous, drive.coulomb)  # type: ignore[attr-defined]
+    drives = [(drive.ratio.value, drive.rotor_inertia, drive.viscous, drive.coulomb)
               for drive in robot.transmission.drives]  # fmt: skip
     expected = [(1, 0.02, 0.5, 0.3), (1, 0.02 + 0.25, 0.5 + 0.05, 0.3), (1, 0.02, 20, 0.3), (1, 0.02, 0.1, 0.3)]
     np.testing.assert_allclose(drives, expected, rtol=1e-12)
@@ -262,6 +254,12 @@ def test_plain_joint(tmp_path: Path) -> None:
     robot = read_mjcf(written(tmp_path, arm(), "plain.xml"))
     assert (robot.name, robot.source, robot.transmission) == ("plain", "MJCF plain.xml", None)
     assert robot.gravity.tolist() == [0, 0, -9.81]
+    weightless = arm(option='<option><flag gravity="disable"/></option>')
+    assert read_mjcf(written(tmp_path, weightless)).gravity.tolist() == [0, 0, 0]
+    springs = arm(further("b", 'name="k" damping="1"'), joint='name="j" stiffness="4"')
+    assert read_mjcf(written(tmp_path, springs)).source == "MJCF arm.xml, without the springs of j"
+    lying = arm().replace("</worldbody>", '<body name="box"><freejoint/><geom size="1"/></body></worldbody>')
+    assert read_mjcf(written(tmp_path, lying)).joint_names == ("j",)
     limits = robot.limits
     assert not np.any(np.isfinite([limits.lower, limits.upper, limits.velocity, limits.torque]))
 
@@ -269,7 +267,6 @@ def test_plain_joint(tmp_path: Path) -> None:
 TORQUES = {
     "of the joint": (' actuatorfrcrange="-3 2"', "", 2),
     "force": ("", '<motor joint="j" gear="-10" forcerange="-4 5"/>', 40),
-    "control": ("", '<motor joint="j" gear="10" ctrlrange="-4 5"/>', 40),
     "control with a gain": ("", '<general joint="j" gainprm="-3" ctrlrange="-4 5"/>', 12),
     "control of a position": ("", '<position joint="j" ctrlrange="-4 5"/>', np.inf),
     "two actuators": ("", '<motor joint="j" ctrlrange="-4 5"/><motor joint="j" forcerange="-1 1" gear="2"/>', 6),
@@ -283,16 +280,6 @@ TORQUES = {
 def test_torque_limit(joint: str, actuators: str, limit: float, tmp_path: Path) -> None:
     text = arm(joint=f'name="j"{joint}', after=f"<actuator>{actuators}</actuator>")
     assert read_mjcf(written(tmp_path, text)).limits.torque.tolist() == [limit]
-
-
-def test_disabled_gravity(tmp_path: Path) -> None:
-    text = arm(option='<option><flag gravity="disable"/></option>')
-    assert read_mjcf(written(tmp_path, text)).gravity.tolist() == [0, 0, 0]
-
-
-def test_springs_are_told(tmp_path: Path) -> None:
-    text = arm(further("b", 'name="k" damping="1"'), joint='name="j" stiffness="4"')
-    assert read_mjcf(written(tmp_path, text)).source == "MJCF arm.xml, without the springs of j"
 
 
 def test_held_joint_is_fixed_where_it_is_held(tmp_path: Path) -> None:
@@ -312,13 +299,7 @@ def test_follower_off_the_chain_rests_where_its_leader_puts_it(tmp_path: Path) -
     inside = further("left", 'name="l" type="slide"') + further("right", 'name="r" type="slide" axis="1 0 0"')
     coupled = '<equality><joint joint1="r" joint2="l" polycoef="0.3 2 0 0 0"/></equality>'
     robot = read_mjcf(written(tmp_path, arm(inside, after=coupled)), tip="a")
-    assert robot.links[0].theta is not None
     np.testing.assert_allclose(robot.links[0].theta[:4], [3, 0.3, 0, 2], atol=1e-14)
-
-
-def test_objects_that_lie_around_are_no_chains(tmp_path: Path) -> None:
-    text = arm().replace("</worldbody>", '<body name="box"><freejoint/><geom size="1"/></body></worldbody>')
-    assert read_mjcf(written(tmp_path, text)).joint_names == ("j",)
 
 
 # --- broken files ----------------------------------------------------------------------------------------------------
@@ -328,16 +309,9 @@ TENDON = '<tendon><fixed name="t"><joint joint="j" coef="1"/><joint joint="k" co
 COUPLED = '<equality><joint joint1="k" joint2="j"/></equality>'
 BROKEN = {
     "not XML": ("<mujoco", {}, "arm.xml, line 1: not well-formed XML"),
-    "empty": ("", {}, "arm.xml, line 1: not well-formed XML"),
     "another root": ("<arm/>", {}, "expected <robot> as the outermost element"),
-    "breaks off": ("<mujoco><worldbody>", {}, "arm.xml: MuJoCo does not compile it: XML parse error"),
     "unknown element": ("<mujoco><world/></mujoco>", {}, "MuJoCo does not compile it: XML Error: Schema violation"),
-    "missing include": (
-        arm(option='<include file="links.xml"/>'),
-        {},
-        "arm.xml: MuJoCo does not compile it: XML Error: Error opening file 'links.xml'",
-    ),
-    "missing mesh": (arm(option='<asset><mesh file="links.stl"/></asset>'), {}, "Error opening file 'links.stl'"),
+    "missing include": (arm(option='<include file="links.xml"/>'), {}, "arm.xml: MuJoCo does not compile it: XML Erro"),
     "part of a model": ("<mujocoinclude/>", {}, "arm.xml: a part of an MJCF, expected a whole one"),
     "SDF": ('<sdf version="1.8"/>', {}, "arm.xml: SDF is not read, expected URDF, xacro or MJCF"),
     "nothing moves": ("<mujoco/>", {}, "arm.xml: no moving joint below link 'world'"),
@@ -346,7 +320,6 @@ BROKEN = {
     "ball": (arm(further("b", 'name="k" type="ball"')), {"tip": "b"}, "joint 'k' on the chain is ball, expected"),
     "free": (arm(further("b", 'name="k"'), joint='name="j" type="free"'), {}, "joint 'j' on the chain is free, expect"),
     "mimic": (arm(further("b", 'name="k"'), after=COUPLED), {}, "joint 'k' off the chain mimics joint 'j' on the chai"),
-    "mimic off the chain": (arm(further("b", 'name="k"'), after=COUPLED), {"tip": "a"}, "off the chain mimics joint"),
     "closed loop": (arm(further("b", 'name="k"'), after=LOOP), {}, "the equality <connect> on body 'b' and body 'worl"),
     "coupled by a tendon": (
         arm(further("b", 'name="k"'), after=TENDON + '<equality><tendon tendon1="t"/></equality>'),
@@ -359,18 +332,13 @@ BROKEN = {
 
 @pytest.mark.parametrize(("text", "ends", "message"), BROKEN.values(), ids=BROKEN)
 def test_broken_files_are_refused_in_one_line(text: str, ends: dict[str, str], message: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError) as raised:
-        load_robot(written(tmp_path, text), **ends)
-    assert message in str(raised.value)
-    assert "\n" not in str(raised.value)
+    assert message in refusal(load_robot, written(tmp_path, text), **ends)
 
 
 def in_a_row(after: str) -> str:
     names = ("upper", "fore", "wrist", "flange")
-    inside = "".join(
-        f'<body name="{name}" pos="0.3 0 0"><joint name="j{k}" axis="0 1 0"/><geom size="0.1" mass="1"/>'
-        for k, name in enumerate(names, 1)
-    )
+    body = '<body name="{}" pos="0.3 0 0"><joint name="j{}" axis="0 1 0"/><geom size="0.1" mass="1"/>'
+    inside = "".join(body.format(name, k) for k, name in enumerate(names, 1))
     return f"<mujoco><worldbody>{inside}{'</body>' * len(names)}</worldbody><equality>{after}</equality></mujoco>"
 
 
@@ -384,9 +352,7 @@ LOOPS = {
 @pytest.mark.parametrize(("after", "seen", "ends"), LOOPS.values(), ids=LOOPS)
 def test_loops_are_refused_with_the_options_that_work(after: str, seen: str, ends: list[str], tmp_path: Path) -> None:
     path = written(tmp_path, in_a_row(after))
-    with pytest.raises(InputError) as raised:
-        load_robot(path)
-    message = str(raised.value)
+    message = refusal(load_robot, path)
     assert seen in message
     given = [dict(re.findall(r"`(\w+)='(\w+)'`", option)) for option in message.split(", or ")]
     given = [options for options in given if options]
@@ -394,11 +360,6 @@ def test_loops_are_refused_with_the_options_that_work(after: str, seen: str, end
     assert {name for options in given for name in options.values()} <= set(ends)
     for options in given:
         assert load_robot(path, options.get("base_link"), options.get("tip")).n >= 1
-
-
-def test_unknown_body_is_an_unknown_name(tmp_path: Path) -> None:
-    with pytest.raises(UnknownName):
-        read_mjcf(written(tmp_path, arm()), base="b")
 
 
 def test_constraints_that_leave_the_chain_alone_are_no_loops(tmp_path: Path) -> None:

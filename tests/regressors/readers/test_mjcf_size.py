@@ -34,87 +34,64 @@ def png(wide: int, high: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + b"IHDR" + head + struct.pack(">I", zlib.crc32(b"IHDR" + head))
 
 
-# Text of the model, files beside it, and what the refusal says.
-LARGE: dict[str, tuple[str, dict[str, bytes], str]] = {
+# Text of the model, what the refusal says, and files beside it.
+IMAGE, PART = '<texture name="t" type="2d" file="t.png"/>', '<include file="part.xml"/>'
+MANY = b"<mujocoinclude>" + b"<site/>" * 200 + b"</mujocoinclude>"
+ATTACHED = '<replicate count="90"><attach model="m" prefix="a"/></replicate>'
+GRID = '<flexcomp name="f" type="grid" count="1000 1000 1" spacing="1 1 1" radius="1"/>'
+OBJECTS = "".join(f'<mesh name="m{k}" file="m{k}.obj"/>' for k in range(3))
+LARGE: dict[str, tuple[str, str, dict[str, bytes]]] = {
     "texture": (
         model('<texture name="t" type="2d" builtin="flat" width="60000" height="60000"/>'),
-        {},
         r"arm\.xml: it would take about 21\.6 GB of memory, more than the cap of 4 GB: a texture of 60000 x 60000",
-    ),
-    "texture of a cube": (
-        model('<texture name="t" builtin="flat" width="20000" height="20000"/>'),
         {},
-        r"about 14\.4 GB of memory.* a texture of 20000 x 20000",
     ),
-    "textures together": (
-        model('<texture type="2d" builtin="flat" width="9000" height="9000"/>' * 10),
-        {},
-        r"about 4\.86 GB of memory",
-    ),
-    "image": (
-        model('<texture name="t" type="2d" file="t.png"/>'),
-        {"t.png": png(50000, 50000)},
-        r"t\.png, an image of 50000 x 50000",
-    ),
+    "cube": (model('<texture name="t" builtin="flat" width="20000" height="20000"/>'), r"about 14\.4 GB of memory", {}),
+    "textures": (model('<texture type="2d" builtin="flat" width="9000" height="9000"/>' * 10), r"about 4\.86 GB", {}),
     "image in a folder": (
-        model('<texture name="t" type="2d" file="t.png"/>', head='<compiler texturedir="images"/>'),
-        {"images/t.png": png(50000, 50000)},
+        model(IMAGE, head='<compiler texturedir="images"/>'),
         r"t\.png, an image of 50000 x 50000",
+        {"images/t.png": png(50000, 50000)},
     ),
     "height field": (
         model('<hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/>'),
+        "field of 30000 x 30000",
         {},
-        r"a height field of 30000 x 30000",
     ),
     "height field of a file": (
         model('<hfield name="h" file="h.bin" size="1 1 1 1"/>'),
-        {"h.bin": struct.pack("<ii", 10**5, 10**5)},
         r"h\.bin, a height field of 100000 x 100000",
+        {"h.bin": struct.pack("<ii", 10**5, 10**5)},
     ),
-    "mesh": (model('<mesh name="m" file="m.stl"/>'), {"m.stl": b"sparse 70000000"}, r"it has 70 MB, more than the 67"),
-    "meshes together": (
-        model("".join(f'<mesh name="m{k}" file="m{k}.obj"/>' for k in range(3))),
-        {f"m{k}.obj": b"sparse 60000000" for k in range(3)},
-        r"about 5\.4 GB of memory.* a mesh of 60000000 bytes",
-    ),
+    "mesh": (model('<mesh name="m" file="m.stl"/>'), r"it has 70 MB, more than the 67", {"m.stl": b"sparse 70000000"}),
+    "meshes": (model(OBJECTS), r"about 5\.4 GB of memory", {f"m{k}.obj": b"sparse 60000000" for k in range(3)}),
     "replicate": (
         model(world='\n<replicate count="100000000" offset="1 0 0"><site/></replicate>'),
-        {},
         r"arm\.xml, line 3: with this <replicate> the model has 1e\+08 elements, more than the 10000 that a robot may",
-    ),
-    "replicate of replicates": (
-        model(world='<replicate count="200"><replicate count="200"><geom size="1"/></replicate></replicate>'),
         {},
-        r"with this <replicate> the model has 4\.02e\+04 elements",
     ),
     "replicated include": (
-        model(world='<replicate count="90"><include file="part.xml"/></replicate>'),
-        {"part.xml": b"<mujocoinclude>" + b"<site/>" * 200 + b"</mujocoinclude>"},
+        model(world=f'<replicate count="90">{PART}</replicate>'),
         r"part\.xml, line 1: with this <site>",
+        {"part.xml": MANY},
     ),
     "attached models": (
-        model('<model name="m" file="part.xml"/>', '<replicate count="90"><attach model="m" prefix="a"/></replicate>'),
+        model('<model name="m" file="part.xml"/>', ATTACHED),
+        "with this <attach>",
         {"part.xml": model(world="<site/>" * 200).encode()},
-        r"with this <attach>",
     ),
-    "grid": (
-        model(world='<flexcomp name="f" type="grid" count="1000 1000 1" spacing="1 1 1" radius="1"/>'),
-        {},
-        r"with this <flexcomp> the model has 1e\+06 elements",
-    ),
-    "include of itself": (model(world='<include file="arm.xml"/>'), {}, r"arm\.xml: arm\.xml includes itself"),
+    "grid": (model(world=GRID), r"with this <flexcomp> the model has 1e\+06 elements", {}),
+    "include of itself": (model(world='<include file="arm.xml"/>'), r"arm\.xml: arm\.xml includes itself", {}),
     "includes without end": (
-        model(world='<include file="part.xml"/>' * 60),
-        {"part.xml": b"<mujocoinclude>" + b" " * 6 * 10**6 + b"</mujocoinclude>"},
+        model(world=PART * 60),
         r"arm\.xml: it and what it includes have more than 268 MB of text",
+        {"part.xml": b"<mujocoinclude>" + b" " * 6 * 10**6 + b"</mujocoinclude>"},
     ),
 }
 
 
-@pytest.mark.parametrize(("text", "files", "message"), LARGE.values(), ids=LARGE)
-def test_what_is_too_large_is_refused_before_it_is_allocated(
-    text: str, files: dict[str, bytes], message: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(("text", "message", "files"), LARGE.values(), ids=LARGE)
+def test_what_is_too_large_is_refused(text: str, files: dict[str, bytes], message: str, tmp_path: Path) -> None:
     (tmp_path / "arm.xml").write_text(text, encoding="utf-8")
     for name, content in files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -174,7 +151,6 @@ print(peak() - before)
     "asset",
     [
         '<texture name="t" type="2d" builtin="checker" width="5000" height="5000"/>',
-        '<texture name="t" type="2d" builtin="checker" width="9000" height="9000"/>',
         '<texture name="t" builtin="checker" width="3000" height="3000"/>',
         '<hfield name="h" nrow="3000" ncol="3000" size="1 1 1 1"/>',
     ],

@@ -1,8 +1,8 @@
-"""Built-in robots: their limits, and their kinematics and inertias against closed forms and against Pinocchio."""
+"""Robots by name and by file: the built-in ones against closed forms and Pinocchio; long names, huge numbers."""
+
+from __future__ import annotations
 
 import json
-import sys
-import types
 import xml.etree.ElementTree as ET
 from importlib import metadata
 from pathlib import Path
@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from refused import refusal
 
-from regressors.errors import InputError, UnknownName
-from regressors.readers.library import built_in, built_in_names, load_robot
-from regressors.robot.gears import ConstantRatio
-from regressors.robot.inertia import parameter_names, pseudo_inertia, skew, transport
+import excite
+from regressors.errors import LONGEST_LINE, LONGEST_NAME, InputError, UnknownName
+from regressors.readers.library import built_in, load_robot
+from regressors.robot.inertia import pseudo_inertia, skew, transport
 from regressors.robot.robot import Robot
 
 NAMES = ("iiwa7", "irp6", "irp6-full", "panda", "ur10e")
 INF = np.inf
-UR10E_URDF = Path(__file__).resolve().parents[4] / "shared" / "data" / "ur10e" / "ur10e.urdf"
 EXAMPLE_ROBOTS = Path("cmeel.prefix", "share", "example-robot-data", "robots")
 
 
@@ -63,10 +63,6 @@ def random_positions(n: int, count: int = 20) -> np.ndarray:
     return np.random.default_rng(7).uniform(-np.pi, np.pi, (count, n))
 
 
-def test_names() -> None:
-    assert built_in_names() == NAMES
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_built_in_robot_is_complete(name: str) -> None:
     robot = built_in(name)
@@ -75,17 +71,9 @@ def test_built_in_robot_is_complete(name: str) -> None:
     assert np.array_equal(robot.gravity, [0.0, 0.0, -9.81])
     assert json.loads(json.dumps(robot.description()))["name"] == name
     assert load_robot(name).sha256() == robot.sha256()
-
-
-@pytest.mark.parametrize("name", ["irp6", "irp6-full", "panda", "ur10e"])
-def test_known_links_are_physically_possible(name: str) -> None:
-    for link in built_in(name).links:
-        assert link.theta is not None
-        assert np.linalg.eigvalsh(pseudo_inertia(link.theta))[0] > 0
-
-
-def test_iiwa7_links_are_unknown() -> None:
-    assert all(link.theta is None for link in built_in("iiwa7").links)
+    known = [link.theta for link in robot.links if link.theta is not None]
+    assert len(known) == (0 if name == "iiwa7" else robot.n)
+    assert all(np.linalg.eigvalsh(pseudo_inertia(theta))[0] > 0 for theta in known)
 
 
 # In degrees where the data sheet is: position, velocity, acceleration, jerk, torque.
@@ -115,9 +103,9 @@ LIMITS = {
         [176, 176, 110, 110, 110, 40, 40],
     ),
     "irp6": (
-        [-2.96706, -0.69813, -0.69813, -1.57080, -3.14159],
-        [2.96706, 0.69813, 0.69813, 1.60570, 3.14159],
-        *([[INF] * 5] * 4),
+        [-2.96706, -0.69813, -0.69813, -1.5708, -3.14159],
+        [2.96706, 0.69813, 0.69813, 1.6057, 3.14159],
+        *4 * [[INF] * 5],
     ),
 }
 LIMITS["irp6-full"] = LIMITS["irp6"]
@@ -134,26 +122,7 @@ def test_limits_are_those_of_the_data_sheet(name: str) -> None:
 # irp6 ----------------------------------------------------------------------------------------------------------------
 
 
-def test_irp6_drives() -> None:
-    transmission = built_in("irp6").transmission
-    assert transmission is not None
-    q = np.array([0.1, 0.2, 0.4, 0.8, 1.6])
-    assert np.allclose(transmission.coupling @ q, [0.1, 0.2, 0.6, 1.4, 1.6])
-    bounds = transmission.limits
-    assert np.array_equal(bounds.lower, [-INF, -INF, -0.69813, -1.60570, -INF])
-    assert np.array_equal(bounds.upper, [INF, INF, 0.43633, 1.57080, INF])
-    assert np.array_equal(bounds.velocity, [1.266, 1.137, 1.137, 1.563, 2.604])
-    assert np.array_equal(bounds.acceleration, [2.10, 1.89, 1.89, 2.60, 4.34])
-    assert np.array_equal(bounds.jerk, [INF] * 5)
-    assert np.array_equal(bounds.torque, [331.8, 210.9, 215.6, 201.6, 64.5])
-    drives = transmission.drives
-    assert [drive.ratio for drive in drives] == [ConstantRatio(n) for n in (158.0, 167.5, 167.5, 128.0, 76.8)]
-    assert [drive.rotor_inertia for drive in drives] == [7.658e-5] * 3 + [4.0e-5] * 2
-    assert [drive.coulomb for drive in drives] == [28.0, 28.75, 30.0, 10.0, 5.0]
-    assert [drive.viscous for drive in drives] == [25.0, 26.0, 26.0, 8.0, 4.0]
-
-
-@pytest.mark.parametrize("q", random_positions(5))
+@pytest.mark.parametrize("q", random_positions(5, 4))
 def test_irp6_kinematics_are_those_of_the_paper(q: np.ndarray) -> None:
     q1, q2, z3, z4 = q[0], q[1], q[1] + q[2], q[1] + q[2] + q[3]
     radial, up = np.array([np.cos(q1), np.sin(q1), 0.0]), np.array([0.0, 0.0, 1.0])
@@ -170,101 +139,6 @@ def test_irp6_kinematics_are_those_of_the_paper(q: np.ndarray) -> None:
     assert np.allclose(poses[4][:3, 2], hand, atol=1e-12)
 
 
-def irp6_standard_parameters() -> dict[str, float]:
-    """Standard parameters of links 1 to 3, the resting wrist riding on link 3, and of drives 1 to 3."""
-    robot = built_in("irp6")
-    assert robot.transmission is not None
-    thetas = [link.theta for link in robot.links]
-    pose = np.eye(4)
-    for joint, theta in zip(robot.joints[3:], thetas[3:], strict=True):
-        pose = pose @ joint.motion(0.0)
-        thetas[2] = thetas[2] + transport(pose[:3, :3], pose[:3, 3]) @ theta
-    values = {f"Ia{k}": drive.rotor_inertia for k, drive in enumerate(robot.transmission.drives[:3], 1)}
-    for k, theta in enumerate(thetas[:3], 1):
-        values |= dict(zip(parameter_names(k), theta, strict=True))
-    return values
-
-
-def irp6_aggregates() -> dict[str, float]:
-    values = irp6_standard_parameters()
-    (form,) = built_in("irp6").structure.aggregates
-    assert form.joints == ("q1", "q2", "q3")
-    return {name: sum(c * values[p] for p, c in terms.items()) for name, terms in form.parameters.items()}
-
-
-def test_irp6_aggregates_have_the_published_values() -> None:
-    X = irp6_aggregates()
-    assert list(X) == ["X1", "X2", "X3", "X4", "X5", "X6", "X7"]
-    assert np.isclose(X["X7"], 8.125, rtol=1e-12)
-    assert np.isclose(X["X3"] - X["X4"], 5.5, rtol=1e-4)
-    assert np.allclose(list(X.values()), [5.5368, 1.2590, 9.7435, 4.2437, 2.0223, 0.59, 8.125], atol=1e-4)
-
-
-def irp6_energy(q: np.ndarray, dq: np.ndarray) -> float:
-    """Energy of all five links and the rotors of drives 1 to 3, body by body."""
-    robot = built_in("irp6")
-    assert robot.transmission is not None
-    energy, T = 0.0, np.eye(4)
-    w, v = np.zeros(3), np.zeros(3)  # in the link's frame, v of its origin
-    for joint, link, position, rate in zip(robot.joints, robot.links, q, dq, strict=True):
-        step = joint.motion(position)
-        v, w = step[:3, :3].T @ (v + np.cross(w, step[:3, 3])), step[:3, :3].T @ w + joint.axis * rate
-        T = T @ step
-        m, mc, tensor = link.theta[0], link.theta[1:4], np.zeros((3, 3))
-        tensor[np.triu_indices(3)] = link.theta[4:]
-        tensor = tensor + tensor.T - np.diag(np.diag(tensor))
-        energy += 0.5 * m * v @ v + v @ np.cross(w, mc) + 0.5 * w @ tensor @ w
-        energy -= robot.gravity @ (m * T[:3, 3] + T[:3, :3] @ mc)
-    dz = robot.transmission.coupling @ dq
-    for drive, rate in zip(robot.transmission.drives[:3], dz, strict=False):
-        energy += 0.5 * drive.rotor_inertia * (drive.ratio.value * rate) ** 2
-    return float(energy)
-
-
-def irp6_energy_regressor(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-    """d_1 ... d_7 of [KD96] section 5.1, misprints corrected."""
-    (q2, q3), (w1, w2, w3), g, l2 = q[1:3], dq[:3], 9.81, 0.455
-    s2, c2, s3, s23, c23 = np.sin(q2), np.cos(q2), np.sin(q3), np.sin(q2 + q3), np.cos(q2 + q3)
-    return np.array(
-        [
-            0.5 * w1**2,
-            0.5 * w1**2 * s2**2,
-            0.5 * w2**2,
-            0.5 * w3**2 + w2 * w3,
-            0.5 * (s2**2 - s23**2) * w1**2,
-            l2 * s3 * (w2 + w3) * w2 - l2 * s2 * c23 * w1**2 + g * s23,
-            g * c2,
-        ]
-    )
-
-
-def test_irp6_aggregates_write_the_energy() -> None:
-    # Up to a constant: the energy's zero is not the paper's.
-    moving = np.array([1.0, 1.0, 1.0, 0.0, 0.0])
-    states = [(q * moving, dq * moving) for q, dq in random_positions(10).reshape(-1, 2, 5)]
-    X = np.array(list(irp6_aggregates().values()))
-    difference = [irp6_energy(q, dq) - irp6_energy_regressor(q, dq) @ X for q, dq in states]
-    assert np.allclose(difference, difference[0], rtol=0, atol=1e-10)
-
-
-def test_irp6_zero_parameters_are_those_of_symmetric_links() -> None:
-    robot = built_in("irp6")
-    standard = [name for k in range(1, 6) for name in parameter_names(k)]
-    assert robot.structure.zero <= set(standard)
-    values = dict(zip(standard, np.concatenate([link.theta for link in robot.links]), strict=True))
-    assert all(values[name] == 0.0 for name in robot.structure.zero)
-    products = {f"I{k}{axes}" for k in range(1, 6) for axes in ("xy", "xz", "yz")}
-    centres = {"m1c1y", "m1c1z", "m2c2y", "m2c2z", "m3c3y", "m3c3z", "m4c4x", "m4c4z", "m5c5x", "m5c5y"}
-    assert robot.structure.zero == products | centres
-
-
-def test_irp6_composite_forearm_is_symmetric() -> None:
-    values = irp6_standard_parameters()
-    for name in ("m3c3y", "m3c3z", "I3xy", "I3xz", "I3yz"):
-        assert abs(values[name]) < 1e-15
-    assert np.isclose(values["m3"], 13.0)
-
-
 # panda ---------------------------------------------------------------------------------------------------------------
 
 
@@ -273,7 +147,7 @@ def panda_urdf() -> Path:
     return example_urdf("panda_description", "urdf", "panda.urdf")
 
 
-@pytest.mark.parametrize("q", random_positions(7))
+@pytest.mark.parametrize("q", random_positions(7, 4))
 def test_panda_frames_are_those_of_its_urdf(q: np.ndarray, panda_urdf: Path) -> None:
     robot = built_in("panda")
     model = pin.buildModelFromUrdf(str(panda_urdf))
@@ -282,17 +156,6 @@ def test_panda_frames_are_those_of_its_urdf(q: np.ndarray, panda_urdf: Path) -> 
     for name, pose in zip(robot.joint_names, link_poses(robot, q), strict=True):
         assert np.allclose(data.oMi[model.getJointId(name)].homogeneous, pose, atol=1e-12)
     assert np.allclose(axis_lines(robot, q), pinocchio_axis_lines(model, robot.joint_names, q), atol=1e-12)
-
-
-def test_panda_limits_are_those_of_its_urdf(panda_urdf: Path) -> None:
-    robot = built_in("panda")
-    model = pin.buildModelFromUrdf(str(panda_urdf))
-    places = [model.joints[model.getJointId(name)] for name in robot.joint_names]
-    positions, rates = [j.idx_q for j in places], [j.idx_v for j in places]
-    assert np.array_equal(robot.limits.lower, model.lowerPositionLimit[positions])
-    assert np.array_equal(robot.limits.upper, model.upperPositionLimit[positions])
-    assert np.array_equal(robot.limits.velocity, model.velocityLimit[rates])
-    assert np.array_equal(robot.limits.torque, model.effortLimit[rates])
 
 
 def test_panda_inertias_are_those_of_its_urdf(panda_urdf: Path) -> None:
@@ -337,7 +200,7 @@ def classic_dh(theta: float, a: float, d: float, alpha: float) -> np.ndarray:
     return np.array([[ct, -st * ca, st * sa, a * ct], [st, ct * ca, -ct * sa, a * st], [0, sa, ca, d], [0, 0, 0, 1]])
 
 
-@pytest.mark.parametrize("q", random_positions(6))
+@pytest.mark.parametrize("q", random_positions(6, 4))
 def test_ur10e_is_its_published_table(q: np.ndarray) -> None:
     poses = link_poses(built_in("ur10e"), q)
     T = np.eye(4)
@@ -349,7 +212,7 @@ def test_ur10e_is_its_published_table(q: np.ndarray) -> None:
     assert np.allclose(poses[5], T, atol=1e-12)
 
 
-@pytest.mark.parametrize("q", random_positions(6, 5))
+@pytest.mark.parametrize("q", random_positions(6, 4))
 def test_ur10e_links_are_its_published_table(q: np.ndarray) -> None:
     # Where the mass is and how it is spread, in the base frame: the same in our frames and in UR's.
     robot = built_in("ur10e")
@@ -363,25 +226,6 @@ def test_ur10e_links_are_its_published_table(q: np.ndarray) -> None:
         theirs = np.array([m, *m * centre, *tensor[np.triu_indices(3)]])
         expected = transport(T[:3, :3], T[:3, 3]) @ theirs
         assert np.allclose(transport(ours[:3, :3], ours[:3, 3]) @ link.theta, expected, atol=1e-12)
-
-
-@pytest.mark.skipif(not UR10E_URDF.exists(), reason=f"needs {UR10E_URDF}, which is not redistributable")
-@pytest.mark.parametrize("q", random_positions(6))
-def test_ur10e_axes_are_those_of_its_urdf(q: np.ndarray) -> None:
-    # The URDF's lengths are rounded to millimetres, and its base_link is turned by 180 degrees against UR's base.
-    robot = built_in("ur10e")
-    model = pin.buildModelFromUrdf(str(UR10E_URDF))
-    turn = np.diag([-1.0, -1.0, 1.0])
-    expected = np.kron(np.eye(2), turn) @ pinocchio_axis_lines(model, robot.joint_names, q)
-    found = axis_lines(robot, q)
-    assert np.allclose(found[3:], expected[3:], atol=1e-9)
-    assert np.allclose(found[:3], expected[:3], atol=3e-3)
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, pinocchio_configuration(model, robot.joint_names, q))
-    base, tool = (data.oMf[model.getFrameId(name)] for name in ("base", "tool0"))
-    flange = (base.inverse() * tool).homogeneous
-    assert np.allclose(link_poses(robot, q)[5][:3, :3], flange[:3, :3], atol=1e-9)
-    assert np.allclose(link_poses(robot, q)[5][:3, 3], flange[:3, 3], atol=3e-3)
 
 
 # iiwa7 ---------------------------------------------------------------------------------------------------------------
@@ -404,7 +248,7 @@ def iiwa7_urdf() -> str:
     return text + "</robot>"
 
 
-@pytest.mark.parametrize("q", random_positions(7))
+@pytest.mark.parametrize("q", random_positions(7, 4))
 def test_iiwa7_axes_are_those_of_its_urdf(q: np.ndarray) -> None:
     robot = built_in("iiwa7")
     model = pin.buildModelFromXML(iiwa7_urdf())
@@ -413,12 +257,6 @@ def test_iiwa7_axes_are_those_of_its_urdf(q: np.ndarray) -> None:
     pin.forwardKinematics(model, data, pinocchio_configuration(model, robot.joint_names, q))
     flange = data.oMi[7].act(np.array([0.0, 0.0, IIWA7_FLANGE]))
     assert np.allclose(link_poses(robot, q)[6][:3, 3], flange, atol=1e-12)
-
-
-def test_iiwa7_stands_upright_at_zero() -> None:
-    pose = link_poses(built_in("iiwa7"), np.zeros(7))[6]
-    assert np.allclose(pose[:3, 3], [0.0, 0.0, 0.34 + 0.4 + 0.4 + 0.126])
-    assert np.allclose(pose[:3, :3], np.eye(3))
 
 
 # library -------------------------------------------------------------------------------------------------------------
@@ -431,28 +269,14 @@ def test_unknown_built_in_tells_what_there_is() -> None:
         built_in("kr6")
 
 
-@pytest.mark.parametrize("suffix", [".yaml", ".yml", ".YAML"])
-def test_load_robot_reads_a_description(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"one{suffix}"
-    path.write_text(MINIMAL, encoding="utf-8")
-    assert load_robot(str(path)).name == "one"
-
-
-@pytest.mark.parametrize("suffix", [".urdf", ".xml", ".URDF"])
-def test_load_robot_reads_a_urdf(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / f"arm{suffix}"
-    path.write_text("<robot/>", encoding="utf-8")
-    asked: list[object] = []
-
-    def read_urdf(path: str, *, base: str | None, tip: str | None, snap_angles: bool) -> Robot:
-        asked.extend([str(path), base, tip, snap_angles])
-        return built_in("irp6")
-
-    module = types.ModuleType("regressors.readers.urdf")
-    module.read_urdf = read_urdf  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "regressors.readers.urdf", module)
-    assert load_robot(str(path), base="b", tip="t").name == "irp6"
-    assert asked == [str(path), "b", "t", True]
+@pytest.mark.parametrize("suffix", [".yaml", ".yml", ".YAML", ".urdf", ".xml", ".URDF"])
+def test_files_are_read_by_their_endings(tmp_path: Path, suffix: str) -> None:
+    path, yaml = tmp_path / f"one{suffix}", suffix.lower() in (".yaml", ".yml")
+    path.write_text(MINIMAL if yaml else iiwa7_urdf(), encoding="utf-8")
+    if yaml:
+        assert load_robot(str(path)).name == "one"
+    else:
+        assert load_robot(str(path), base="link_2", tip="link_5").joint_names == ("A3", "A4", "A5")
 
 
 def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -466,9 +290,6 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
     [
         ("kr6", None, "no robot 'kr6': built-in robots are iiwa7, irp6, irp6-full, panda, ur10e, and a file of that n"),
         ("missing.yaml", None, "no robot 'missing.yaml': built-in robots are"),
-        ("missing.urdf", "base", "no robot 'missing.urdf': built-in robots are"),
-        ("../robots/irp6", None, "no robot '../robots/irp6'"),
-        ("", None, "'': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
         ("robot.txt", None, "'robot.txt': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
         ("folder.yaml", None, "cannot read 'folder.yaml'"),
         ("nul\0.yaml", None, "spec: expected text or a path that a file can have, given"),
@@ -483,7 +304,76 @@ def test_load_robot_refuses(
     Path("robot.txt").write_text(MINIMAL, encoding="utf-8")
     Path("robot.yaml").write_text(MINIMAL, encoding="utf-8")
     Path("folder.yaml").mkdir()
-    with pytest.raises(InputError) as raised:
-        load_robot(spec, base=base)
-    assert str(raised.value).startswith(message)
-    assert "\n" not in str(raised.value)
+    refusal(load_robot, spec, base=base, begins=message)
+
+
+LONG = "x" * 1_000_000
+BODY = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+LIMIT = '<limit lower="-1" upper="1" velocity="1" effort="1"/>'
+URDF = (
+    f'<robot name="ROBOT"><link name="base"/><link name="LINK">{BODY}</link><link name="SIDE"/>'
+    f'<joint name="JOINT" type="revolute"><parent link="base"/><child link="LINK"/><axis xyz="0 0 1"/>{LIMIT}</joint>'
+    '<joint name="FIXED" type="fixed"><parent link="LINK"/><child link="SIDE"/></joint></robot>'
+)
+MJCF = (
+    '<mujoco model="ROBOT"><worldbody><body name="LINK"><joint name="JOINT" type="hinge" range="-1 1" limited="true"/>'
+    '<geom size="0.1"/></body></worldbody></mujoco>'
+)
+DH = "# convention: modified\nname,alpha,a,d,theta,lower,upper\nJOINT,0,0,0,0,-1,1\n"
+FILES = {"arm.urdf": URDF, "arm.xml": MJCF, "arm.csv": DH}
+
+
+def read(folder: Path, file: str, **names: str) -> object:
+    text = FILES[file]
+    for what in ("ROBOT", "LINK", "SIDE", "JOINT", "FIXED"):
+        text = text.replace(what, names.get(what, what.lower()))
+    (folder / file).write_text(text)
+    return excite.load_robot(folder / file)
+
+
+@pytest.mark.parametrize(
+    ("file", "what"),
+    [(file, what) for file in FILES for what in ("ROBOT", "LINK", "SIDE", "JOINT", "FIXED") if what in FILES[file]],
+)
+def test_a_name_of_a_megabyte_is_refused(file: str, what: str, tmp_path: Path) -> None:
+    if file == "arm.xml":
+        pytest.importorskip("mujoco")
+    with pytest.raises(InputError, match=f"at most {LONGEST_NAME} characters, given ") as refused:
+        read(tmp_path, file, **{what: LONG})
+    assert len(str(refused.value)) < LONGEST_LINE
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_the_longest_names_are_read(file: str, tmp_path: Path) -> None:
+    if file == "arm.xml":
+        pytest.importorskip("mujoco")
+    assert read(tmp_path, file, JOINT="j" * LONGEST_NAME) is not None
+
+
+@pytest.mark.parametrize("place", ["name: irp6", "name: z1"])
+def test_descriptions(place: str, tmp_path: Path) -> None:
+    import regressors.readers.library as library
+
+    text = (Path(library.__file__).parent.parent / "robots" / "irp6.yaml").read_text()
+    assert place in text
+    (tmp_path / "arm.yaml").write_text(text.replace(place, f"name: {LONG}", 1))
+    with pytest.raises(InputError, match=f"at most {LONGEST_NAME} characters, given 1000000") as refused:
+        excite.load_robot(tmp_path / "arm.yaml")
+    assert len(str(refused.value)) < LONGEST_LINE
+
+
+ROBOT = """
+name: one
+joints: [{{name: a, mdh: {{}}, limits: {{position: [-1, 1], velocity: 1, acceleration: 1}}}}]
+links: [{{name: A, mass: {mass}, com: [{com}, 0.1, 0.1], inertia: {{about: {about}, xx: 1, yy: 1, zz: 1}}}}]
+"""
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("about", ["centre-of-mass", "origin"])
+@pytest.mark.parametrize(("mass", "com"), [("1e200", "1e200"), ("2.0", "1e308")])
+def test_products_beyond_floats_are_refused(mass: str, com: str, about: str, tmp_path) -> None:
+    path = tmp_path / "one.yaml"
+    path.write_text(ROBOT.format(mass=mass, com=com, about=about))
+    with pytest.raises(InputError, match="link 'A': inertial parameters must be finite"):
+        load_robot(path)

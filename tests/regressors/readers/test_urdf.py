@@ -11,8 +11,8 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference, robots_folder
-from scipy.spatial.transform import Rotation
+from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, Reference, reference, robots_folder
+from refused import refusal
 
 from regressors.errors import InputError, UnknownName
 from regressors.readers.urdf import parse_urdf, read_urdf
@@ -57,24 +57,17 @@ def test_kinematics_inertias_limits_and_gravity_equal_pinocchio(arm: Arm) -> Non
 
 PROPOSED = {
     "tiago.urdf": ("torso_lift_link", "arm_7_link"),
-    "tiago_dual.urdf": ("torso_lift_link", "arm_left_7_link"),
-    "tiago_no_hand.urdf": ("torso_lift_link", "arm_7_link"),
     "tiago_pro.urdf": ("torso_lift_link", "arm_left_7_link"),
     "pr2.urdf": ("torso_lift_link", "r_wrist_roll_link"),
     "baxter.urdf": (None, "right_wrist"),
     "talos_full_v2.urdf": ("torso_2_link", "arm_left_7_link"),
-    "talos_reduced.urdf": ("torso_2_link", "arm_left_7_link"),
     "icub.urdf": ("chest", "l_hand"),
     "romeo.urdf": ("torso", "l_wrist"),
-    "centauro.urdf": ("torso_2", "arm1_6"),
     "alex_psyonic_hands.urdf": ("Torso", "LeftWristRollLink"),
     "g1_29dof_with_hand_rev_1_0.urdf": ("torso_link", "left_wrist_yaw_link"),
-    "human.urdf": ("middle_thorax", "left_hand"),
     "anymal-kinova.urdf": (None, "j2s6s200_link_6"),
     "b1-z1.urdf": (None, "link06"),
     "go2.urdf": (None, "FL_calf"),
-    "solo12.urdf": (None, "FL_LOWER_LEG"),
-    "hyq_no_sensors.urdf": (None, "lf_lowerleg"),
 }
 
 
@@ -84,9 +77,7 @@ def test_the_arm_of_a_tree_is_proposed_with_options_that_read_it(name: str) -> N
     if folder is None:
         pytest.skip("example-robot-data is not installed")
     (path,) = folder.rglob(name)
-    with pytest.raises(InputError) as caught:
-        read_urdf(path)
-    message = str(caught.value)
+    message = refusal(read_urdf, path)
     given = dict(re.findall(r"`(base_link|tip)='(\w+)'`", message.split("give ")[1]))
     assert (given.get("base_link"), given["tip"]) == PROPOSED[name]
     ends = message.split("the chains end at: ")[1].split(", ")
@@ -142,18 +133,6 @@ def chain(inside: str = "", kind: str = "revolute") -> str:
     return document(links("a", "b") + joint("j", "a", "b", kind, inside))
 
 
-def test_defaults_of_urdf() -> None:
-    robot = parse_urdf(chain(), name_of_source="plain.urdf")
-    assert (robot.name, robot.source, robot.joint_names) == ("sample", "URDF plain.urdf", ("j",))
-    assert robot.joints[0].axis.tolist() == [1, 0, 0]
-    assert robot.joints[0].rotation.tolist() == np.eye(3).tolist()
-    assert robot.links[0].theta is None
-    assert robot.transmission is None
-    assert robot.gravity.tolist() == [0, 0, -9.81]
-    limits = robot.limits
-    assert not np.any(np.isfinite([limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.torque]))
-
-
 LIMITS = {
     "all": ("revolute", 'lower="-1" upper="2" velocity="3" effort="4"', (-1, 2, 3, 4)),
     "prismatic": ("prismatic", 'lower="-1" upper="2" velocity="3" effort="4"', (-1, 2, 3, 4)),
@@ -183,13 +162,9 @@ def test_axis_is_normalised_and_poses_are_tidy() -> None:
 
 
 def test_friction_becomes_drives() -> None:
-    text = document(
-        links("a", "b", "c")
-        + joint("j", "a", "b", inside='<dynamics damping="0.5" friction="2"/>')
-        + joint("k", "b", "c")
-    )
+    rubbing = joint("j", "a", "b", inside='<dynamics damping="0.5" friction="2"/>')
+    text = document(links("a", "b", "c") + rubbing + joint("k", "b", "c"))
     transmission = parse_urdf(text).transmission
-    assert transmission is not None
     assert transmission.coupling.tolist() == np.eye(2).tolist()
     assert [(d.name, d.viscous, d.coulomb) for d in transmission.drives] == [("j", 0.5, 2.0), ("k", None, None)]
     assert parse_urdf(chain('<dynamics damping="0"/>')).transmission is None
@@ -212,7 +187,6 @@ def test_mass_of_the_base_is_ignored_and_that_of_branches_is_merged() -> None:
         + joint("k", "b", "c")
     )
     merged, last = parse_urdf(text, tip="c").links
-    assert merged.theta is not None
     np.testing.assert_allclose(merged.theta[:4], [15, 4 * 0.5, 4 * 1 + 8 * 1, 2 * 4 + 4 * 3])
     assert last.theta is None
 
@@ -236,7 +210,6 @@ def test_a_row_of_mimic_joints_rests_where_the_first_at_zero_puts_it() -> None:
         + joint("r", "d", "e", "prismatic", '<mimic joint="q" multiplier="2" offset="0.25"/>')
     )
     theta = parse_urdf(text, tip="b").links[0].theta
-    assert theta is not None
     assert theta[1] == pytest.approx(0.5 + 2 * 0.5 + 0.25)
 
 
@@ -270,131 +243,64 @@ BOMB = """<?xml version="1.0"?>
 TWO = links("a", "b")
 THREE = links("a", "b", "c")
 INERTIA = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+FORK, LOOSE = THREE + joint("j", "a", "b") + joint("k", "a", "c"), THREE + joint("j", "a", "b", "floating")
+IMMENSE = body("b", 1e308, "9e99 0 0")
 MIMIC = '<mimic joint="j"/>'
 TWO_TIPS = links("a", "w", "l", "r") + joint("j", "a", "w") + joint("k", "w", "l") + joint("m", "w", "r")
 
 BROKEN = {
     "entity bomb": (BOMB, "arm.urdf, line 2: a DOCTYPE or ENTITY declaration is refused"),
-    "external entity": ('<!DOCTYPE r SYSTEM "file:///etc/passwd"><robot name="r"/>', "line 1: a DOCTYPE"),
     "empty": ("", "arm.urdf, line 1: not well-formed XML: no element found"),
-    "not XML": ("robot:\n  name: x", "line 1: not well-formed XML: syntax error"),
     "malformed": (document("<link name='a'>\n<link/>\n<oops>"), "arm.urdf, line 6: not well-formed XML: mismatched ta"),
     "unknown encoding": ('<?xml version="1.0" encoding="latin-99"?><robot name="r"/>', None),
     "other root": ("<sdf/>", "line 1: <sdf>: an SDF model, which is not read here; give the URDF"),
     "MuJoCo": ("<mujoco><worldbody/></mujoco>", "line 1: <mujoco>: a MuJoCo model (MJCF), not a URDF"),
-    "anything": ("<html/>", "line 1: <html>: expected <robot> as the outermost element, as of a URDF"),
-    "prefixed root": ("<u:robot xmlns:u='x'/>", "expected <robot> as the outermost element, as of a URDF"),
     "xacro": (document('<xacro:arm name="left"/>'), "rename the file to arm.urdf.xacro, or give `xacro=True`"),
-    "xacro inside": (
-        document(links("a") + '<link name="b"><xacro:mass m="1"/></link>'),
-        "line 3: link 'b': a xacro macro",
-    ),
     "xacro expression": (document(links("${prefix}a")), "line 3: link '${prefix}a': an expression of xacro: the text"),
-    "no robot name": (f"<robot>{TWO}{joint('j', 'a', 'b')}</robot>", "<robot> needs the attribute 'name'"),
-    "too many elements": (
-        document("<a/>" * 200_001),
-        "arm.urdf: it has about 100002 elements, more than the 100000 that a robot may have; remove those that",
-    ),
+    "too many elements": (document("<a/>" * 200_001), "arm.urdf: it has about 100002 elements, more than the 100000 t"),
     "no link": (document(""), "expected at least one <link>"),
-    "link without name": (document("<link/>"), "arm.urdf, line 3: <link>: <link> needs the attribute 'name'"),
     "two links of one name": (document(links("a", "a")), "line 4: link 'a': two links share this name"),
-    "two joints of one name": (
-        document(THREE + joint("j", "a", "b") + joint("j", "b", "c")),
-        "joint 'j': two joints share this name",
-    ),
-    "joint without name": (document(TWO + joint("", "a", "b")), "<joint> needs the attribute 'name'"),
+    "two joints of one name": (document(THREE + 2 * joint("j", "a", "b")), "joint 'j': two joints share this name"),
     "line break in a name": (chain().replace('"j"', '"j&#10;k"'), r"joint 'j\nk': <joint> name: expected printable ch"),
-    "no type": (chain().replace('type="revolute"', ""), "joint 'j': <joint> needs the attribute 'type'"),
     "unknown type": (chain(kind="spherical"), "no joint type named 'spherical'; available: revolute, continuous,"),
-    "no parent": (chain().replace('<parent link="a"/>', ""), "line 4: joint 'j': <parent> is missing"),
-    "no child": (chain().replace('<child link="b"/>', ""), "joint 'j': <child> is missing"),
     "parent without link": (chain().replace('parent link="a"', "parent"), "<parent> needs the attribute 'link'"),
     "unknown parent": (document(TWO + joint("j", "z", "b")), "joint 'j': <parent>: no link named 'z'; available: a, b"),
-    "unknown child": (document(TWO + joint("j", "a", "z")), "joint 'j': <child>: no link named 'z'; available: a, b"),
     "two roots": (document(THREE + joint("j", "a", "b")), "expected one root link, given 2 that are the child of no j"),
-    "closed loop": (
-        document(THREE + joint("j", "a", "b") + joint("k", "a", "c") + joint("m", "b", "c")),
-        "joint 'm': link 'c' is already the child of joint 'k'",
-    ),
+    "closed loop": (document(FORK + joint("m", "b", "c")), "joint 'm': link 'c' is already the child of joint 'k'"),
     "loop": (document(TWO + joint("j", "a", "b") + joint("k", "b", "a")), "a loop of joints through links: a, b"),
-    "loop aside": (document(THREE + joint("j", "b", "c") + joint("k", "c", "b")), "a loop of joints through links: b,"),
-    "onto itself": (document(TWO + joint("j", "b", "b")), "a loop of joints through links: b"),
     "NaN": (chain('<origin xyz="0 nan 0"/>'), "joint 'j': <origin> xyz: expected 3 finite numbers, given '0 nan 0'"),
-    "infinite place": (chain('<origin xyz="0 inf 0"/>'), "<origin> xyz: expected 3 finite numbers, given '0 inf 0'"),
-    "two numbers": (chain('<origin rpy="0 0"/>'), "<origin> rpy: expected 3 finite numbers, given '0 0'"),
-    "no number": (chain('<axis xyz="x y z"/>'), "<axis> xyz: expected 3 finite numbers, given 'x y z'"),
-    "underscore": (chain('<limit velocity="1_0"/>'), "<limit> velocity: expected a finite number, given '1_0'"),
     "NaN limit": (chain('<limit effort="nan"/>'), "joint 'j': <limit> effort: expected a finite number, given 'nan'"),
-    "empty number": (chain('<limit velocity=""/>'), "<limit> needs the attribute 'velocity'"),
     "two origins": (chain("<origin/><origin/>"), "joint 'j': expected one <origin>, given 2"),
     "zero axis": (chain('<axis xyz="0 0 0"/>'), "joint 'j': <axis> xyz: expected a direction, given '0 0 0'"),
-    "immense axis": (chain('<axis xyz="1e200 1e200 0"/>'), "<axis> xyz: expected a direction"),
-    "lower above upper": (chain('<limit lower="1" upper="-1"/>'), "arm.urdf: joint j: lower position limit 1 must be"),
-    "no room": (chain('<limit lower="1" upper="1"/>'), "joint j: lower position limit 1 must be below the upper one 1"),
-    "negative velocity": (chain('<limit velocity="-1"/>'), "joint j: velocity limit must be greater than zero"),
-    "negative effort": (chain('<limit effort="-1"/>'), "joint j: torque limit must be greater than zero"),
     "negative friction": (chain('<dynamics friction="-1"/>'), "joint 'j': <dynamics>: expected zero or more"),
     "no mass": (document(f'<link name="a"><inertial>{INERTIA}</inertial></link>'), "link 'a': <mass> is missing"),
-    "no mass value": (
-        document(f'<link name="a"><inertial><mass/>{INERTIA}</inertial></link>'),
-        "link 'a': <mass> needs the attribute 'value'",
-    ),
-    "no inertia": (
-        document('<link name="a"><inertial><mass value="1"/></inertial></link>'),
-        "link 'a': <inertia> is missing",
-    ),
-    "part of the inertia": (
-        document(f'<link name="a"><inertial><mass value="1"/>{INERTIA.replace("iyz", "zyi")}</inertial></link>'),
-        "link 'a': <inertia> needs the attribute 'iyz'",
-    ),
     "immense mass": (
-        document(links("a") + body("b", 1e308, "9e99 0 0") + joint("j", "a", "b")),
-        "link 'b': inertial parameters must be finite",
+        document(links("a") + IMMENSE + joint("j", "a", "b")),
+        "link 'b': inertial parameters must be fin",
     ),
     "no moving joint": (document(links("a")), "arm.urdf: no moving joint below link 'a'"),
-    "fixed joints only": (chain(kind="fixed"), "no moving joint below link 'a'"),
     "floating on the chain": (chain(kind="floating"), "joint 'j' on the chain is floating, expected revolute"),
-    "planar on the chain": (chain(kind="planar"), "no joint of the other kinds moves before or behind it"),
-    "floating before the arm": (
-        document(THREE + joint("j", "a", "b", "floating") + joint("k", "b", "c")),
-        "joint 'j' on the chain is floating, expected revolute, continuous, prismatic or fixed; what works is "
-        "`base_link='b'`",
-    ),
+    "floating before the arm": (document(LOOSE + joint("k", "b", "c")), "or fixed; what works is `base_link='b'`"),
     "quaternion": (chain('<origin quat_xyzw="0 0 0 1"/>'), "<origin> quat_xyzw: rotations are read from 'rpy' only"),
     "several tips": (
         document(TWO_TIPS),
         "2 moving chains start from link 'a'; choose the last link with `tip` (`tip='w'` ends where they part); "
         "for the limb of 1 joint give `base_link='w'` and `tip='l'`; the chains end at: l, r",
     ),
-    "several tips from the base": (
-        document(THREE + joint("j", "a", "b") + joint("k", "a", "c")),
-        "2 moving chains start from link 'a'; choose the last link with `tip`; for the limb of 1 joint give "
-        "`tip='b'`; the chains end at: b, c",
-    ),
 }
 
 
 @pytest.mark.parametrize(("text", "message"), BROKEN.values(), ids=BROKEN)
 def test_broken_documents_are_refused_in_one_line(text: str, message: str | None) -> None:
-    with pytest.raises(InputError) as caught:
-        parse_urdf(text if message else text.encode(), name_of_source="arm.urdf")
-    assert (message or "arm.urdf: cannot decode the text: unknown encoding") in str(caught.value)
-    assert str(caught.value).startswith("arm.urdf")
-    assert "\n" not in str(caught.value)
+    told = refusal(parse_urdf, text if message else text.encode(), name_of_source="arm.urdf", begins="arm.urdf")
+    assert (message or "arm.urdf: cannot decode the text: unknown encoding") in told
 
 
 CHOICES = {
     "unknown tip": ({"tip": "z"}, UnknownName, "no link in arm.urdf named 'z'; available: a, w, l, r"),
-    "unknown base": ({"base": ""}, UnknownName, "no link in arm.urdf named ''; available: a, w, l, r"),
     "tip above base": ({"base": "l", "tip": "w"}, InputError, "link 'w' does not hang below link 'l'"),
-    "tip beside base": (
-        {"base": "l", "tip": "r"},
-        InputError,
-        "'r' does not hang below link 'l'; choose another base or tip: both hang below link 'w'",
-    ),
+    "tip beside base": ({"base": "l", "tip": "r"}, InputError, "'r' does not hang below link 'l'; choose another base"),
     "tip is the root": ({"base": "l", "tip": "a"}, InputError, "another base or tip: it is the other way round"),
-    "nearly a link": ({"tip": "L"}, UnknownName, "no link in arm.urdf named 'L'; available: a, w, l, r"),
-    "tip is base": ({"base": "w", "tip": "w"}, InputError, "no moving joint between the links 'w' and 'w'"),
     "base is a leaf": ({"base": "r"}, InputError, "no moving joint below link 'r'"),
 }
 
@@ -405,22 +311,12 @@ def test_chains_that_are_not_there(choice: dict[str, str], error: type[InputErro
         parse_urdf(document(TWO_TIPS), name_of_source="arm.urdf", **choice)
 
 
-def test_a_mimic_joint_must_not_be_on_the_chain() -> None:
-    text = document(THREE + joint("j", "a", "b") + joint("k", "b", "c", inside=MIMIC))
-    message = "joint 'k' on the chain mimics joint 'j', expected joints that move on their own; switch the coupling off"
-    with pytest.raises(InputError, match=re.escape(message)):
-        parse_urdf(text, tip="c")
-
-
 def test_a_mimic_joint_in_the_middle_is_refused_with_the_options_that_work() -> None:
     names = [f"l{k}" for k in range(6)]
-    row = "".join(
-        joint(f"j{k}", f"l{k - 1}", f"l{k}", inside='<mimic joint="j2"/>' if k == 3 else "") for k in range(1, 6)
-    )
+    inside = {3: '<mimic joint="j2"/>'}
+    row = "".join(joint(f"j{k}", f"l{k - 1}", f"l{k}", inside=inside.get(k, "")) for k in range(1, 6))
     text = document(links(*names) + row)
-    with pytest.raises(InputError) as caught:
-        parse_urdf(text)
-    assert str(caught.value).endswith(
+    assert refusal(parse_urdf, text).endswith(
         "joint 'j3' on the chain mimics joint 'j2', expected joints that move on their own; what works is "
         "`base_link='l3'`, or `tip='l1'`"
     )
@@ -428,23 +324,23 @@ def test_a_mimic_joint_in_the_middle_is_refused_with_the_options_that_work() -> 
     assert parse_urdf(text, tip="l1").joint_names == ("j1",)
 
 
-def test_a_mimic_joint_off_the_chain_must_not_follow_the_chain() -> None:
-    fingers = THREE + joint("j", "a", "b") + joint("k", "a", "c", inside=MIMIC)
-    with pytest.raises(InputError, match="joint 'k' off the chain mimics joint 'j' on the chain"):
-        parse_urdf(document(fingers), tip="b")
+MIMICS = {
+    "on the chain": (joint("k", "b", "c", inside=MIMIC), "move on their own; switch the coupling off"),
+    "off the chain": (joint("k", "a", "c", inside=MIMIC), "joint 'k' off the chain mimics joint 'j' on the chain"),
+    "in a circle": (
+        links("d")
+        + joint("k", "a", "c", inside='<mimic joint="m"/>')
+        + joint("m", "c", "d", inside='<mimic joint="k"/>'),
+        "mimics itself by way of k, m",
+    ),
+}
 
 
-def test_mimic_joints_in_a_circle_are_refused() -> None:
-    circle = joint("k", "a", "c", inside='<mimic joint="m"/>') + joint("m", "c", "d", inside='<mimic joint="k"/>')
-    with pytest.raises(InputError, match="mimics itself by way of k, m"):
-        parse_urdf(document(links("a", "b", "c", "d") + joint("j", "a", "b") + circle), tip="b")
-
-
-def test_long_lists_of_links_are_cut() -> None:
-    names = [f"l{k}" for k in range(40)]
-    text = document(links("a", *names) + "".join(joint(f"j{name}", "a", name) for name in names))
-    with pytest.raises(UnknownName, match=r"available: a, l0, .*, l18, \.\.\.$"):
-        parse_urdf(text, tip="z")
+@pytest.mark.parametrize("where", MIMICS)
+def test_mimic_joints_must_not_follow_the_chain_nor_each_other(where: str) -> None:
+    text = document(THREE + joint("j", "a", "b") + MIMICS[where][0])
+    with pytest.raises(InputError, match=re.escape(MIMICS[where][1])):
+        parse_urdf(text, tip="c" if where == "on the chain" else "b")
 
 
 def test_thousands_of_links_are_read() -> None:
@@ -455,12 +351,6 @@ def test_thousands_of_links_are_read() -> None:
     assert parse_urdf(text).joint_names == ("end",)
 
 
-@pytest.mark.parametrize("name", ["missing.urdf", "", "nul\0"])
-def test_unreadable_files(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match="cannot read the URDF file"):
-        read_urdf(tmp_path / name)
-
-
 # --- laws ------------------------------------------------------------------------------------------------------------
 
 lengths = st.floats(-2, 2, allow_subnormal=False)
@@ -468,9 +358,8 @@ angles = st.floats(-3, 3, allow_subnormal=False)
 triples = st.tuples(lengths, lengths, lengths)
 turns = st.tuples(angles, angles, angles)
 axes = triples.filter(lambda axis: np.linalg.norm(axis) > 0.1)
-bodies = st.fixed_dictionaries(
-    {"mass": st.floats(0, 5, allow_subnormal=False), "xyz": triples, "rpy": turns, "root": st.tuples(triples, triples)}
-)
+masses = st.floats(0, 5, allow_subnormal=False)
+bodies = st.fixed_dictionaries({"mass": masses, "xyz": triples, "rpy": turns, "root": st.tuples(triples, triples)})
 steps = st.fixed_dictionaries(
     {
         "kind": st.sampled_from(["revolute", "continuous", "prismatic", "fixed"]),
@@ -483,10 +372,6 @@ steps = st.fixed_dictionaries(
 )
 
 
-def rotation(rpy: tuple[float, ...]) -> np.ndarray:
-    return Rotation.from_euler("xyz", rpy).as_matrix()
-
-
 def tensor(root: tuple[tuple[float, ...], ...]) -> np.ndarray:
     """An inertia tensor about the centre of mass, of point masses in pairs."""
     points = np.array(root)
@@ -495,6 +380,9 @@ def tensor(root: tuple[tuple[float, ...], ...]) -> np.ndarray:
 
 def words(values: tuple[float, ...]) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+LIMIT = '<limit lower="-9" upper="9" velocity="1" effort="1"/>'
 
 
 def urdf_of(chain_steps: list[dict]) -> str:
@@ -509,56 +397,27 @@ def urdf_of(chain_steps: list[dict]) -> str:
                 f'<inertial><origin xyz="{words(step["body"]["xyz"])}" rpy="{words(step["body"]["rpy"])}"/>'
                 f'<mass value="{step["body"]["mass"]!r}"/><inertia {entries}/></inertial>'
             )
-        origin = f'<origin xyz="{words(step["xyz"])}" rpy="{words(step["rpy"])}"/><axis xyz="{words(step["axis"])}"/>'
+        origin = (
+            f'<origin xyz="{words(step["xyz"])}" rpy="{words(step["rpy"])}"/><axis xyz="{words(step["axis"])}"/>{LIMIT}'
+        )
         parts += [f'<link name="l{k}">{inertial}</link>', joint(f"j{k}", f"l{k - 1}", f"l{k}", step["kind"], origin)]
     return document("\n".join(reversed(parts)))
 
 
-def oracle(chain_steps: list[dict]) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
-    """Poses of the moving links at q, and for each the sum over the bodies that it carries, by definition."""
-    T, poses, parameters = np.eye(4), [], []
-    frame = None
-    for step in chain_steps:
-        moving, q = step["kind"] != "fixed", step["q"]
-        axis = np.array(step["axis"]) / np.linalg.norm(step["axis"])
-        here, slide = np.eye(4), np.eye(4)
-        here[:3, :3], here[:3, 3] = rotation(step["rpy"]), step["xyz"]
-        if step["kind"] == "prismatic":
-            slide[:3, 3] = q * axis
-        elif moving:
-            slide[:3, :3] = Rotation.from_rotvec(q * axis).as_matrix()
-        T = T @ here @ slide
-        if moving:
-            frame = T
-            poses.append(T)
-            parameters.append(None)
-        if step["body"] and frame is not None:
-            relative = np.linalg.inv(frame) @ T
-            c = relative[:3, :3] @ step["body"]["xyz"] + relative[:3, 3]
-            R = relative[:3, :3] @ rotation(step["body"]["rpy"])
-            m = step["body"]["mass"]
-            about_origin = R @ tensor(step["body"]["root"]) @ R.T + m * (c @ c * np.eye(3) - np.outer(c, c))
-            theta = np.concatenate([[m], m * c, about_origin[np.triu_indices(3)]])
-            parameters[-1] = theta if parameters[-1] is None else parameters[-1] + theta
-    return poses, parameters
-
-
-@settings(max_examples=100, deadline=None, derandomize=True)
-@given(
-    st.lists(steps, min_size=1, max_size=7).filter(lambda chain_steps: any(s["kind"] != "fixed" for s in chain_steps))
-)
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.lists(steps, min_size=1, max_size=7).filter(lambda found: any(s["kind"] != "fixed" for s in found)))
 def test_random_chains_are_read_back(chain_steps: list[dict]) -> None:
     robot = parse_urdf(urdf_of(chain_steps), snap_angles=False)
     moving = [(k, step) for k, step in enumerate(chain_steps, 1) if step["kind"] != "fixed"]
     assert robot.joint_names == tuple(f"j{k}" for k, _ in moving)
     assert [link.name for link in robot.links] == [f"l{k}" for k, _ in moving]
-    poses, parameters = oracle(chain_steps)
-    found = link_poses(robot, np.array([step["q"] for _, step in moving]))
-    for link, pose, theta in zip(robot.links, poses, parameters, strict=True):
-        np.testing.assert_allclose(found[link.name], pose, atol=1e-9)
-        assert (link.theta is None) == (theta is None)
-        if theta is not None:
-            np.testing.assert_allclose(link.theta, theta, rtol=1e-9, atol=1e-9)
+    expected = Reference(pin.buildModelFromXML(urdf_of(chain_steps)), robot.joint_names, None)
+    q = [step["q"] for _, step in moving]
+    poses = expected.link_poses(dict(zip(robot.joint_names, q, strict=True)))
+    for (name, pose), link in zip(link_poses(robot, np.array(q)).items(), robot.links, strict=True):
+        np.testing.assert_allclose(pose, poses[name], atol=1e-9)
+        theta = np.zeros(10) if link.theta is None else link.theta
+        np.testing.assert_allclose(theta, expected.theta("j" + name[1:]), rtol=1e-9, atol=1e-9)
 
 
 WHOLE = document(
@@ -571,7 +430,7 @@ WHOLE = document(
 )
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(
     st.integers(0, len(WHOLE)),
     st.integers(0, 30),

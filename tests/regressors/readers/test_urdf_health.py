@@ -19,7 +19,7 @@ from regressors.readers.health import Body, inertia_findings
 from regressors.readers.library import built_in, built_in_names
 from regressors.readers.urdf import parse_urdf, read_urdf
 from regressors.readers.urdf_elements import edits, nearest
-from regressors.robot.finding import Finding, MissingRange
+from regressors.robot.finding import MissingRange
 from regressors.robot.inertia import from_centre_of_mass
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
@@ -60,9 +60,7 @@ def told(robot: Robot, *kinds: str) -> list[str]:
 
 MISSPELT = {
     "limits": (chain('<limits lower="-1" upper="1"/>'), "line 2: joint 'j': <joint> has no <limits>; did you mean <li"),
-    "Limit": (chain('<Limit lower="-1" upper="1"/>'), "<joint> has no <Limit>; did you mean <limit>?"),
     "orgin": (chain(LIMIT + "<orgin/>"), "<joint> has no <orgin>; did you mean <origin>?"),
-    "axes": (chain(LIMIT + "<axes/>"), "<joint> has no <axes>; did you mean <axis>?"),
     "inertail": (chain().replace('"b"/>', '"b"><inertail/></link>', 1), "<link> has no <inertail>; did you mean <iner"),
     "inertia": (
         document(
@@ -71,11 +69,8 @@ MISSPELT = {
         "<inertial> has no <inerita>; did you mean <inertia>?",
     ),
     "efort": (chain('<limit lower="-1" upper="1" efort="3"/>'), "<limit> has no 'efort'; did you mean 'effort'?"),
-    "lowr": (chain('<limit lowr="-1" upper="1"/>'), "<limit> has no 'lowr'; did you mean 'lower'?"),
     "velocty": (chain('<limit lower="-1" upper="1" velocty="3"/>'), "<limit> has no 'velocty'; did you mean 'velocity"),
-    "rpy": (chain(LIMIT + '<origin rpi="0 0 0"/>'), "<origin> has no 'rpi'; did you mean 'rpy'?"),
     "joints": (document(links("a") + "<joints/>"), "line 2: <joints>: <robot> has no <joints>; did you mean <joint>?"),
-    "Link": (document(links("a") + '<Link name="b"/>'), "<robot> has no <Link>; did you mean <link>?"),
 }
 
 
@@ -89,10 +84,7 @@ def test_misspelt_words_that_matter_are_refused(text: str, message: str) -> None
 NOT_READ = {
     "unknown": ("<note/>", "joint 'j': not known in <joint>, and not read: <note>"),
     "prefixed": ("<x:note/>", "joint 'j': not known in <joint>, and not read: <x:note>"),
-    "prefixed but known": (
-        '<u:limit lower="-9"/>',
-        "joint 'j': not known in <joint>, and not read: <u:limit> (it would be read without its prefix)",
-    ),
+    "prefixed but known": ('<u:limit lower="-9"/>', "joint 'j': not known in <joint>, and not read: <u:limit> (it wou"),
     "beside the right one": ("<limits/>", "joint 'j': not known in <joint>, and not read: <limits>"),
     "not needed": ("<calibraton/>", "not known in <joint>, and not read: <calibraton> (did you mean 'calibration'?)"),
     "attributes": ('<dynamics damping="1" K="3" mu="2"/>', "not known in <dynamics>, and not read: 'K', 'mu'"),
@@ -115,14 +107,6 @@ def test_known_words_are_not_told() -> None:
 MISSING_BODY = ["no <inertial>: its parameters are unknown"]
 
 
-@given(st.text("abcdef", max_size=6), st.text("abcdef", max_size=6), st.text("abcdef", max_size=6))
-@settings(derandomize=True)
-def test_edits_are_a_distance(a: str, b: str, c: str) -> None:
-    assert (edits(a, b) == 0) == (a == b)
-    assert edits(a, b) == edits(b, a) <= max(len(a), len(b))
-    assert edits(a + c, b + c) <= edits(a, b)
-
-
 def test_misspellings_are_near() -> None:
     assert [edits("inertail", "inertial"), edits("limits", "limit"), edits("damping", "dmaipng")] == [1, 1, 2]
     assert nearest("ixy", ("ixz", "iyz")) == "ixz"
@@ -133,7 +117,6 @@ def test_misspellings_are_near() -> None:
 
 WITHOUT_RANGE = {
     "no limit": ("revolute", "", "no position limits are stated"),
-    "prismatic": ("prismatic", "", "no position limits are stated"),
     "no lower and upper": ("revolute", '<limit effort="3"/>', "no position limits are stated"),
     "zeros": ("revolute", '<limit lower="0" upper="0"/>', "<limit> says lower=0 and upper=0, which leaves no room"),
     "one zero": ("revolute", '<limit upper="0"/>', "no position limits are stated"),
@@ -153,13 +136,7 @@ def test_joints_without_a_range_must_not_move(kind: str, inside: str, message: s
 
 
 @pytest.mark.parametrize(
-    ("kind", "inside"),
-    [
-        ("revolute", LIMIT),
-        ("continuous", ""),
-        ("revolute", '<limit lower="-inf" upper="inf"/>'),
-        ("revolute", '<limit upper="2"/>'),
-    ],
+    ("kind", "inside"), [("revolute", LIMIT), ("continuous", ""), ("revolute", '<limit lower="-inf" upper="inf"/>')]
 )
 def test_joints_whose_range_is_stated_may_move(kind: str, inside: str) -> None:
     refuse_missing_ranges(parse_urdf(chain(inside, kind)), [True])
@@ -175,16 +152,11 @@ def test_what_limits_leave_open_is_told() -> None:
     one_side = parse_urdf(chain('<limit upper="2" velocity="1" effort="1"/>'))
     assert told(one_side, "assumed") == ["joint 'j': lower=0, which <limit> does not state; write lower into the file"]
     degrees = parse_urdf(chain('<limit lower="-180" upper="180" velocity="1" effort="1"/>'))
-    assert told(degrees, "suspicious") == [
-        "joint 'j': turns from -180 to 180 rad; limits are in radians, not in degrees"
-    ]
+    (note,) = told(degrees, "suspicious")
+    assert note == "joint 'j': turns from -180 to 180 rad; limits are in radians, not in degrees"
     assert [
         note.what for note in parse_urdf(chain('<limit lower="-1" upper="1"/>')).notes if note.kind == "missing"
-    ] == [
-        "no velocity limit",
-        "no effort limit, so torques are not limited",
-        *MISSING_BODY,
-    ]
+    ] == ["no velocity limit", "no effort limit, so torques are not limited", *MISSING_BODY]
 
 
 def test_a_joint_without_transmission_is_told() -> None:
@@ -207,25 +179,15 @@ def serial(*names: str) -> str:
 
 GRIPPERS = {
     "by name": (serial("j1", "j2", "gripper"), ("j1", "j2")),
-    "several": (serial("j1", "j2", "gripper_base", "left_jaw"), ("j1", "j2")),
     "by its link": (serial("j1", "tool").replace("tool_link", "moving_jaw"), ("j1",)),
-    "camel case": (serial("j1", "jointGripper"), ("j1",)),
     "hand": (serial("j1", "hand"), ("j1",)),
-    "prismatic": (
-        serial("j1", "finger").replace('name="finger" type="revolute"', 'name="finger" type="prismatic"'),
-        ("j1",),
-    ),
     "mimic": (
         serial("j1", "j2").replace("</joint>", '<mimic joint="x"/></joint>').replace('<mimic joint="x"/>', "", 1),
         ("j1",),
     ),
-    "body of a gripper on a numbered joint": (
-        serial("j1", "joint6").replace("joint6_link", "gripperStator"),
-        ("j1", "joint6"),
-    ),
+    "body on a numbered joint": (serial("j1", "joint6").replace("joint6_link", "gripperStator"), ("j1", "joint6")),
     "hand behind a wrist": (serial("j1", "wrist").replace("wrist_link", "hand"), ("j1", "wrist")),
     "wrist of a hand": (serial("j1", "hand_wrist"), ("j1", "hand_wrist")),
-    "handle": (serial("j1", "handle"), ("j1", "handle")),
     "finger alone": (serial("finger_base", "finger_tip"), ("finger_base", "finger_tip")),
     "in between": (serial("gripper_mount", "j2"), ("gripper_mount", "j2")),
 }
@@ -239,15 +201,12 @@ def test_joints_of_a_gripper_are_held(text: str, moving: tuple[str, ...]) -> Non
 def test_a_held_gripper_is_told_and_its_mass_merged() -> None:
     text = document(serial("j1", "gripper").replace('<link name="gripper_link"/>', body("gripper_link", 3)))
     robot = parse_urdf(text)
-    assert told(robot, "assumed") == [
-        "joint gripper: moves a gripper: held at zero and left out; `tip='gripper_link'` includes it"
-    ]
+    (note,) = told(robot, "assumed")
+    assert note.endswith("moves a gripper: held at zero and left out; `tip='gripper_link'` includes it")
     assert robot.links[-1].theta is not None
     assert robot.links[-1].theta[0] == 3
     assert parse_urdf(text, tip="gripper_link").joint_names == ("j1", "gripper")
-    away = text.replace('name="gripper" type="revolute"', 'name="gripper" type="revolute" ').split(
-        'name="gripper" type'
-    )
+    away = text.replace('"gripper" type="revolute"', '"gripper" type="revolute" ').split('name="gripper" type')
     away[1] = away[1].replace('lower="-1"', 'lower="0.5"')
     held = parse_urdf('name="gripper" type'.join(away))
     assert told(held, "suspicious") == ["joint gripper: held where its limits do not allow it"]
@@ -266,9 +225,8 @@ def fingers(arm: int, *lengths: int) -> str:
 def test_the_chain_ends_where_fingers_part() -> None:
     robot = parse_urdf(fingers(4, 1, 3))
     assert robot.joint_names == ("j1", "j2", "j3", "j4")
-    assert told(robot, "assumed") == [
-        "link 'j4_link': the chain ends here, where fingers part; p00, p10 are held at zero; `tip` chooses another end"
-    ]
+    (note,) = told(robot, "assumed")
+    assert note.startswith("link 'j4_link': the chain ends here, where fingers part; p00, p10 are held at zero")
     assert parse_urdf(fingers(4, 1, 3), tip="f11").n == 6
 
 
@@ -287,14 +245,12 @@ def test_unknown_links_are_asked_for() -> None:
 
 BODIES = {
     "negative mass": ((-1, (1, 1, 1)), "its mass is not positive"),
-    "no mass": ((0, (1, 1, 1)), "its mass is not positive"),
     "grams": ((2e5, (1e3, 1e3, 1e3)), "its mass is above 100000 kg, so it may be in grams"),
     "point": ((1, (0, 0, 0)), "its inertia is zero, as of a point"),
     "negative inertia": ((1, (-0.01, 0.01, 0.01)), "its inertia is not positive definite about the centre of mass"),
     "triangle": ((1, (0.01, 0.01, 0.03)), "its inertia violates the triangle inequality: no body has it"),
     "too large": ((1, (2, 2, 2)), "its inertia is too large for its mass: it would be larger than the arm"),
     "sound": ((1, (0.01, 0.01, 0.01)), None),
-    "plate": ((1, (0.01, 0.01, 0.02)), None),
     "rounded plate": ((1, (0.001234, 0.001234, 0.002469)), None),
 }
 
@@ -322,9 +278,8 @@ def test_no_real_body_is_told_of(points: list[tuple[float, ...]], centre: tuple[
 
 def test_a_centre_of_mass_outside_is_told() -> None:
     text = document(links("a") + body("b", 1, (0.01, 0.01, 0.01), "0 0 5") + joint("j", "a", "b"))
-    assert [note.what for note in parse_urdf(text).notes if note.kind == "suspicious"] == [
-        "its centre of mass is farther away than the arm reaches"
-    ]
+    notes = [note.what for note in parse_urdf(text).notes if note.kind == "suspicious"]
+    assert notes == ["its centre of mass is farther away than the arm reaches"]
 
 
 def limited(kind: str = "revolute", axis: str = "1 0 0", **limit: float) -> str:
@@ -336,7 +291,6 @@ def limited(kind: str = "revolute", axis: str = "1 0 0", **limit: float) -> str:
 
 PLACEHOLDERS = {
     "slow": (limited(velocity=0.001), "joint j: a velocity limit of 0.001 rad/s; it may be a placeholder"),
-    "slow slide": (limited("prismatic", velocity=0.0001), "a velocity limit of 0.0001 m/s"),
     "narrow": (limited(lower=-0.001, upper=0.001), "joint j: a range of 0.002 rad; it may be a placeholder"),
     "degrees": (limited(lower=-0.035, upper=0.035), "a range of 0.07 rad; it may be a placeholder, or in another unit"),
     "weak": (limited(effort=0.001), "joint j: an effort limit of 0.001 Nm, but what it carries weighs on it with 29 N"),
@@ -364,7 +318,7 @@ def test_limits_that_leave_something_are_not_told(text: str) -> None:
     assert not told(parse_urdf(text), "suspicious")
 
 
-@pytest.mark.parametrize("arm", ARMS, ids=str)
+@pytest.mark.parametrize("arm", ARMS[::3], ids=str)
 def test_no_limit_of_a_public_robot_is_taken_for_a_placeholder(arm: Arm) -> None:
     notes = told(read_urdf(arm.path, base=arm.base, tip=arm.tip), "suspicious")
     assert not [note for note in notes if "a velocity limit of" in note or "a range of" in note or "an effort" in note]
@@ -377,9 +331,8 @@ def test_placeholders_are_told() -> None:
         chained = (joint(f"j{k}", b, a) for k, (a, b) in enumerate(zip(names, ["a", *names], strict=False)))
         return parse_urdf(document(links("a") + bodies + "".join(chained)))
 
-    assert told(arm(2, 2, 1, 2), "suspicious")[0].startswith(
-        "links l0, l1, l3: the same 2 kg and the same inertia, so they may be placeholders; "
-    )
+    alike = "links l0, l1, l3: the same 2 kg and the same inertia, so they may be placeholders; "
+    assert told(arm(2, 2, 1, 2), "suspicious")[0].startswith(alike)
     assert told(arm(2, 2, 1, 1), "suspicious") == []
     fingers = "".join(body(name, 2, (0.01, 0.01, 0.01)) + joint(name, "b", name, "fixed", "") for name in "xyz")
     assert told(parse_urdf(document(links("a", "b") + joint("j", "a", "b") + fingers)), "suspicious") == []
@@ -387,9 +340,8 @@ def test_placeholders_are_told() -> None:
 
 def test_lengths_in_millimetres_are_told() -> None:
     text = chain(LIMIT + '<origin xyz="0 0 330"/>')
-    assert told(parse_urdf(text), "suspicious") == [
-        "joint j: more than 50 m from the one before; lengths are in metres, not in millimetres"
-    ]
+    (note,) = told(parse_urdf(text), "suspicious")
+    assert note == "joint j: more than 50 m from the one before; lengths are in metres, not in millimetres"
 
 
 # --- how notes travel ------------------------------------------------------------------------------------------------
@@ -405,11 +357,6 @@ def test_notes_are_no_part_of_the_description() -> None:
     assert pickle.loads(pickle.dumps(robot)).notes == robot.notes
     text = document(links("a", "b", "c") + joint("j", "a", "b") + joint("k", "b", "c", inside=""))
     assert any(isinstance(note, MissingRange) for note in with_locked_joints(parse_urdf(text), [0]).notes)
-
-
-def test_a_finding_is_a_sentence() -> None:
-    assert str(Finding("found", "link 'a'", "no mass", "give one")) == "link 'a': no mass; give one"
-    assert str(Finding("found", "link 'a'", "no mass")) == "link 'a': no mass"
 
 
 KNOWN = {

@@ -1,4 +1,4 @@
-"""Expressions of xacro: hostile ones are refused with their line, those that vendors write have xacro's own values."""
+"""The reader of xacro: hostile expressions are refused with their line, those of vendors have xacro's own values."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from refused import refusal
 
 from regressors.errors import InputError
 from regressors.readers import library as xacro_file
-from regressors.readers.library import expand_xacro, load_robot
-from regressors.readers.xacro_expressions import LARGEST, LONGEST, Function, Names, Refused, evaluate, known_names
+from regressors.readers.library import expand_xacro, load_robot, read_xacro
+from regressors.readers.urdf import parse_urdf
+from regressors.readers.xacro_expressions import LARGEST, LONGEST, Refused, evaluate, known_names
 from tests.builders.public_arms import robots_folder
 
 xacro = pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")
@@ -30,23 +33,18 @@ LINE = 3  # of the expression
 EXPRESSIONS = {
     "import": ("__import__('os').system('touch {canary}')", "the name '__import__' is not allowed"),
     "subclasses": ("().__class__.__base__.__subclasses__()", "the attribute '__subclasses__' is not allowed"),
-    "text class": ("''.__class__.__mro__", "the attribute '__mro__' is not allowed"),
-    "number class": ("(1).__class__", "the attribute '__class__' is not allowed"),
     "builtins": ("__builtins__", "the name '__builtins__' is not allowed"),
     "function's own": ("len.__self__.open('{canary}', 'w')", "the attribute '__self__' is not allowed"),
     "comprehension": ("[c for c in (1).real.conjugate().__class__.__mro__]", "a comprehension is not allowed"),
     "generator": ("list(x for x in [1])", "a comprehension is not allowed"),
-    "frame": ("(x.gi_frame for x in [1])", "a comprehension is not allowed"),
     "dictionary": ("dict(a=1).__init__.__globals__", "the attribute '__globals__' is not allowed"),
     "walrus": ("(os := 1)", "an assignment is not allowed"),
     "star": ("max(*[1, 2])", "Starred, which is not allowed"),
     "two stars": ("dict(**dict(a=1))", r"'\*\*' before a dictionary is not allowed"),
     "open": ("open('{canary}', 'w')", "name 'open' is not defined"),
     "eval": ("eval('1')", "name 'eval' is not defined"),
-    "exec": ("exec('1')", "name 'exec' is not defined"),
     "getattr": ("getattr(1, 'real')", "name 'getattr' is not defined"),
     "type": ("python.type('a', (), dict())", "name 'type' is not defined"),
-    "vars": ("python.vars(xacro)", "name 'vars' is not defined"),
     "call of a value": ("(1)(2)", "calling 1 is not allowed"),
     "mapped text": ("list(map('exec', ['1']))", "map of str is not allowed"),
     "key of a sort": ("sorted([1], key=max)", "'Function' object is not callable"),
@@ -72,10 +70,7 @@ def test_hostile_expressions_are_refused(expression: str, message: str) -> None:
 # An expression as the value of a mass, and what the refusal says. {canary} is a file that none may write, {secret} one
 # that none may read.
 HOSTILE = {
-    "issue": (
-        "${(lambda f=xacro.load_yaml: f.__globals__['os'].system('touch {canary}'))()}",
-        "a lambda is not allowed",
-    ),
+    "issue": ("${(lambda f=xacro.load_yaml: f.__globals__['os'].system('touch {canary}'))()}", "a lambda is not allow"),
     "globals": ("${xacro.load_yaml.__globals__['os'].system('touch {canary}')}", "the attribute '__globals__'"),
     "code of a function": ("${xacro.load_yaml.func_globals}", "the attribute 'func_globals' of a Function"),
     "f-string": ("hidden: f'{xacro.load_yaml.__globals__}'", "an f-string is not allowed"),
@@ -83,13 +78,11 @@ HOSTILE = {
     "format_map": ("hidden: '{a.__class__}'.format_map(dict(a=1))", "the attribute 'format_map' of a str"),
     "eval of arguments": ("hidden: __import__('os').system('touch {canary}')", "the name '__import__' is not allowed"),
     "open in eval": ("hidden: open('{canary}', 'w')", "name 'open' is not defined"),
-    "lambda in eval": ("$(eval [lambda: 1])", "a lambda is not allowed"),
     "environment": ("$(env HOME)", r"\$\(env HOME\): the environment is not visible to a description"),
     "environment, optional": ("$(optenv HOME /)", r"\$\(env HOME\): the environment is not visible"),
     "YAML elsewhere": ("${xacro.load_yaml('{secret}')}", "is outside the folder of arm.xacro"),
     "YAML above": ("${xacro.load_yaml('../secret.yaml')}", "is outside the folder of arm.xacro"),
     "YAML through a link": ("${xacro.load_yaml('link.yaml')}", "is outside the folder of arm.xacro"),
-    "YAML of the system": ("${xacro.load_yaml('/proc/self/environ')}", "is outside the folder of arm.xacro"),
     "YAML of a device": ("${xacro.load_yaml('/dev/zero')}", "is outside the folder of arm.xacro"),
     "YAML with a tag": ("${xacro.load_yaml('tag.yaml')}", "could not determine a constructor for the tag"),
     "YAML with a unit": ("${xacro.load_yaml('unit.yaml')}", "a lambda is not allowed"),
@@ -131,10 +124,9 @@ def test_hostile_expressions_are_refused_with_their_line(
     monkeypatch.chdir(folder)
     canary = folder.parent / "canary"
     filled = expression.replace("{canary}", str(canary)).replace("{secret}", str(folder.parent / "secret.yaml"))
-    with pytest.raises(InputError, match=message) as raised:
-        load_robot(str(document(folder, mass(filled))))
-    assert re.search(rf"arm\.xacro, line {LINE}\b", str(raised.value)), raised.value
-    assert "\n" not in str(raised.value)
+    told = refusal(load_robot, str(document(folder, mass(filled))))
+    assert re.search(message, told)
+    assert re.search(rf"arm\.xacro, line {LINE}\b", told)
     assert sorted(each.name for each in folder.parent.rglob("canary")) == []
 
 
@@ -148,10 +140,7 @@ ENDLESS = {
         '<xacro:macro name="m" params="k">\n<xacro:m k="${k}"/></xacro:macro>\n<xacro:m k="1"/>',
         r"arm\.xacro: <xacro:m> is more than 400 deep within each other, and contains itself",
     ),
-    "include of itself": (
-        '<xacro:include filename="arm.xacro"/>',
-        r"arm\.xacro: arm\.xacro is more than 400 deep within each other, and contains itself",
-    ),
+    "include of itself": ('<xacro:include filename="arm.xacro"/>', r"arm\.xacro: arm\.xacro is more than 400 deep wit"),
     "macros that double": slow(
         "".join(
             f'<xacro:macro name="m{k}"><xacro:m{k - 1}/><xacro:m{k - 1}/></xacro:macro>\n' for k in range(1, 40)
@@ -170,10 +159,7 @@ ENDLESS = {
     ),
     "elements within each other": ("<a>" * 30_000 + "</a>" * 30_000, "too deep within each other|more than 150 MB"),
     "entities": ("", r"arm\.xacro, line 1: a DOCTYPE or ENTITY declaration is refused"),
-    "lists of lists": slow(
-        mass("${str(xacro.load_yaml('laughs.yaml'))}"),
-        "takes more (memory than it may|than)|too large",
-    ),
+    "lists of lists": slow(mass("${str(xacro.load_yaml('laughs.yaml'))}"), "takes more (memory|than)|too large"),
 }  # fmt: skip
 
 
@@ -187,9 +173,7 @@ def test_endless_documents_end(body: str, message: str, folder: Path, monkeypatc
     path = document(folder, body)
     if not body:
         path.write_text("<!DOCTYPE a [<!ENTITY b 'c'>]>" + path.read_text(), "utf-16")
-    with pytest.raises(InputError, match=message) as raised:
-        expand_xacro(path)
-    assert "\n" not in str(raised.value)
+    assert re.search(message, refusal(expand_xacro, path))
 
 
 @pytest.mark.parametrize(
@@ -326,14 +310,6 @@ def test_a_vendors_file_is_expanded_as_xacro_expands_it() -> None:
     assert body_of(expand_xacro(path)) == body_of(by_xacro(path))
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [("'ab'.find('b')", 1), ("dict(a=1).get('b', 3)", 3), ("len(dict(a=1).items())", 1), ("n.a", 2), ("f(2)", 4)],
-)
-def test_values(text: str, value: object) -> None:
-    assert evaluate(text, {**known_names({}), "n": Names(a=2), "f": Function(lambda x: 2 * x)}) == value
-
-
 def test_a_value_has_no_attributes() -> None:
     class Own:
         secret = 1
@@ -392,3 +368,107 @@ def _run(code: str, *arguments: str) -> dict[str, str]:
     assert done.returncode == 0, done.stderr.decode()
     answer: dict[str, str] = json.loads(done.stdout)
     return answer
+
+
+pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")
+
+NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+ARM_PART = f"""
+<robot {NAMESPACE}>
+  <xacro:macro name="part" params="k parent mass">
+    <link name="l${{k}}">
+      <inertial><mass value="${{mass}}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+    </link>
+    <joint name="j${{k}}" type="revolute">
+      <parent link="${{parent}}"/><child link="l${{k}}"/><origin xyz="0 0 0.3" rpy="${{pi / 2}} 0 0"/>
+      <limit lower="-1" upper="1" effort="2" velocity="$(arg speed)"/>
+    </joint>
+  </xacro:macro>
+</robot>
+"""
+ARM = f"""
+<robot name="arm" {NAMESPACE}>
+  <xacro:arg name="speed" default="3"/>
+  <xacro:include filename="$(find some_arm)/urdf/part.xacro"/>
+  <link name="base"/>
+  <xacro:part k="1" parent="base" mass="2"/>
+  <xacro:part k="2" parent="l1" mass="${{2 * 0.25}}"/>
+</robot>
+"""
+EXPANDED = '<robot name="arm"><link name="base"/>' + "".join(
+    f"""
+    <link name="l{k}">
+      <inertial><mass value="{mass}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+    </link>
+    <joint name="j{k}" type="revolute">
+      <parent link="{parent}"/><child link="l{k}"/><origin xyz="0 0 0.3" rpy="{np.pi / 2!r} 0 0"/>
+      <limit lower="-1" upper="1" effort="2" velocity="3"/>
+    </joint>"""
+    for k, parent, mass in ((1, "base", 2), (2, "l1", 0.5))
+) + "</robot>"  # fmt: skip
+
+
+def package(root: Path, text: str = ARM, name: str = "arm.urdf.xacro") -> str:
+    """A package some_arm with a file that describes an arm."""
+    folder = root / "some_arm" / "urdf"
+    folder.mkdir(parents=True)
+    (folder / "part.xacro").write_text(ARM_PART, encoding="utf-8")
+    (folder / name).write_text(text, encoding="utf-8")
+    return str(folder / name)
+
+
+@pytest.mark.parametrize("name", ["arm.urdf.xacro", "arm.xacro", "arm.urdf", "arm.xml"])
+def test_robot_is_that_of_the_expanded_text(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    robot = load_robot(package(tmp_path, name=name), tip="l2", xacro=not name.endswith(".xacro"))
+    assert robot.sha256() == parse_urdf(EXPANDED).sha256()
+    assert robot.source == f"URDF {name}"
+    assert capfd.readouterr() == ("", "")
+
+
+def test_arguments(tmp_path: Path) -> None:
+    assert read_xacro(package(tmp_path), arguments={"speed": "4"}).limits.velocity.tolist() == [4, 4]
+
+
+@pytest.mark.parametrize(
+    ("how", "inside"),
+    [
+        *(("packages", inside) for inside in ("", "some_arm", "ros/some_arm")),
+        *(("ROS_PACKAGE_PATH", inside) for inside in ("", "some_arm", "ros/some_arm")),
+        ("AMENT_PREFIX_PATH", "prefix/share/some_arm"),
+    ],
+)
+def test_packages_are_found(how: str, inside: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = tmp_path / "workspace" / inside
+    package(place.parent if inside else place)
+    (tmp_path / "arm.xacro").write_text(ARM, encoding="utf-8")
+    root = {"": place, "some_arm": place, "ros/some_arm": place.parents[1]}.get(inside, tmp_path / "workspace/prefix")
+    if how != "packages":
+        monkeypatch.setenv(how, f"/nowhere:{root}")
+    robot = read_xacro(tmp_path / "arm.xacro", packages=[root] if how == "packages" else [])
+    assert robot.joint_names == ("j1", "j2")
+
+
+BROKEN = {
+    "missing package": (ARM.replace("some_arm", "other_arm"), "a.xacro: no folder of the package 'other_arm', neither"),
+    "missing include": (ARM.replace("part.xacro", "parts.xacro"), "a.xacro: xacro does not expand it: No such file or"),
+    "missing argument": (
+        ARM.replace('<xacro:arg name="speed" default="3"/>', ""),
+        "a.xacro: the argument speed has no value; expand the file with one, and give the URDF: "
+        "xacro a.xacro speed:=VALUE > a.urdf",
+    ),
+    "unknown macro": (ARM.replace('<xacro:part k="1"', '<xacro:link k="1"'), "xacro does not expand it: unknown macro"),
+    "missing parameter": (ARM.replace('mass="2"', ""), "xacro does not expand it: Undefined parameters [mass]"),
+    "no URDF": (ARM.replace('parent="l1"', 'parent="l7"'), "a.xacro, expanded, line "),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BROKEN.values(), ids=BROKEN)
+def test_broken_files_are_refused_in_one_line(text: str, message: str, tmp_path: Path) -> None:
+    assert message in refusal(load_robot, package(tmp_path, text, "a.xacro"))
+
+
+def test_missing_xacro_is_told_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "xacro.py").write_text("raise ImportError", encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(InputError, match=r"not installed; pip install 'excite-trajectories\[xacro\]'"):
+        load_robot(package(tmp_path))

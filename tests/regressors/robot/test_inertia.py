@@ -1,23 +1,18 @@
-"""Inertial parameters of a body, against the sums over the point masses that it is made of."""
+"""Inertial parameters of a body, against sums over point masses; parameters that no body has."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from slow_dynamics import random_rotation
 
-from regressors.robot.inertia import (
-    PARAMETER_UNITS,
-    from_centre_of_mass,
-    from_pseudo_inertia,
-    inertia_tensor,
-    parameter_names,
-    pseudo_inertia,
-    skew,
-    transport,
-)
+from regressors.readers.library import built_in
+from regressors.robot.inertia import from_centre_of_mass, from_pseudo_inertia, inertia_tensor, pseudo_inertia, transport
+from regressors.robot.plausibility import implausible_inertias, principal_moments
+from regressors.robot.robot import Joint, Limits, Link, Robot
 
 SEED = st.integers(0, 2**32 - 1)
 
@@ -38,31 +33,12 @@ def theta_of(m: np.ndarray, r: np.ndarray) -> np.ndarray:
     return np.array([m.sum(), *(m @ r), I[0, 0], I[0, 1], I[0, 2], I[1, 1], I[1, 2], I[2, 2]])
 
 
-def test_order_names_and_units() -> None:
-    names = ("m7", "m7c7x", "m7c7y", "m7c7z", "I7xx", "I7xy", "I7xz", "I7yy", "I7yz", "I7zz")
-    assert parameter_names(7) == names
-    assert list(PARAMETER_UNITS) == ["kg", *["kg m"] * 3, *["kg m^2"] * 6]
-
-
-@given(SEED)
-def test_skew_is_the_cross_product(seed: int) -> None:
-    v, w = np.random.default_rng(seed).normal(size=(2, 3))
-    np.testing.assert_allclose(skew(v) @ w, np.cross(v, w), atol=1e-15)
-
-
 @given(SEED)
 def test_from_centre_of_mass(seed: int) -> None:
     m, r = point_masses(seed)
     centre = m @ r / m.sum()
     theta = from_centre_of_mass(m.sum(), centre, tensor_of(m, r - centre))
     np.testing.assert_allclose(theta, theta_of(m, r), rtol=1e-12, atol=1e-12)
-
-
-def test_rod_about_its_end() -> None:
-    """A thin rod of mass m and length l: m l^2 / 12 about its centre, m l^2 / 3 about its end."""
-    m, l = 3.0, 0.8
-    theta = from_centre_of_mass(m, [l / 2, 0, 0], np.diag([0, m * l**2 / 12, m * l**2 / 12]))
-    np.testing.assert_allclose(theta, [m, m * l / 2, 0, 0, 0, 0, 0, m * l**2 / 3, 0, m * l**2 / 3], atol=1e-15)
 
 
 @given(SEED)
@@ -84,39 +60,6 @@ def test_pseudo_inertia_and_back_for_any_ten_numbers(theta: list[float]) -> None
 
 
 @given(SEED)
-def test_pseudo_inertia_and_back_for_any_symmetric_matrix(seed: int) -> None:
-    A = np.random.default_rng(seed).normal(size=(4, 4))
-    np.testing.assert_allclose(pseudo_inertia(from_pseudo_inertia(A + A.T)), A + A.T, atol=1e-14)
-
-
-@given(SEED)
-@settings(max_examples=50)
-def test_pseudo_inertia_of_a_body_is_positive_definite(seed: int) -> None:
-    assert np.linalg.eigvalsh(pseudo_inertia(theta_of(*point_masses(seed))))[0] > 0
-
-
-@pytest.mark.parametrize(
-    ("what", "theta"),
-    [
-        ("negative mass", [-1, 0, 0, 0, 1, 0, 0, 1, 0, 1]),
-        ("moments of inertia that break the triangle inequality", [1, 0, 0, 0, 1, 0, 0, 1, 0, 3]),
-        ("a centre of mass too far out for its inertia", [1, 2, 0, 0, 1, 0, 0, 1, 0, 1]),
-        ("products of inertia too large", [1, 0, 0, 0, 1, 1.5, 0, 1, 0, 1]),
-    ],
-)
-def test_pseudo_inertia_of_no_body_is_not_positive_definite(what: str, theta: list[float]) -> None:
-    assert np.linalg.eigvalsh(pseudo_inertia(theta))[0] < 0, what
-
-
-@given(SEED)
-def test_a_flat_body_is_on_the_border(seed: int) -> None:
-    m, r = point_masses(seed)
-    r[:, 2] = 0.0
-    eigenvalues = np.linalg.eigvalsh(pseudo_inertia(theta_of(m, r)))
-    assert abs(eigenvalues[0]) <= 1e-12 * eigenvalues[-1]
-
-
-@given(SEED)
 def test_transport_moves_the_points(seed: int) -> None:
     m, r = point_masses(seed)
     rng = np.random.default_rng(seed)
@@ -133,5 +76,62 @@ def test_transports_compose_and_invert(seed: int) -> None:
     np.testing.assert_allclose(transport(R, p) @ transport(R.T, -R.T @ p), np.eye(10), atol=1e-11)
 
 
-def test_transport_without_motion_is_the_identity() -> None:
-    np.testing.assert_array_equal(transport(np.eye(3), np.zeros(3)), np.eye(10))
+CENTRE = (0.1, -0.05, 0.2)
+
+
+def robot(*thetas: np.ndarray | None) -> Robot:
+    n = len(thetas)
+    return Robot(
+        name="chain",
+        joints=tuple(Joint(f"j{k}", "revolute", np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0])) for k in range(n)),
+        links=tuple(Link(f"l{k}", theta) for k, theta in enumerate(thetas)),
+        limits=Limits.none(n),
+    )
+
+
+def body(mass: float, moments: tuple[float, float, float]) -> np.ndarray:
+    return from_centre_of_mass(mass, CENTRE, np.diag(moments))
+
+
+SOUND = body(3.0, (0.1, 0.2, 0.25))
+
+
+@pytest.mark.parametrize(
+    ("theta", "reason"),
+    [
+        (None, "no mass is stated"),
+        (body(-1.0, (0.1, 0.2, 0.25)), "the mass is negative, -1 kg"),
+        (body(2.0, (-0.1, 0.2, 0.25)), "a principal moment of inertia is negative, -0.1"),
+        (body(2.0, (0.1, 0.2, 0.4)), "0.1, 0.2, 0.4 kg m.2 break the triangle inequality"),
+    ],
+)
+def test_a_body_that_cannot_be_is_named_with_its_reason(theta: np.ndarray | None, reason: str) -> None:
+    reasons = implausible_inertias(robot(SOUND, theta))
+    assert list(reasons) == ["l1"]
+    with pytest.raises(AssertionError, match=reason):
+        raise AssertionError(reasons["l1"])
+
+
+def test_three_equal_bodies_are_placeholders_and_two_are_not() -> None:
+    assert implausible_inertias(robot(SOUND, SOUND, 2 * SOUND)) == {}
+    assert list(implausible_inertias(robot(SOUND, SOUND, SOUND))) == ["l0", "l1", "l2"]
+
+
+def test_a_robot_without_any_mass_is_not_described() -> None:
+    assert set(implausible_inertias(robot(np.zeros(10), np.zeros(10))).values()) == {"the mass is zero"}
+    assert implausible_inertias(robot(SOUND, np.zeros(10))) == {}  # frames without mass are common
+
+
+def test_published_robots_are_plausible() -> None:
+    assert all(implausible_inertias(built_in(name)) == {} for name in ("irp6", "panda", "ur10e"))
+
+
+@given(arrays(float, (6, 3), elements=st.floats(-2.0, 2.0)), arrays(float, 6, elements=st.floats(0.1, 5.0)))
+def test_point_masses_are_a_body_whatever_their_place(points: np.ndarray, masses: np.ndarray) -> None:
+    tensor = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points, strict=True))
+    theta = np.concatenate([[masses.sum()], masses @ points, tensor[np.triu_indices(3)]])
+    centred = points - masses @ points / masses.sum()
+    about = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, centred, strict=True))
+    np.testing.assert_allclose(principal_moments(theta), np.linalg.eigvalsh(about), atol=1e-9)
+    if np.linalg.eigvalsh(about)[2] > 1e-6:
+        assert implausible_inertias(robot(theta)) == {}

@@ -1,4 +1,4 @@
-"""Sweeps run to their end: alike on every executor, resumed after kills, nothing lost and nothing done twice."""
+"""Sweeps run to their end: alike on every executor, resumed after kills and failing disks, nothing done twice."""
 
 from __future__ import annotations
 
@@ -8,14 +8,21 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from commands import ENVIRONMENT, Here
+from failing_disk import CRASHED, Disk, run_failing
 from processes import DaskProcesses, alive, kill, stderr_of, until, workers
+from written_results import VERSIONS, design
 
 import excite
-from excite.design.sweeps.cell import clear_cells, packed, place
+from excite.design.executors.unit_executor import InThisProcess
+from excite.design.kept_starts import KeptStarts
+from excite.design.problem_identity import ProblemIdentity
+from excite.design.start_results import write_start
+from excite.design.sweeps.cell import clear_cells, packed, place, stored_design
 from excite.design.sweeps.run_sweep import CellProgress, run_sweep
 from excite.design.sweeps.sweep_table import load_sweep
 from regressors.errors import InputError
@@ -29,8 +36,8 @@ grid:
 exclude: [{trajectory: fourier, limits: still}]
 """
 SLOW = """
-common: {starts: 4, harmonics: 5}
-grid: {robot: [panda], trajectory: [fourier, cosine], seed: [0, 1, 2]}
+common: {starts: 3, harmonics: 5}
+grid: {robot: [panda], trajectory: [fourier, cosine], seed: [0, 1]}
 """
 
 
@@ -43,12 +50,35 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureF
 
 def motions(out: Path) -> dict[str, Any]:
     """What the designs of all cells say, by cell, without times and places."""
-    told = {}
-    for folder in sorted((out / "cells").iterdir()):
-        if (folder / "design.json").exists():
-            content = json.loads((folder / "design.json").read_text())
-            told[folder.name] = [content[name] for name in ("trajectory", "criteria", "limits", "predicted", "notes")]
-    return told
+    contents = {path.parent.name: json.loads(path.read_text()) for path in sorted(out.glob("cells/*/design.json"))}
+    told = ("trajectory", "criteria", "limits", "predicted", "notes")
+    return {cell: [content[name] for name in told] for cell, content in contents.items()}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Motions of the slow sweep, in this process."""
+    folder = tmp_path_factory.mktemp("serial")
+    (folder / "slow.yaml").write_text(SLOW)
+    excite.run_sweep(folder / "slow.yaml", folder / "out", executor="serial")
+    return motions(folder / "out")
+
+
+def started(here: Here, *options: str, **how: Any) -> subprocess.Popen[Any]:
+    command = [
+        sys.executable,
+        "-m",
+        "excite",
+        "sweep",
+        "run",
+        "slow.yaml",
+        "--out",
+        "out",
+        "--figures",
+        "none",
+        *options,
+    ]
+    return subprocess.Popen(command, cwd=here.cwd, env=ENVIRONMENT, **how)
 
 
 def files(out: Path, pattern: str) -> dict[str, bytes]:
@@ -94,49 +124,43 @@ def test_every_executor_gives_the_same(here: Here) -> None:
     pytest.importorskip("distributed")
     tables = {}
     with DaskProcesses(here.cwd / "dask") as dask:
-        for name, executor in (("a", "serial"), ("b", "process"), ("c", dask.address), ("d", f"dask-file:{dask.file}")):
+        for name, executor in (("a", "serial"), ("b", "process"), ("c", dask.address)):
             tables[name] = run_sweep(here.cwd / "sweep.yaml", here.cwd / name, executor=executor, workers=2)
     expected = motions(here.cwd / "a")
     assert len(expected) == 2
-    for name in "bcd":
+    rows = {name: [(row.cell, row.status, row.criteria, row.reason) for row in tables[name].rows] for name in tables}
+    for name in "bc":
         assert motions(here.cwd / name) == expected
-        assert [(row.cell, row.status, row.criteria, row.reason) for row in tables[name].rows] == [
-            (row.cell, row.status, row.criteria, row.reason) for row in tables["a"].rows
-        ]
+        assert rows[name] == rows["a"]
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks at processes through /proc")
-def test_killed_at_once_and_a_worker_killed(here: Here) -> None:
+def test_killed_at_once_and_a_worker_killed(here: Here, undisturbed: dict[str, Any]) -> None:
     out = here.cwd / "out"
-    command = [sys.executable, "-m", "excite", "sweep", "run", "slow.yaml", "--out", "out", "--workers", "2"]
-    command += ["--figures", "none"]
 
-    def start() -> subprocess.Popen[bytes]:
+    def start() -> subprocess.Popen[Any]:
         with (here.cwd / "stderr").open("wb") as stderr:
-            return subprocess.Popen(command, cwd=here.cwd, env=ENVIRONMENT, stderr=stderr, start_new_session=True)
+            return started(here, "--workers", "2", stderr=stderr, start_new_session=True)
 
     process = start()
     until(lambda: files(out, "cells/*/design.json"))
-    until(lambda: len(finished_starts(out)) > 5)
+    until(lambda: len(finished_starts(out)) > 3)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     until(lambda: not alive(process.pid))
     designs, starts = files(out, "cells/*/[!.]*"), finished_starts(out)
-    assert 1 <= len(files(out, "cells/*/design.json")) < 6
-
+    assert 1 <= len(files(out, "cells/*/design.json")) < 4
     process = start()
-    until(lambda: len(files(out, "cells/*/design.json")) > 2)
+    until(lambda: len(finished_starts(out)) > len(starts))
     os.kill(workers(process.pid)[0], signal.SIGKILL)
     assert process.wait(120) == 0
     assert "a worker process ended (signal 9, which is often a lack of memory) and is replaced" in stderr_of(here.cwd)
-    assert "of 6 cells are already done in out" in stderr_of(here.cwd)
+    assert "of 4 cells are already done in out" in stderr_of(here.cwd)
     kept = [name for name in designs if f"{Path(name).parent}/design.json" in designs]
     assert {name: designs[name] for name in kept} == {name: (out / name).read_bytes() for name in kept}
     assert {name: (out / name).read_bytes() for name in starts} == starts
-
-    excite.run_sweep(here.cwd / "slow.yaml", here.cwd / "serial", executor="serial")
-    assert motions(out) == motions(here.cwd / "serial")
+    assert motions(out) == undisturbed
 
 
 def finished_starts(out: Path) -> dict[str, bytes]:
@@ -145,15 +169,11 @@ def finished_starts(out: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.slow
-def test_dask_worker_killed_and_scheduler_gone(here: Here) -> None:
+def test_dask_worker_killed_and_scheduler_gone(here: Here, undisturbed: dict[str, Any]) -> None:
     pytest.importorskip("distributed")
-    out = here.cwd / "out"
-    command = ("sweep", "run", "slow.yaml", "--out", "out", "--figures", "none", "--executor")
+    out, ended = here.cwd / "out", []
     with DaskProcesses(here.cwd / "dask") as dask:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "excite", *command, dask.address],
-            cwd=here.cwd, env=ENVIRONMENT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+        process = started(here, "--executor", dask.address, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         until(lambda: files(out, "cells/*/design.json"))
         kill(dask.scheduler)
         stdout, stderr = process.communicate(timeout=120)
@@ -164,9 +184,7 @@ def test_dask_worker_killed_and_scheduler_gone(here: Here) -> None:
     ]
     assert "Traceback" not in stderr + stdout
     before = files(out, "cells/*/design.json")
-    assert 1 <= len(before) < 6
-
-    ended = []
+    assert 1 <= len(before) < 4
     with DaskProcesses(here.cwd / "other") as dask:
 
         def progress(each: CellProgress) -> None:
@@ -176,27 +194,23 @@ def test_dask_worker_killed_and_scheduler_gone(here: Here) -> None:
 
         table = run_sweep(here.cwd / "slow.yaml", out, executor=dask.address, progress=progress)
     assert table.holds
-    assert len(ended) == 6 - len(before)
+    assert len(ended) == 4 - len(before)
     assert {name: (out / name).read_bytes() for name in before} == before
-    run_sweep(here.cwd / "slow.yaml", here.cwd / "serial", executor="serial")
-    assert motions(out) == motions(here.cwd / "serial")
+    assert motions(out) == undisturbed
 
 
 @pytest.mark.slow
 def test_interrupted_sweep_writes_the_table(here: Here) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "excite", "sweep", "run", "slow.yaml", "--out", "out", "--executor", "serial"],
-        cwd=here.cwd, env=ENVIRONMENT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    process = started(here, "--executor", "serial", stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     until(lambda: files(here.cwd / "out", "cells/*/design.json"))
     process.send_signal(signal.SIGINT)
     stdout, stderr = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "excite: interrupted; finished cells are saved, and the same command continues with the others" in stderr
     assert "not run" in stdout
-    table = load_sweep(here.cwd / "out")
-    assert table.counts["designed"] + table.counts["not run"] == 6
-    assert not list((here.cwd / "out" / "cells").glob("*/design.json")) or table.counts["designed"] >= 1
+    counts = load_sweep(here.cwd / "out").counts
+    assert counts["designed"] + counts["not run"] == 4
+    assert counts["designed"] >= 1
 
 
 def test_names_of_tasks_are_checked(tmp_path: Path) -> None:
@@ -227,3 +241,66 @@ def test_nothing_is_left_where_no_scheduler_answers(here: Here, monkeypatch: pyt
         assert ended.returncode == 2
         assert ended.stderr.splitlines()[-1].startswith("excite: no Dask scheduler answers at dask://127.0.0.1:9: ")
         assert not (here.cwd / "out").exists()
+
+
+STEP = 11  # every so many calls
+
+
+def cells() -> dict[str, excite.Task]:
+    """Tasks by name."""
+    return {name: design(name).task for name in VERSIONS}
+
+
+class Elsewhere(InThisProcess):
+    """Runs cells here, but as a worker that does not see the disk."""
+
+    shares_disk = False
+
+
+@pytest.fixture
+def no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Searches that end at once."""
+
+    def formulate(_: object, task: Any) -> Any:
+        version = VERSIONS[task.search.seed]
+        identity = ProblemIdentity({"version": version}, run=version)
+        return SimpleNamespace(task=task, identity=identity, made=design(version))
+
+    def solve(_: object, formulation: Any, kept: KeptStarts) -> Any:
+        for start in formulation.made.starts:
+            write_start(kept.folder, start, formulation.identity.origin)
+        return formulation.made
+
+    monkeypatch.setattr("excite.design.sweeps.cell.formulate", formulate)
+    monkeypatch.setattr("excite.design.sweeps.cell.solve", solve)
+
+
+@pytest.mark.usefixtures("no_search")
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["killed", "power"])
+@pytest.mark.parametrize("executor", [InThisProcess(), Elsewhere()], ids=["shared disk", "sent back"])
+def test_a_sweep_continues_wherever_it_was_stopped(executor: InThisProcess, how: str, tmp_path: Path) -> None:
+    def run(folder: Path) -> int:
+        return int(not run_sweep(cells(), folder, executor=executor).holds)
+
+    clean = Disk(tmp_path / "clean")
+    assert run_failing(clean, lambda: run(tmp_path / "clean")) == 0
+    assert len(clean.calls) > 50
+    expected = load_sweep(tmp_path / "clean")
+    for at in range(0, len(clean.calls), STEP):
+        folder = tmp_path / f"{at}"
+        assert run_failing(Disk(folder, at, how), lambda folder=folder: run(folder)) == CRASHED, clean.calls[at]
+        done = {name for name in cells() if stored_design(folder / "cells" / name) is not None}
+        kept = {name: (folder / "cells" / name / "design.json").stat().st_mtime_ns for name in done}
+        assert run(folder) == 0, clean.calls[at]
+        assert load_sweep(folder) == expected, clean.calls[at]
+        assert {name: (folder / "cells" / name / "design.json").stat().st_mtime_ns for name in done} == kept
+        assert {path.name for path in (folder / "cells").iterdir()} == set(cells())
+
+
+@pytest.mark.usefixtures("no_search")
+def test_a_full_disk_is_one_error_and_the_sweep_continues(tmp_path: Path) -> None:
+    full = Disk(tmp_path / "out", 40, "full")
+    with pytest.raises(excite.InputError, match="No space left on device"):
+        run_failing(full, lambda: int(run_sweep(cells(), tmp_path / "out", executor="serial").holds))
+    assert run_sweep(cells(), tmp_path / "out", executor="serial").holds

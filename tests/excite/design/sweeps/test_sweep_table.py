@@ -1,25 +1,145 @@
-"""The table of a sweep: a thousand cells, groups that are comparable, figure, page and summary."""
+"""Sweep files and the table of a sweep: which cells are stated, groups that are comparable, figure and page."""
 
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from designed import copies
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import excite
-from excite.cli.sweep_run import show_sweep
-from excite.design.sweeps.cell import CELLS, Cell, read_cell, write_cell
-from excite.design.sweeps.run_sweep import cells_left
+from excite.cli.design_run import show_sweep
+from excite.design.sweeps.cell import CELLS, Cell, cell_identities, cell_name, read_cell, value_name, write_cell
+from excite.design.sweeps.run_sweep import cells_left, read_sweep_file
 from excite.design.sweeps.sweep_table import SweepTable, load_sweep, sweep_table
 from excite.design.task_file import task_content
 from excite.tasks.task import Task
 from regressors.errors import InputError
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "sweep.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+WHOLE = """
+common: {starts: 3, harmonics: 4}
+grid:
+  robot: [irp6, panda]
+  limits: {slow: {velocity: 0.5}, fast: {velocity: [1.0]}}
+  seed: [0, 1, 2]
+  joints: [[1, 2], [1, 2, 3]]
+exclude:
+  - {robot: panda, limits: slow}
+  - {seed: 2, joints: [1, 2]}
+include:
+  - {robot: ur10e, limits: {acceleration: 3}, seed: 0}
+  - {name: mine, robot: irp6, criterion: logdet}
+"""
+
+
+def test_cells_are_the_product_less_exclude_and_include(tmp_path: Path) -> None:
+    cells = read_sweep_file(written(tmp_path, WHOLE))
+    expected = [
+        {"robot": robot, "limits": limits, "seed": str(seed), "joints": joints}
+        for robot, limits, seed, joints in product(("irp6", "panda"), ("slow", "fast"), (0, 1, 2), ("1+2", "1+2+3"))
+        if not (robot == "panda" and limits == "slow") and not (seed == 2 and joints == "1+2")
+    ]
+    assert [dict(cell.options) for cell in cells[:-2]] == expected
+    assert cells[0].name == "robot=irp6,limits=slow,seed=0,joints=1+2"
+    assert cells[-1].name == "mine"
+    by_name = {cell.name: cell.task for cell in cells}
+    task = by_name["robot=panda,limits=fast,seed=1,joints=1+2+3"]
+    assert (task.robot, task.search.seed, task.model.joints) == ("panda", 1, ("1", "2", "3"))
+    assert (task.limits.velocity, task.search.starts, task.trajectory.harmonics) == ((1.0,), 3, 4)
+    assert by_name["mine"].objective.criterion == "logdet"
+    assert cells[-2].task.limits.acceleration == (3.0,)
+
+
+def test_names_do_not_depend_on_other_cells(tmp_path: Path) -> None:
+    text = "common: {robot: irp6}\ngrid: {seed: [%s], period: [10, 9.5]}"
+    few = {cell.name for cell in read_sweep_file(written(tmp_path, text % "1"))}
+    assert few == {"seed=1,period=10", "seed=1,period=9.5"}
+    assert few < {cell.name for cell in read_sweep_file(written(tmp_path, text % "0, 1, 2"))}
+
+
+def test_files_are_relative_to_the_sweep_file(tmp_path: Path) -> None:
+    (cell,) = read_sweep_file(written(tmp_path, "grid: {robot: [arms/arm.urdf]}"))
+    assert cell.task.robot == str(tmp_path / "arms" / "arm.urdf")
+    assert cell.name.startswith("robot=arms-arm.urdf-")
+
+
+BAD = {
+    "": "expected a mapping of fields, given nothing",
+    "grid: {seed: [0]": "line 1: not valid YAML",
+    "common: {robot: irp6}": "has no cell: state options in 'grid', or cells in 'include'",
+    "grid: {}": "has no cell",
+    "grid: {seed: []}": "grid.seed (line 1): has no value",
+    "grid: {seed: 0}": "grid.seed (line 1): should be a valid list, given 0",
+    "grid: {seed: [0, 0]}": "grid.seed (line 1): has a value twice",
+    "grid: {seed: [0, 0.5]}": "grid.seed[2] (line 1): should be a valid integer",
+    "grid:\n  sed: [0]": "grid.sed (line 2): no such field; did you mean ",
+    "grid: {robot: [irp6], executor: [serial]}": "grid.executor (line 1): no such field",
+    "common: {workers: 2}\ngrid: {robot: [irp6]}": "common.workers (line 1): no such field",
+    "grid: {seed: [0]}": "cell seed=0 has no robot; state one in 'common' or 'grid'",
+    "grid: {robot: [irp6], limits: {a b: {velocity: 1}}}": "labels are letters, digits and . _ + -, 40 at most",
+    "grid: {robot: [irp6], limits: {a: {speed: 1}}}": "grid.limits.a.speed (line 1): no such field",
+    "grid: {robot: [irp6], period: [-1]}": "grid.period[1] (line 1): ",
+    "grid: {robot: [irp6]}\nexclude: [{robot: panda}]": "exclude[1].robot (line 2): is not a value of the grid",
+    "grid: {robot: [irp6]}\nexclude: [{seed: 1}]": "exclude[1].seed (line 2): no such field",
+    "grid: {robot: [irp6]}\nexclude: [{}]": "exclude[1] (line 2): names no option of the grid",
+    "grid: {robot: [irp6]}\nexclude: [{robot: irp6}]": "has no cell",
+    "include: [{robot: irp6}, {robot: irp6}]": "has two cells named 'robot=irp6'; give one of them another 'name'",
+    "include: [{robot: irp6, name: A}, {robot: irp6, name: a}]": "has two cells named 'a'",
+    "include: [{}]": "has no option",
+    "grid: {robot: [irp6], rate: [0.1]}": "cell robot=irp6,rate=0.1: 10 s at 0.1 Hz is 1 samples",
+    "grid: {robot: [irp6], criterion: [conditon]}": "cell robot=irp6,criterion=conditon: ",
+    "grid: &a {robot: [irp6]}": "anchors and aliases",
+    f"grid: {{robot: [irp6], seed: {list(range(101))}, harmonics: {list(range(1, 101))}}}":
+        "10100 cells are more than the 10000 that a sweep may have",
+}  # fmt: skip
+
+
+def test_what_is_wrong_is_one_line(tmp_path: Path) -> None:
+    for text, message in BAD.items():
+        path = written(tmp_path, text)
+        with pytest.raises(InputError) as raised:
+            read_sweep_file(path)
+        assert message in str(raised.value)
+        assert str(raised.value).startswith(str(path))
+        assert "\n" not in str(raised.value)
+    with pytest.raises(InputError, match=r"cannot read sweep file .*none\.yaml: No such file"):
+        read_sweep_file(tmp_path / "none.yaml")
+
+
+plain = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=60)
+values = st.recursive(plain, lambda each: st.lists(each, max_size=4) | st.dictionaries(st.text(), each, max_size=3))
+
+
+@settings(max_examples=50)
+@given(values, values)
+def test_value_names_are_safe_and_tell_values_apart(one: object, other: object) -> None:
+    name = value_name(one)
+    assert re.fullmatch(r"[\w.+-]{0,41}", name, re.ASCII)
+    assert name not in (".", "..")
+    if isinstance(one, str | float) and isinstance(other, type(one)) and repr(one) != repr(other):
+        assert name != value_name(other) or str(one) == str(other)
+
+
+@given(st.dictionaries(st.sampled_from(["robot", "seed", "limits"]), st.text("ab1", min_size=1, max_size=90)))
+def test_cell_names_fit_a_file_system(options: dict[str, str]) -> None:
+    assert len(cell_name(options)) <= 169
+
 
 COUNT = 60
 
@@ -61,20 +181,15 @@ def test_finished_cells_are_not_left(cells: list[Cell], root: Path) -> None:
     assert (len(left.done), len(left.work)) == (COUNT, 0)
 
 
-@pytest.mark.parametrize("changed", [{"starts": 3}, {"harmonics": 4}, {"noise": 2.0}, {"rate": 50.0}])
-def test_cells_with_other_options_are_refused_or_run_again(
-    changed: dict[str, Any], cells: list[Cell], root: Path
-) -> None:
-    other = replace(cells[0], task=cells[0].task.changed(**changed))
-    with pytest.raises(InputError, match="1 cell of the same name has other options or versions: one-0; `replace`"):
-        cells_left([other, *cells[1:3]], root)
-    left = cells_left([other, *cells[1:3]], root, replace=True)
-    assert [(cell.name, work.fresh) for cell, work in left.work] == [("one-0", "starts" not in changed)]
-
-
-@pytest.mark.parametrize("changed", [{"executor": "serial"}, {"workers": 1}])
-def test_where_a_cell_runs_changes_nothing(changed: dict[str, Any], cells: list[Cell], root: Path) -> None:
-    assert cells_left([replace(cells[0], task=cells[0].task.changed(**changed))], root).work == ()
+def test_cells_with_other_options_are_refused_or_run_again(cells: list[Cell], root: Path) -> None:
+    for changed in ({"starts": 3}, {"harmonics": 4}, {"noise": 2.0}, {"rate": 50.0}):
+        other = [replace(cells[0], task=cells[0].task.changed(**changed)), *cells[1:3]]
+        with pytest.raises(InputError, match="1 cell of the same name has other options or versions: one-0; `replace`"):
+            cells_left(other, root)
+        left = cells_left(other, root, replace=True)
+        assert [(cell.name, work.fresh) for cell, work in left.work] == [("one-0", "starts" not in changed)]
+    for changed in ({"executor": "serial"}, {"workers": 1}):  # where a cell runs changes nothing
+        assert cells_left([replace(cells[0], task=cells[0].task.changed(**changed))], root).work == ()
 
 
 def test_failed_cells_run_again_and_infeasible_ones_do_not(cells: list[Cell], root: Path, tmp_path: Path) -> None:
@@ -143,16 +258,9 @@ def test_a_thousand_cells_are_in_one_table_figure_and_page(tmp_path: Path) -> No
 
 def test_the_options_that_identify_a_cell_are_all_of_a_task() -> None:
     """An option of a task that did not count would let a sweep keep designs of another problem."""
-    from excite.design.sweeps.cell import cell_identities
-
     task = Task("irp6")
     ours = cell_identities([Cell("a", task)])["a"]
-    for name, value in {
-        "seed": 1,
-        "gravity": (0.0, 0.0, -1.6),
-        "criterion": "logdet",
-        "home": "robot",
-        "begin": "d",
-    }.items():
+    changes = {"seed": 1, "gravity": (0.0, 0.0, -1.6), "criterion": "logdet", "home": "robot", "begin": "d"}
+    for name, value in changes.items():
         assert name in task_content(task)
         assert cell_identities([Cell("a", task.changed(**{name: value}))])["a"] != ours

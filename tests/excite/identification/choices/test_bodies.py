@@ -17,13 +17,12 @@ from excite.identification.choices.scoring import (
     choose_bodies,
     deviations_to_try,
     equivalent_rows,
-    of_base_columns,
     possible_estimate_of_products,
     pulled_least_squares,
 )
-from excite.identification.estimate import Estimate
+from excite.identification.estimator import Estimate
 from excite.identification.estimators.physical import Physical, physical
-from excite.identification.estimators.standard import near_described
+from excite.identification.estimators.possible_set import near_described
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
@@ -50,12 +49,8 @@ def true_beta(scale: float = 1.0) -> Array:
     """Base parameters of the description, the bodies' scaled; friction where not known 1."""
     definition, names = target().model.definition()
     kinds = {c.name: c.kind for c in target().model.standard_columns}
-    body = [describes * (scale if kinds[n] not in ("coulomb", "viscous") else 1.0) for n, describes in _values(names)]
+    body = [described().get(n, 1.0) * (scale if kinds[n] not in ("coulomb", "viscous") else 1.0) for n in names]
     return np.asarray(target().base.D @ definition @ np.array(body))
-
-
-def _values(names):
-    return [(n, described().get(n, 1.0)) for n in names]
 
 
 def statistics(count: int, noise: float, seed: int = 0, scale: float = 1.0, size: float = 1.0) -> BlockStatistics:
@@ -80,16 +75,8 @@ def test_equivalent_rows_have_the_same_normal_equations(dependent: bool) -> None
     for j in range(3):
         own = both[rows.equation == j]
         np.testing.assert_allclose(own.T @ own, products[j], atol=1e-10 * np.abs(products[j]).max())
-    assert rows.noise is not None
     np.testing.assert_allclose(rows.noise[0] ** -2, weights)
     assert rows.y.size == 3 * products.shape[1]
-
-
-def test_of_some_base_columns_the_parameters_keep_their_meaning() -> None:
-    few = of_base_columns(target(), [0, 3, 4])
-    assert few.base.names == tuple(target().base.names[k] for k in (0, 3, 4))
-    np.testing.assert_array_equal(few.base.D, target().base.D[[0, 3, 4]])
-    assert few.model is target().model
 
 
 # ---------------------------------------------------------------- prior knowledge
@@ -116,30 +103,14 @@ def test_pulled_least_squares_is_the_posterior_mean(within: float) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
 
 
-def test_a_wide_prior_is_none_and_a_narrow_one_is_all() -> None:
-    few, weights = statistics(60, 0.3, scale=1.5), np.ones(3)
-    every = range(target().base.rank)
-    plain = least_squares_of_products(few.total, weights)
-    wide = pulled_least_squares(target(), described(), 1e7, every)(few.total, weights)
-    np.testing.assert_allclose(wide, plain, rtol=1e-3, atol=1e-4 * np.abs(plain).max())
-    narrow = pulled_least_squares(target(), described(), 1e-6, every)(few.total, weights)
-    bodies = [k for k, name in enumerate(target().base.names) if not name.startswith("F")]
-    np.testing.assert_allclose(narrow[bodies], true_beta()[bodies], rtol=1e-3, atol=1e-4)
-
-
-def test_the_best_deviation_is_taken() -> None:
-    few = statistics(12, 0.3)
-    every = range(target().base.rank)
+def test_the_best_deviation_is_taken_and_none_without_described_bodies() -> None:
+    few, every = statistics(12, 0.3), range(target().base.rank)
     scores = [left_out(few, pulled_least_squares(target(), described(), d, every)).score for d in (10.0, 3.0, 1.0)]
     assert left_out(few, best_pulled(target(), described(), few)).score == min(scores)
-
-
-def test_without_described_bodies_nothing_is_pulled() -> None:
-    few, weights = statistics(60, 0.3), np.ones(3)
-    found = pulled_least_squares(target(), {}, 1.0, range(target().base.rank))(few.total, weights)
-    np.testing.assert_allclose(found, least_squares_of_products(few.total, weights))
-    assert deviations_to_try(target(), {}) == (None,)
-    assert deviations_to_try(target(), described()) == DEVIATIONS
+    many, weights = statistics(60, 0.3), np.ones(3)
+    found = pulled_least_squares(target(), {}, 1.0, every)(many.total, weights)
+    np.testing.assert_allclose(found, least_squares_of_products(many.total, weights))
+    assert (deviations_to_try(target(), {}), deviations_to_try(target(), described())) == ((None,), DEVIATIONS)
 
 
 def test_deviations_are_in_the_sizes_of_a_body() -> None:
@@ -166,7 +137,6 @@ def estimate(within: float | None) -> Estimate:
 def distance(within: float) -> float:
     """Of that estimate from the description, in sizes of the bodies."""
     theta = estimate(within).standard
-    assert theta is not None
     own = near_described(target().model, described(), 1.0)
     return float(np.sqrt(sum(((theta[n] - v) / own.deviations[n]) ** 2 for n, v in own.values.items())))
 
@@ -179,13 +149,10 @@ def test_possible_bodies_are_nearer_to_the_description_the_smaller_the_deviation
     np.testing.assert_allclose(estimate(1e3).coefficients, plain, atol=1e-6 * np.abs(plain).max())
 
 
-@pytest.mark.parametrize("within", [0.0, -1.0, np.nan, np.inf])
-def test_deviations_that_are_none_are_refused(within: float) -> None:
-    with pytest.raises(InputError, match="described_within must be a positive number"):
-        Physical(described_within=within)
-
-
-def test_one_pull_only() -> None:
+def test_deviations_that_are_none_are_refused_and_one_pull_only() -> None:
+    for within in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="described_within must be a positive number"):
+            Physical(described_within=within)
     with pytest.raises(InputError, match="give one of them"):
         Recipe(estimator="physical", pull=1.0, described_within=1.0).chosen_estimator()
     with pytest.raises(InputError, match="`described_within` is for the estimator physical, not for weighted"):
@@ -202,17 +169,12 @@ def test_few_data_hold_bodies_possible_and_near() -> None:
     assert recipe.delay == 0.001
     assert choice.value.startswith("physically possible, within about")
     assert len(choice.candidates) == 1 + len(DEVIATIONS)
-    least_squares = next(c for c in choice.candidates if c.value == "weighted")
-    assert next(c for c in choice.candidates if c.value == choice.value).score < least_squares.score
+    scores = {c.value: c.score for c in choice.candidates}
+    assert scores[choice.value] < scores["weighted"]
     assert "by least squares to" in choice.reason
-
-
-def test_what_predicts_alike_is_held_least() -> None:
-    """Many data of the described robot: every deviation predicts the same to a standard error or nearly so."""
-    recipe, choice = choose_bodies(statistics(2000, 0.1), target(), described(), Recipe())
+    recipe, choice = choose_bodies(statistics(2000, 0.1), target(), described(), Recipe())  # many data predict alike
     assert recipe.estimator == "physical"
-    scores = [c.score for c in choice.candidates]
-    assert np.ptp(scores) < 1e-3
+    assert np.ptp([c.score for c in choice.candidates]) < 1e-3
 
 
 def test_bodies_that_are_impossible_are_not_held() -> None:

@@ -1,4 +1,4 @@
-"""Ordinary and weighted least squares: NumPy's lstsq, laws of equivariance, coverage of the intervals, bad input."""
+"""Ordinary, weighted and recursive least squares: other implementations, laws of equivariance, coverage, bad input."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ import pytest
 import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from observed import noise_of, observations_of, random_problem, robot_observations
+from observed import noise_of, observations_of, random_problem
 
 from excite.identification import observations as observations_file
-from excite.identification.estimate import Estimate
-from excite.identification.estimators.instrumental import instrumental
-from excite.identification.estimators.least_squares import least_squares, weighted
+from excite.identification.estimator import Estimate
+from excite.identification.estimators import least_squares as recursive_file
+from excite.identification.estimators.least_squares import least_squares, recursive, weighted
+from excite.identification.estimators.robust import instrumental
 from excite.identification.observations import GroupFactors, Observations, join_observations
 from excite.identification.recipe import Recipe
 from excite.registry import ESTIMATORS, instance
 from regressors.errors import InputError, UnknownName
+from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)
 
@@ -44,17 +46,20 @@ def test_least_squares_is_numpys(seed: int) -> None:
     assert estimate.degrees_of_freedom == len(y) - W.shape[1]
 
 
+def assert_factors(observations: Observations, factors: GroupFactors) -> None:
+    whole = np.column_stack([observations.W, observations.y])
+    for g, R in enumerate(factors.R):
+        part = whole[observations.group == g]
+        np.testing.assert_allclose(R.T @ R, part.T @ part, rtol=1e-10, atol=1e-9)
+    R = factors.stacked(np.ones(2))
+    np.testing.assert_allclose(R.T @ R, whole.T @ whole, rtol=1e-10, atol=1e-9)
+
+
 def test_chunks_of_rows_make_the_factor_of_all_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
     observations, _ = random_problem(0, instants=100)
-    whole = np.column_stack([observations.W, observations.y])
     for chunk in (1, 3, 7, 1000):
         monkeypatch.setattr(observations_file, "BLOCK", chunk)
-        factors = GroupFactors.of(dataclasses.replace(observations))  # those of the same object are known
-        for g, R in enumerate(factors.R):
-            part = whole[observations.group == g]
-            np.testing.assert_allclose(R.T @ R, part.T @ part, rtol=1e-10, atol=1e-9)
-        R = factors.stacked(np.ones(2))
-        np.testing.assert_allclose(R.T @ R, whole.T @ whole, rtol=1e-10, atol=1e-9)
+        assert_factors(observations, GroupFactors.of(dataclasses.replace(observations)))  # the same object's are known
 
 
 def test_equations_without_some_columns_have_the_same_factor() -> None:
@@ -65,10 +70,7 @@ def test_equations_without_some_columns_have_the_same_factor() -> None:
     W[:150, 3] = 0.0
     W[:, 4] = 0.0
     observations = dataclasses.replace(observations, W=W)
-    whole = np.column_stack([W, observations.y])
-    for g, R in enumerate(GroupFactors.of(observations).R):
-        part = whole[observations.group == g]
-        np.testing.assert_allclose(R.T @ R, part.T @ part, rtol=1e-10, atol=1e-9)
+    assert_factors(observations, GroupFactors.of(observations))
 
 
 def test_columns_that_normal_equations_would_mix_up() -> None:
@@ -99,24 +101,17 @@ def test_weighted_is_the_maximum_of_the_restricted_likelihood(seed: int) -> None
     np.testing.assert_allclose(weighted(observations).noise[0], np.exp(best.x / 2), rtol=1e-5)
 
 
-def test_weighted_with_known_noise_is_the_closed_form() -> None:
+def test_known_noise_has_the_closed_form_and_the_sandwich_covariance() -> None:
     observations, _ = random_problem(4)
     observations = dataclasses.replace(observations, noise=np.array([[0.2, 1.5]]))
-    w = 1 / np.tile([0.2, 1.5], 60) ** 2
-    M = observations.W.T @ (observations.W * w[:, None])
+    W, sigma = observations.W, np.tile([0.2, 1.5], 60)
+    M = W.T @ (W / sigma[:, None] ** 2)
     estimate = weighted(observations)
-    np.testing.assert_allclose(estimate.values, np.linalg.solve(M, observations.W.T @ (w * observations.y)), rtol=1e-9)
+    np.testing.assert_allclose(estimate.values, np.linalg.solve(M, W.T @ (observations.y / sigma**2)), rtol=1e-9)
     np.testing.assert_allclose(estimate.covariance, np.linalg.inv(M), rtol=1e-7)
     np.testing.assert_array_equal(estimate.noise, [[0.2, 1.5]])
-
-
-def test_least_squares_with_known_noise_has_the_sandwich_covariance() -> None:
-    observations, _ = random_problem(5)
-    W, sigma = observations.W, np.tile([0.2, 1.5], 60)
     G = np.linalg.pinv(W)
-    expected = (G * sigma**2) @ G.T
-    found = least_squares(dataclasses.replace(observations, noise=np.array([[0.2, 1.5]]))).covariance
-    np.testing.assert_allclose(found, expected, rtol=1e-7)
+    np.testing.assert_allclose(least_squares(observations).covariance, (G * sigma**2) @ G.T, rtol=1e-7)
 
 
 # --- laws ------------------------------------------------------------------------------------------------------------
@@ -145,35 +140,12 @@ def test_weighted_in_other_units_of_one_equation(seed: int) -> None:
     np.testing.assert_allclose(found.noise, original.noise * [1.0, 1e3], rtol=1e-6)
 
 
-@pytest.mark.parametrize("method", [least_squares, weighted])
-def test_order_of_the_rows_does_not_matter(method) -> None:
-    observations, _ = random_problem(6)
-    order = np.random.default_rng(0).permutation(observations.y.size)
-    close(method(observations.rows(order)), method(observations))
-
-
 def test_known_noise_split_into_logs_is_the_same_estimate() -> None:
     observations, _ = random_problem(7)
     observations = dataclasses.replace(observations, noise=np.array([[0.2, 1.5]]))
     parts = [observations.rows(np.arange(a, b)) for a, b in ((0, 50), (50, 52), (52, 120))]
     close(weighted(join_observations(parts)), weighted(observations))
     close(least_squares(join_observations(parts)), least_squares(observations))
-
-
-def test_a_log_with_more_noise_counts_less() -> None:
-    quiet, beta = random_problem(8, deviations=(0.01,), instants=200)
-    loud, _ = random_problem(9, deviations=(5.0,), instants=200)
-    loud = dataclasses.replace(loud, y=loud.W @ beta + noise_of(np.random.default_rng(1), (5.0,), 200))
-    both, alone = weighted(join_observations([quiet, loud])), weighted(quiet)
-    assert np.all(both.deviation < alone.deviation)
-    np.testing.assert_allclose(both.deviation, alone.deviation, rtol=0.02)
-    np.testing.assert_allclose(both.noise, [[0.01], [5.0]], rtol=0.2)
-
-
-@pytest.mark.parametrize("method", [least_squares, weighted])
-def test_exact_data_give_exact_parameters(method) -> None:
-    observations, beta = robot_observations("irp6", noise=0.0)
-    np.testing.assert_allclose(method(observations).values, beta, atol=1e-9 * np.abs(beta).max())
 
 
 # --- coverage --------------------------------------------------------------------------------------------------------
@@ -194,13 +166,6 @@ def test_99_percent_intervals_hold_99_percent(method, known: bool) -> None:
     assert abs(inside / (3 * runs) - 0.99) < 2.6 * np.sqrt(0.99 * 0.01 / (3 * runs)) + 0.001
 
 
-def test_noise_is_estimated_without_bias() -> None:
-    rng = np.random.default_rng(12)
-    W = rng.normal(size=(40, 6))
-    squares = [weighted(observations_of(W, noise_of(rng, (0.5, 2.0), 20), 2)).noise[0] ** 2 for _ in range(400)]
-    np.testing.assert_allclose(np.mean(squares, axis=0), [0.25, 4.0], rtol=0.07)
-
-
 # --- names and bad input ---------------------------------------------------------------------------------------------
 
 
@@ -212,15 +177,8 @@ def test_every_estimator_is_registered() -> None:
         if name not in ("instrumental", "physical"):
             assert instance("estimator", name).estimate(observations).method == name
     assert instrumental(observations, observations.W).method == "instrumental"
-
-
-def test_unknown_estimator() -> None:
     with pytest.raises(UnknownName, match="no estimator named 'magic'; available: huber, instrumental, least-squares"):
         instance("estimator", "magic")
-
-
-def spoiled(**changes: object) -> Observations:
-    return dataclasses.replace(random_problem(0)[0], **changes)  # type: ignore[arg-type]
 
 
 def nan_at(array: np.ndarray, *place: int) -> np.ndarray:
@@ -230,20 +188,110 @@ def nan_at(array: np.ndarray, *place: int) -> np.ndarray:
 
 
 BASE = random_problem(0)[0]
-BAD = {
-    "empty": (lambda: BASE.rows(np.arange(0)), "no rows, so nothing can be estimated"),
-    "no columns": (lambda: observations_of(np.zeros((4, 0)), np.ones(4)), "no parameters to estimate"),
-    "W": (
-        lambda: spoiled(W=nan_at(BASE.W, 5, 2)),
-        "W must be finite, given nan for b3 in row 5, log log1, time 0.02 s",
+BAD = (
+    (BASE.rows(np.arange(0)), "no rows, so nothing can be estimated"),
+    (observations_of(np.zeros((4, 0)), np.ones(4)), "no parameters to estimate"),
+    (
+        dataclasses.replace(BASE, W=nan_at(BASE.W, 5, 2)),
+        "W must be finite, given nan for b3 in row 5, log log1, time 0.0",
     ),
-    "y": (lambda: spoiled(y=nan_at(BASE.y, 8)), "y must be finite, given nan in row 8"),
-    "noise": (lambda: spoiled(noise=np.array([[1.0, 0.0]])), r"noise must be positive, given \[\[1.0, 0.0\]\]"),
-}
+    (dataclasses.replace(BASE, y=nan_at(BASE.y, 8)), "y must be finite, given nan in row 8"),
+    (dataclasses.replace(BASE, noise=np.array([[1.0, 0.0]])), r"noise must be positive, given \[\[1.0, 0.0\]\]"),
+)
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_bad_observations(case: str) -> None:
-    make, message = BAD[case]
-    with pytest.raises(InputError, match=message):
-        weighted(make())
+def test_bad_observations() -> None:
+    for observations, message in BAD:
+        with pytest.raises(InputError, match=message):
+            weighted(observations)
+
+
+def literal(W: Array, y: Array, c: float) -> tuple[Array, Array]:
+    """[KD96] eq. (17), (18), one row after the other: estimates after every row, and the last P."""
+    p = W.shape[1]
+    X, P, path = np.zeros(p), c * np.eye(p), []
+    for d, value in zip(W, y, strict=True):
+        P = P - np.outer(P @ d, d) @ P / (1 + d @ P @ d)
+        X = X + P @ d * (value - d @ X)
+        path.append(X)
+    return np.array(path), P
+
+
+def small_problem(seed: int, rows: int, p: int) -> tuple[Array, Array]:
+    rng = np.random.default_rng(seed)
+    W = rng.normal(size=(rows, p))
+    return W, W @ rng.normal(size=p) + 0.1 * rng.normal(size=rows)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 100), st.integers(1, 5), st.sampled_from([1.0, 1e4]))
+@settings(max_examples=25)
+def test_every_row_is_the_literal_loops(seed: int, rows: int, p: int, c: float) -> None:
+    W, y = small_problem(seed, rows, p)
+    path, _ = literal(W, y, c)
+    time, estimates = recursive(observations_of(W, y), prior=c).history
+    np.testing.assert_allclose(estimates, path, atol=1e-7 * (1 + np.abs(path).max()))
+    np.testing.assert_allclose(time, np.arange(rows) * 0.01)
+
+
+def test_rows_of_one_instant_are_taken_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three rows per instant in blocks of any size: the history holds the literal loop's every third estimate."""
+    W, y = small_problem(1, 120, 4)
+    path, P = literal(W, y, 10.0)
+    for block in (1, 5, 32, 1000):
+        monkeypatch.setattr(recursive_file, "_BLOCK", block)
+        found = recursive(observations_of(W, y, equations=3), prior=10.0)
+        np.testing.assert_allclose(found.history[1], path[2::3], rtol=1e-9)
+    square = float(np.sum((y - W @ path[-1]) ** 2))
+    np.testing.assert_allclose(found.covariance, square / 116 * P, rtol=1e-8, atol=1e-12)
+    np.testing.assert_array_equal(found.covariance, found.covariance.T)
+
+
+def test_last_estimate_is_least_squares_with_the_prior() -> None:
+    W, y = small_problem(2, 200, 6)
+    for c in (1e-2, 1.0, 1e8):
+        regularised = np.linalg.lstsq(np.concatenate([W, np.eye(6) / np.sqrt(c)]), np.append(y, np.zeros(6)))[0]
+        np.testing.assert_allclose(recursive(observations_of(W, y), prior=c).values, regularised, rtol=1e-8)
+
+
+@pytest.mark.parametrize(("every", "instants"), [(1, 60), (7, 9), (30, 2), (59, 2), (1000, 1)])
+def test_decimated_history_ends_with_the_last_estimate(every: int, instants: int) -> None:
+    observations, _ = random_problem(3)
+    found = recursive(observations, every=every)
+    time, estimates = found.history
+    assert len(time) == instants
+    assert time[-1] == observations.time[-1]
+    np.testing.assert_array_equal(estimates[-1], found.values)
+    whole = recursive(observations).history[1]
+    np.testing.assert_array_equal(estimates[:-1], whole[every - 1 :: every][: instants - 1])
+
+
+def test_logs_follow_one_another() -> None:
+    observations, _ = random_problem(4)
+    parts = [observations.rows(np.arange(0, 60)), observations.rows(np.arange(60, 120))]
+    parts[1] = dataclasses.replace(parts[1], time=parts[1].time - parts[1].time[0] + parts[0].time[-1])
+    found = recursive(join_observations(parts))
+    np.testing.assert_allclose(found.values, recursive(observations).values, rtol=1e-9)
+    assert len(found.history[0]) == 60  # the last instant of one log and the first of the next stay apart
+
+
+@pytest.mark.parametrize("equations", [1, 2])
+@pytest.mark.parametrize("forgetting", [0.7, 0.98])
+def test_forgetting_is_an_exponential_weight(forgetting: float, equations: int) -> None:
+    W, y = small_problem(5, 120, 3)
+    age = np.repeat(np.arange(120 // equations)[::-1], equations)
+    w = forgetting ** (age / 2)
+    prior = np.sqrt(forgetting ** (120 // equations) / 100.0) * np.eye(3)
+    stacked = np.concatenate([W * w[:, None], prior])
+    expected = np.linalg.lstsq(stacked, np.append(y * w, np.zeros(3)))[0]
+    found = recursive(observations_of(W, y, equations=equations), prior=100.0, forgetting=forgetting)
+    np.testing.assert_allclose(found.values, expected, rtol=1e-7)
+
+
+def test_bad_settings() -> None:
+    for setting, message in (
+        ({"prior": 0.0}, "the prior c must be a positive number, given 0.0"),
+        ({"forgetting": 1.2}, r"forgetting factor must be in \(0, 1\], given 1.2"),
+        ({"every": 0}, "every must be 1 or more, given 0"),
+    ):
+        with pytest.raises(InputError, match=message):
+            recursive(random_problem(0)[0], **setting)

@@ -11,7 +11,7 @@ from observed import noise_of, observations_of
 from slow_dynamics import random_chain
 
 from excite.errors import ConicSolverError
-from excite.identification.estimate import Estimate
+from excite.identification.estimator import Estimate
 from excite.identification.estimators import possible_set
 from excite.identification.estimators.physical import physical
 from excite.identification.estimators.possible_set import PossibleSet, nearest
@@ -25,7 +25,7 @@ from regressors.samples import Array
 
 NOISE = (0.0, 1e-9, 1e-6, 1e-3, 0.01, 0.1)  # of each joint's torques
 SIZES = (1.0, 1e-4, 1e4)  # of the masses
-ROBOTS = 200
+ROBOTS = range(2, 200, 5)  # every noise, size and length among them
 EXACT = 1e-6  # of a joint's torques: what noise-free data leave
 
 
@@ -82,18 +82,16 @@ def check(seed: int) -> None:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_random_robot_is_possible_and_explains_the_torques(seed: int) -> None:
     check(seed)
+    if seed == 0:
+        rows, model, base, *_ = experiment(0)
+        assert any("hardly any noise" in note for note in physical(rows, model, base, reference={}).notes)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, ROBOTS, 40))
+@pytest.mark.parametrize("first", range(3))
 def test_random_robots_are_possible_and_explain_the_torques(first: int) -> None:
-    for seed in range(first, first + 40):
+    for seed in ROBOTS[first::3]:
         check(seed)
-
-
-def test_exact_torques_are_said_to_be_fitted_to_the_range_of_the_numbers() -> None:
-    rows, model, base, *_ = experiment(0)
-    assert any("hardly any noise" in note for note in physical(rows, model, base, reference={}).notes)
 
 
 @pytest.mark.parametrize("instants", [1, 2, 5])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,31 +36,30 @@ def moved() -> Motion:
     return motion()
 
 
-@pytest.mark.parametrize("mark", [" ", ","])
-def test_rtde_recording_with_torques_needs_no_mapping(tmp_path: Path, moved: Motion, mark: str) -> None:
-    log = excite.read_log(write_rtde(tmp_path / "r", moved, mark))
-    assert log.joints == ("1", "2", "3")
-    for read, true in ((log.q, moved.q), (log.dq, moved.dq), (log.effort, moved.tau)):
-        np.testing.assert_array_equal(read, true)
-    assert "read as Universal Robots RTDE recording" in log.left_out[-1]
+def assert_read(log: excite.Log, true: Motion) -> None:
+    for read, moved in ((log.q, true.q), (log.dq, true.dq), (log.effort, true.tau)):
+        np.testing.assert_array_equal(read, moved)
 
 
-def test_rtde_currents_are_asked_for_their_gain(tmp_path: Path, moved: Motion) -> None:
+def test_rtde_recordings_need_no_mapping_but_gains_of_currents(tmp_path: Path, moved: Motion) -> None:
+    for mark in (" ", ","):
+        log = excite.read_log(write_rtde(tmp_path / "r", moved, mark))
+        assert log.joints == ("1", "2", "3")
+        assert_read(log, moved)
+        assert "read as Universal Robots RTDE recording" in log.left_out[-1]
     path = write_rtde(tmp_path / "r", moved, torque="target_moment")
-    guess = excite.guess_mapping(path)
-    assert len(guess.questions) == 1
-    assert "gain" in guess.questions[0]
+    (question,) = excite.guess_mapping(path).questions
+    assert "gain" in question
     with pytest.raises(InputError, match=r"gain of each motor current .*`guess_mapping`"):
         excite.read_log(path)
 
 
 def test_franka_log_is_in_milliseconds(tmp_path: Path) -> None:
-    moved = motion(7)
-    log = excite.read_log(write_franka(tmp_path / "f", moved), robot=excite.load_robot("panda"))
-    assert log.joints == excite.load_robot("panda").joint_names
+    moved, robot = motion(7), excite.load_robot("panda")
+    log = excite.read_log(write_franka(tmp_path / "f", moved), robot=robot)
+    assert log.joints == robot.joint_names
     np.testing.assert_allclose(log.time, moved.time, atol=1e-12)
-    for read, true in ((log.q, moved.q), (log.dq, moved.dq), (log.effort, moved.tau)):
-        np.testing.assert_array_equal(read, true)
+    assert_read(log, moved)
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.003])
@@ -84,11 +83,10 @@ def test_topics_of_plotjuggler_are_aligned(tmp_path: Path, moved: Motion, shift:
 def test_one_file_per_signal(tmp_path: Path, moved: Motion, writer: object) -> None:
     folder = write_folder(tmp_path / "signals", moved, writer)  # type: ignore[arg-type]
     guess = excite.guess_mapping(folder)
-    assert guess.mapping is not None
     assert [text.split()[0] for text in guess.questions] == ["The", "Are"]  # efforts, rad
     log = excite.read_log(folder, NAMES, guess.mapping.model_copy(update={"joints": list(NAMES)}))
-    for read, true in ((log.q, moved.q), (log.dq, moved.dq), (log.effort, moved.tau), (log.time, moved.time)):
-        np.testing.assert_array_equal(read, true)
+    np.testing.assert_array_equal(log.time, moved.time)
+    assert_read(log, moved)
 
 
 @dataclass(frozen=True)
@@ -107,18 +105,10 @@ class Written:
 
 
 WORDS = (("q", "dq", "tau"), ("pos", "vel", "torque"), ("joint_position", "joint_velocity", "motor"), ("a", "b", "c"))
-TABLES = st.builds(
-    Written,
-    st.sampled_from(list(SECONDS)),
-    st.sampled_from(["rad", "deg", "turns"]),
-    st.sampled_from(["rad/s", "deg/s", "rpm", None]),
-    st.booleans(),
-    st.sampled_from([",", ";", "\t", " "]),
-    st.sampled_from(WORDS),
-    st.booleans(),
-    st.sampled_from([0.02, 1.0, 30.0]),
-    st.booleans(),
-)
+pick, either = st.sampled_from, st.booleans()
+UNITS = (pick(list(SECONDS)), pick(["rad", "deg", "turns"]), pick(["rad/s", "deg/s", "rpm", None]))
+FORMS = (either, pick([",", ";", "\t", " "]), pick(WORDS), either, pick([0.02, 1.0, 30.0]), either)
+TABLES = st.builds(Written, *UNITS, *FORMS)
 
 
 def write_any(path: Path, moved: Motion, how: Written) -> Path:
@@ -145,7 +135,7 @@ def write_any(path: Path, moved: Motion, how: Written) -> Path:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(how=TABLES, seed=st.integers(0, 20))
 def test_units_are_right_or_asked(tmp_path: Path, how: Written, seed: int) -> None:
     moved = motion(seed=seed, reach=how.reach)
@@ -168,24 +158,16 @@ def test_units_are_right_or_asked(tmp_path: Path, how: Written, seed: int) -> No
         log = excite.read_log(Path(guess.contents.source))
         np.testing.assert_allclose(log.q, moved.q, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(log.effort, moved.tau, rtol=1e-12, atol=1e-12)
-    assert _read_back(mapping_text(guess)) == mapping
+    assert validate(parse_document(mapping_text(guess), "mapping"), LogMapping) == mapping
 
 
-def _read_back(text: str) -> LogMapping:
-    return validate(parse_document(text, "mapping"), LogMapping)
-
-
-def test_velocities_in_other_units_show_the_units_of_positions(tmp_path: Path, moved: Motion) -> None:
+def test_velocities_in_other_units_show_those_of_positions_and_of_other_joints_are_asked(tmp_path, moved) -> None:
     how = Written("ms", "deg", "rad/s", False, ",", ("q", "dq", "tau"), True, 1.0, False)
     guess = excite.guess_mapping(write_any(tmp_path / "any", moved, how))
-    assert guess.mapping is not None
     assert (guess.mapping.position.unit, guess.mapping.time.unit) == (["deg"], "ms")
     assert [question.split()[1] for question in guess.questions] == ["efforts"]
-
-
-def test_velocities_of_other_joints_are_asked_about(tmp_path: Path, moved: Motion) -> None:
     swapped = Motion(moved.time, moved.q, moved.dq[:, [1, 0, 2]] * [1, 1, -1], moved.tau)
-    how = Written("s", "rad", "rad/s", True, ",", ("q", "dq", "tau"), True, 1.0, False)
+    how = replace(how, time="s", position="rad", stated=True)
     guess = excite.guess_mapping(write_any(tmp_path / "any", swapped, how))
     assert any("same sign" in question for question in guess.questions)
 
@@ -193,30 +175,22 @@ def test_velocities_of_other_joints_are_asked_about(tmp_path: Path, moved: Motio
 def test_columns_without_names_are_found_by_their_numbers(tmp_path: Path, moved: Motion) -> None:
     rows = np.column_stack([moved.time + 100.0, moved.q, moved.dq, moved.tau, 0.5 * moved.tau]).tolist()
     guess = excite.guess_mapping(write_table(tmp_path / "n", None, rows))
-    assert guess.mapping is not None
     assert guess.mapping.position.columns == [2, 3, 4]
-    assert guess.mapping.velocity is not None
     assert guess.mapping.velocity.columns == [5, 6, 7]
-    assert guess.mapping.effort is not None
     assert guess.mapping.effort.columns == [8, 9, 10]
     assert "columns 8 ... 10, or columns 11 ... 13" in " ".join(guess.questions)
 
 
-def test_joints_of_a_robot_are_taken_by_name(tmp_path: Path, moved: Motion) -> None:
-    robot = excite.load_robot("ur10e")
-    six = motion(6)
+def test_joints_of_a_robot_are_taken_by_name(tmp_path: Path) -> None:
+    robot, six = excite.load_robot("ur10e"), motion(6)
     names = [*reversed(robot.joint_names), "finger"]
     seven = Motion(six.time, *(np.column_stack([x[:, ::-1], x[:, 0]]) for x in (six.q, six.dq, six.tau)))
     log = excite.read_log(write_plotjuggler(tmp_path / "p", seven, names, every=1), robot=robot)
     assert log.joints == robot.joint_names
     np.testing.assert_array_equal(log.q, six.q)
-
-
-def test_other_joints_than_the_robots_are_asked_about(tmp_path: Path) -> None:
-    moved = motion(6)
-    path = write_plotjuggler(tmp_path / "p", moved, list("abcdef"), every=1)
+    other = write_plotjuggler(tmp_path / "other", six, list("abcdef"), every=1)
     with pytest.raises(InputError, match=r"Are the joints a, b, c, d, e, f .* shoulder_pan_joint"):
-        excite.read_log(path, robot=excite.load_robot("ur10e"))
+        excite.read_log(other, robot=robot)
 
 
 BAD = {

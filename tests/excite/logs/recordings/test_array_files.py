@@ -1,14 +1,15 @@
-"""NPZ, NPY, HDF5 and MAT-files: the arrays that were written come back as columns."""
+"""NPZ, NPY, HDF5, MAT-files, Parquet and data sets of LeRobot: what was written comes back as columns."""
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import scipy.io
-from array_files import ROWS, Matlab73, motion, read_all, write_hdf5
+from array_files import ROWS, Matlab73, motion, read_all, write_hdf5, write_lerobot, write_parquet
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
@@ -49,8 +50,7 @@ def test_npy_and_records(tmp_path: Path) -> None:
     np.save(tmp_path / "q.npy", motion()["q"])
     _, recording = read_all(tmp_path / "q.npy")
     assert_motion(recording.streams["arrays"].columns, "", {"q": motion()["q"]})
-    kind = np.dtype([("stamp", "i8"), ("q", "f4", 2)])
-    records = np.zeros(5, kind)
+    records = np.zeros(5, np.dtype([("stamp", "i8"), ("q", "f4", 2)]))
     records["stamp"], records["q"] = 10**18 + np.arange(5), np.arange(10).reshape(5, 2)
     np.save(tmp_path / "log.npy", records)
     _, recording = read_all(tmp_path / "log.npy")
@@ -60,7 +60,7 @@ def test_npy_and_records(tmp_path: Path) -> None:
     np.testing.assert_array_equal(stream.columns["log.q[1]"], [1, 3, 5, 7, 9])
 
 
-def test_hdf5_groups_have_clocks_of_their_own(tmp_path: Path) -> None:
+def test_hdf5_groups_have_clocks_of_their_own_or_that_of_the_file(tmp_path: Path) -> None:
     pytest.importorskip("h5py", reason="h5py is not installed")
     robot, sensor = motion(), motion(rows=ROWS, joints=6, seed=1)
     arrays = {f"robot/{name}": values for name, values in robot.items()}
@@ -70,10 +70,6 @@ def test_hdf5_groups_have_clocks_of_their_own(tmp_path: Path) -> None:
     assert_motion(recording.streams["ft"].columns, "ft/", {"data": sensor["q"]})
     units = next(stream.units for stream in contents.streams if stream.name == "robot")
     assert units == {f"robot/q[{k}]": "deg" for k in range(3)}
-
-
-def test_hdf5_time_of_the_file_serves_its_groups(tmp_path: Path) -> None:
-    pytest.importorskip("h5py", reason="h5py is not installed")
     arrays = {"time": motion()["t"], "arm/left/q": motion()["q"], "arm/right/q": motion()["dq"]}
     contents, _ = read_all(write_hdf5(tmp_path / "log.h5", arrays))
     assert [(stream.name, len(stream.columns)) for stream in contents.streams] == [("arrays", 7)]
@@ -164,9 +160,7 @@ SHAPES = st.tuples(st.integers(2, 12), st.integers(1, 6))
 
 @given(SHAPES, st.booleans(), st.sampled_from(["f8", "f4", "i2", "u8", "?"]))
 @examples(max_examples=30)
-def test_any_array_beside_its_time(
-    tmp_path_factory: pytest.TempPathFactory, shape: tuple[int, int], turned: bool, kind: str
-) -> None:
+def test_any_array_beside_its_time(tmp_path_factory, shape, turned, kind) -> None:
     values = np.random.default_rng(0).integers(0, 2, shape).astype(kind)
     path = tmp_path_factory.mktemp("any") / "log.npz"
     np.savez(path, time=np.arange(shape[0]), x=values.T if turned and shape[0] != shape[1] else values)
@@ -183,6 +177,67 @@ def test_arrays_of_objects_are_refused(tmp_path: Path, save: Any) -> None:
     with path.open("wb") as stream:
         save(stream, np.array([{"a": 1}, None], dtype=object))
     form = format_of(path)
-    assert form is not None
     with pytest.raises(InputError, match="objects, which only code could read"):
         form.contents(path)
+
+
+parquet = pytest.mark.skipif(find_spec("pyarrow") is None, reason="pyarrow is not installed")
+
+
+@parquet
+@pytest.mark.parametrize("compression", ["none", "snappy", "zstd"])
+def test_lists_and_numbers(tmp_path: Path, compression: str) -> None:
+    data = motion()
+    columns = {**data, "label": ["x"] * ROWS, "flag": np.arange(ROWS) % 2 == 0}
+    path = write_parquet(tmp_path / "log", columns, compression=compression, row_group_size=7)
+    contents, recording = read_all(path)
+    (stream,) = recording.streams.values()
+    assert stream.rows == contents.streams[0].rows == ROWS
+    np.testing.assert_array_equal(stream.columns["t"], data["t"])
+    for name in ("q", "dq", "tau"):
+        for k in range(3):
+            np.testing.assert_array_equal(stream.columns[f"{name}[{k}]"], data[name][:, k])
+    np.testing.assert_array_equal(stream.columns["flag"], np.arange(ROWS) % 2 == 0)
+    assert contents.notes == ("columns left out: label (string)",)
+
+
+@parquet
+def test_times_stay_whole_and_missing_numbers_are_nan(tmp_path: Path) -> None:
+    import pyarrow as pa
+
+    start = 1_700_000_000_000_000_000
+    times = pa.array(start + 1_000_001 * np.arange(4), pa.timestamp("ns"))
+    lists = pa.array([[1.0, 2.0], None, [3.0], [4.0, 5.0]])
+    path = write_parquet(tmp_path / "log", {"when": times, "x": pa.array([1.0, None, 3.0, 4.0]), "q": lists})
+    contents, recording = read_all(path)
+    columns = recording.streams["table"].columns
+    assert contents.streams[0].clocks == ("when",)
+    assert contents.streams[0].units == {"when": "ns"}
+    np.testing.assert_array_equal(columns["when"], start + 1_000_001 * np.arange(4))
+    assert columns["when"].dtype == np.int64
+    np.testing.assert_array_equal(columns["x"], [1, np.nan, 3, 4])
+    np.testing.assert_array_equal(columns["q[1]"], [2, np.nan, np.nan, 5])
+    assert recording.notes == ("2 lists have another length than the first; their values are NaN",)
+
+
+@parquet
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
+def test_data_sets_of_lerobot(tmp_path: Path, version: str) -> None:
+    folder = write_lerobot(tmp_path / "set", version=version)
+    contents, recording = read_all(folder)
+    columns = recording.streams["table"].columns
+    assert contents.format == f"Parquet of LeRobot {version}"
+    assert contents.streams[0].clocks == ("timestamp",)
+    np.testing.assert_array_equal(columns["observation.state.elbow.pos"], [1, 3, 5, 7, 9, 101, 103, 105, 107, 109])
+    np.testing.assert_array_equal(columns["action.shoulder.pos"][:2], [0, -2])
+    (note,) = recording.notes
+    assert "2 episodes" in note
+    assert "episode 1: rows 6:10" in note
+
+
+@parquet
+def test_a_file_of_lerobot_has_the_names_of_its_data_set(tmp_path: Path) -> None:
+    folder = write_lerobot(tmp_path / "set")
+    contents, recording = read_all(folder / "data" / "chunk-000" / "episode_000001.parquet")
+    assert "observation.state.shoulder.pos" in contents.columns
+    assert recording.notes == ()

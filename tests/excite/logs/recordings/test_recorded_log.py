@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foreign_logs import motion
+from foreign_logs import Motion, motion, write_plotjuggler
+from value_fuzzer import ROBOT
 
 import excite
 from excite.logs.mapping import LogMapping
@@ -37,17 +38,11 @@ class Recorded(RecordingFormat):
         return head.startswith(MAGIC)
 
     def contents(self, path: Path) -> Contents:
-        streams = [
-            StreamContents(
-                name,
-                tuple(columns),
-                len(next(iter(columns.values()))),
-                self.clocks[name],
-                {c: m for c, m in self.meanings.items() if c in columns},
-                dict.fromkeys(self.clocks[name], "ns"),
-            )
-            for name, columns in self.streams.items()
-        ]
+        streams = []
+        for name, columns in self.streams.items():
+            clocks, rows = self.clocks[name], len(next(iter(columns.values())))
+            meanings, units = {c: m for c, m in self.meanings.items() if c in columns}, dict.fromkeys(clocks, "ns")
+            streams.append(StreamContents(name, tuple(columns), rows, clocks, meanings, units))
         return Contents(str(path), self.name, tuple(streams))
 
     def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
@@ -97,14 +92,10 @@ def use(patch: pytest.MonkeyPatch, recorded: Recorded) -> Recorded:
     return recorded
 
 
-MAPPING = LogMapping.model_validate(
-    {
-        "joints": ["a", "b"],
-        "time": {"column": "/js/header/stamp", "unit": "ns"},
-        "position": {"columns": ["/js/a/position", "/js/b/position"], "unit": "rad"},
-        "effort": {"columns": ["/motor/a/effort", "/motor/b/effort"], "unit": "Nm"},
-    }
-)
+POSITION = {"columns": ["/js/a/position", "/js/b/position"], "unit": "rad"}
+EFFORT = {"columns": ["/motor/a/effort", "/motor/b/effort"], "unit": "Nm"}
+CLOCK = {"column": "/js/header/stamp", "unit": "ns"}
+MAPPING = LogMapping.model_validate({"joints": ["a", "b"], "time": CLOCK, "position": POSITION, "effort": EFFORT})
 
 
 def test_streams_are_aligned_without_losing_digits(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,21 +113,22 @@ def test_streams_are_aligned_without_losing_digits(bag: Path, monkeypatch: pytes
     ]  # fmt: skip
 
 
-def test_definitions_need_no_mapping(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_definitions_need_no_mapping(bag: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     use(monkeypatch, joint_states())
     log = excite.read_log(bag)
     assert log.joints == ("a", "b")
     np.testing.assert_array_equal(log.dq, M.dq[1 : 1 + log.count])
     assert "/js/header/stamp is used, which increases and agrees with /js/message_time" in log.left_out[-1]
+    with pytest.raises(UnknownName, match="a, b"):
+        excite.read_log(bag, joints=["elbow"], mapping=MAPPING)
+    with pytest.raises(InputError, match="is a folder of no known format; known are recorded, MCAP"):
+        excite.read_log(tmp_path)
 
 
 @pytest.mark.parametrize("stamp", [np.zeros(500, np.int64), START + np.arange(500)[::-1], START + np.arange(500) * 7])
-def test_headers_that_are_no_clock_leave_the_message_time(
-    bag: Path, monkeypatch: pytest.MonkeyPatch, stamp: Any
-) -> None:
+def test_headers_that_are_no_clock_leave_the_message_time(bag, monkeypatch, stamp) -> None:
     use(monkeypatch, joint_states(js__header__stamp=stamp))
     guess = excite.guess_mapping(bag)
-    assert guess.mapping is not None
     assert guess.mapping.time.column == "/js/message_time"
     assert any("/js/header/stamp does not increase as /js/message_time" in text for text in guess.recognised)
 
@@ -203,53 +195,32 @@ def test_faults_end_in_one_line(bag: Path, monkeypatch: pytest.MonkeyPatch, name
     with pytest.raises(InputError, match=said) as error:
         excite.read_log(bag, mapping=MAPPING)
     assert str(bag) in str(error.value)
+    if name == "repeated":
+        log = excite.read_log(bag, mapping=MAPPING, drop=["repeated"])
+        assert 101 not in log.row_numbers
+        assert "1 row with time repeated" in log.left_out
 
 
-def test_repeated_stamps_are_left_out_if_asked(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    use(monkeypatch, faulty(repeat))
-    log = excite.read_log(bag, mapping=MAPPING, drop=["repeated"])
-    assert 101 not in log.row_numbers
-    assert "1 row with time repeated" in log.left_out
-
-
-@pytest.mark.parametrize(
-    ("section", "column", "said"),
-    [("position", "/js/c/position", "/js/a/position"), ("time", "stamp", "/js/header/stamp")],
-)
-def test_missing_columns_name_those_there(
-    bag: Path, monkeypatch: pytest.MonkeyPatch, section: str, column: str, said: str
-) -> None:
+def test_missing_columns_name_those_there(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, joint_states())
     content = MAPPING.model_dump(exclude_unset=True)
-    content[section] = {**content[section], **({"column": column} if section == "time" else {"columns": [column] * 2})}
-    with pytest.raises(UnknownName, match=said):
-        excite.read_log(bag, mapping=LogMapping.model_validate(content))
-
-
-def test_wrong_joints_name_those_there(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    use(monkeypatch, joint_states())
-    with pytest.raises(UnknownName, match="a, b"):
-        excite.read_log(bag, joints=["elbow"], mapping=MAPPING)
+    for section, change, said in (
+        ("position", {"columns": ["/js/c/position"] * 2}, "/js/a/position"),
+        ("time", {"column": "stamp"}, "/js/header/stamp"),
+    ):
+        wrong = LogMapping.model_validate({**content, section: {**content[section], **change}})
+        with pytest.raises(UnknownName, match=said):
+            excite.read_log(bag, mapping=wrong)
 
 
 def test_a_recording_beside_a_text_gives_its_channels(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, joint_states())
     rows = "".join(f"{t + 1.7e9!r},{q},{q}\n" for t, q in zip(M.time.tolist(), M.q[:, 0].tolist(), strict=True))
     (bag.parent / "run.csv").write_text("t,q1,q2\n" + rows, encoding="utf-8")
-    mapping = LogMapping.model_validate(
-        {
-            "joints": ["a", "b"],
-            "time": {"column": "t"},
-            "position": {"columns": ["q1", "q2"], "unit": "rad"},
-            "effort": {
-                "file": "bag",
-                "time": {"column": "/motor/header/stamp", "unit": "ns"},
-                "columns": ["/motor/a/effort", "/motor/b/effort"],
-                "unit": "Nm",
-            },
-        }
-    )
-    log = excite.read_log(bag.parent / "run.csv", mapping=mapping)
+    effort = {"file": "bag", "time": {"column": "/motor/header/stamp", "unit": "ns"}, **EFFORT}
+    position = {"columns": ["q1", "q2"], "unit": "rad"}
+    content = {"joints": ["a", "b"], "time": {"column": "t"}, "position": position, "effort": effort}
+    log = excite.read_log(bag.parent / "run.csv", mapping=LogMapping.model_validate(content))
     np.testing.assert_allclose(log.effort[:, 0], 3.0 * log.time, atol=1e-5)
 
 
@@ -261,6 +232,18 @@ def test_read_recording_gives_columns_with_their_clocks(bag: Path, monkeypatch: 
         excite.read_recording(bag, ["nothing"])
 
 
-def test_folders_of_no_known_format_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is a folder of no known format; known are MCAP"):
-        excite.read_log(tmp_path)
+DELAY = 0.012  # s
+
+
+@pytest.mark.slow
+def test_delay_of_a_slower_stream_of_efforts_is_estimated(tmp_path: Path) -> None:
+    (tmp_path / "two.yaml").write_text(ROBOT, encoding="utf-8")
+    robot = excite.load_robot(str(tmp_path / "two.yaml"))
+    search = excite.Search(starts=1, executor="serial")
+    design = excite.design_trajectory(robot, trajectory=excite.TrajectoryChoice(harmonics=3, period=4.0), search=search)
+    log = excite.simulate(design, rate=1000.0, torque_noise=(0.05,), seed=0).log
+    tau = np.column_stack([np.interp(log.time - DELAY, log.time, each) for each in log.effort.T])
+    recorded = Motion(log.time, log.q, log.dq, tau)
+    path = write_plotjuggler(tmp_path / "run", recorded, robot.joint_names, every=4)  # efforts at 250 Hz
+    result = excite.identify(robot, path, choose=("delay",))
+    assert abs(result.recipe.delay - DELAY) < 1e-3

@@ -6,12 +6,11 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import excite
-from excite.logs.recordings.column_name import ColumnName, is_clock, parsed_name
+from excite.logs.recordings.recording import ColumnName, is_clock, parsed_name
 from excite.logs.recordings.text_table import maker_of, text_layout
 from regressors.errors import InputError
 
@@ -31,24 +30,14 @@ LAYOUTS = {
 }
 
 
-@pytest.mark.parametrize("name", LAYOUTS)
-def test_layouts(name: str) -> None:
-    lines, expected = LAYOUTS[name]
-    layout = text_layout(lines)
-    assert layout is not None
-    assert (layout.separator, layout.first, layout.names, layout.header) == expected
-
-
-def test_titles_and_units_stand_above_numbered_columns() -> None:
+def test_layouts() -> None:
+    for lines, expected in LAYOUTS.values():
+        layout = text_layout(lines)
+        assert (layout.separator, layout.first, layout.names, layout.header) == expected
+    for lines in ([], ["a"], ["a,b", "c,d"], ["1,2"]):
+        assert text_layout(lines) is None
     layout = text_layout(["t,q1,dq1", "s,deg,deg/s", *ROWS])
-    assert layout is not None
-    assert layout.titles == ("t", "q1", "dq1")
-    assert layout.units == ("s", "deg", "deg/s")
-
-
-@pytest.mark.parametrize("lines", [[], ["a"], ["a,b", "c,d"], ["1,2"]])
-def test_what_is_no_table(lines: list[str]) -> None:
-    assert text_layout(lines) is None
+    assert (layout.titles, layout.units) == (("t", "q1", "dq1"), ("s", "deg", "deg/s"))
 
 
 NAMES = {
@@ -67,25 +56,16 @@ NAMES = {
 }
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_names_say_quantity_unit_and_joint(name: str) -> None:
-    assert parsed_name(name) == ColumnName(*NAMES[name], True)
-
-
-@pytest.mark.parametrize("name", ["target_q_0", "state.q_d[0]", "q_cmd_1", "joint1.error.position", "q_desired_3"])
-def test_what_was_not_measured(name: str) -> None:
-    assert not parsed_name(name).measured
-
-
-@pytest.mark.parametrize(("name", "clock"), [("__time", True), ("timestamp", True), ("t", True), ("t1", False)])
-def test_clocks_have_no_number(name: str, clock: bool) -> None:
-    assert is_clock(name) == clock
+def test_names_say_quantity_unit_and_joint() -> None:
+    assert {name: parsed_name(name) for name in NAMES} == {name: ColumnName(*of, True) for name, of in NAMES.items()}
+    for name in ("target_q_0", "state.q_d[0]", "q_cmd_1", "joint1.error.position", "q_desired_3"):
+        assert not parsed_name(name).measured
+    assert [is_clock(name) for name in ("__time", "timestamp", "t", "t1")] == [True, True, True, False]
 
 
 def test_makers_are_known_by_their_columns() -> None:
     names = ["timestamp", "actual_q_0", "actual_qd_0", "actual_TCP_force_0"]
     maker = maker_of(names)
-    assert maker is not None
     assert {name: (of.quantity, of.unit) for name, of in maker.meanings(names).items()} == {
         "actual_q_0": ("position", "rad"),
         "actual_qd_0": ("velocity", "rad/s"),
@@ -107,7 +87,7 @@ TEXTS = st.tuples(
 ).map(lambda drawn: "\n".join(drawn[0].join(map(str, row)) for row in [*drawn[1], *drawn[2]]))
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=TEXTS)
 def test_any_text_is_read_or_refused_in_one_line(tmp_path: Path, text: str) -> None:
     path = tmp_path / "any"

@@ -1,4 +1,4 @@
-"""Signals of whole logs: uniform instants, averaged periods, and the filter on both sides of the equations."""
+"""Signals of whole logs: uniform instants, averaged periods, delays, noise, and the filter on both sides."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.signal
+from motions import random_sines
 from recordings import log_of, real_log, sines
 
 from excite.logs.excitation import exciting_rows
-from excite.logs.signals.butterworth import edge, kept_rows, low_passed
-from excite.logs.signals.method import spacing
-from excite.logs.signals.periods import average_periods
-from excite.logs.signals.resampling import resample
+from excite.logs.signals.filters import edge, kept_rows, low_passed
+from excite.logs.signals.method import DelayedMotion, delayed, resample, signal_method, spacing
+from excite.logs.signals.periods import HIGHEST_MOTION, average_periods, measurement_noise, motion_ends
 from regressors.errors import InputError
+from regressors.samples import Samples
 
 RATE = 100.0
 
@@ -49,25 +50,19 @@ def test_jitter_is_taken_out():
     assert "cubic splines, the rest linearly" in made.note
 
 
-def test_another_rate():
-    log = resample(uniform(), rate=250.0).log
+def test_uniform_logs_stay_as_they_are_unless_another_rate_is_asked_for():
+    made = resample(uniform())
+    np.testing.assert_array_equal(made.log.q, uniform().q)
+    assert made.note == "time stamps are uniform, 100 Hz"
+    log = resample(replace(uniform(), dq=None, effort=None), rate=250.0).log
+    assert (log.dq, log.effort) == (None, None)
     assert spacing(log.time, "test", 2) == pytest.approx(1 / 250)
     np.testing.assert_allclose(log.q, sines(log.time)[0], atol=1e-6)
     assert log.time[-1] <= uniform().time[-1]
 
 
-def test_uniform_logs_stay_as_they_are():
-    made = resample(uniform())
-    np.testing.assert_array_equal(made.log.q, uniform().q)
-    assert made.note == "time stamps are uniform, 100 Hz"
-    bare = resample(replace(uniform(), dq=None, effort=None), rate=150.0).log
-    assert bare.dq is None
-    assert bare.effort is None
-
-
-@pytest.mark.parametrize(
-    ("change", "rate", "message"),
-    [
+def test_what_cannot_be_resampled():
+    for change, rate, message in (
         (lambda log: log.rows(slice(3)), None, "resampling needs 4 rows or more, given 3"),
         (
             lambda log: replace(log, time=np.where(log.time > 9, log.time + 1, log.time)),
@@ -76,11 +71,9 @@ def test_uniform_logs_stay_as_they_are():
         ),
         (lambda log: log, 50.0, "50 Hz is less than its 100 Hz; filter before leaving out rows"),
         (lambda log: log, -1.0, "rate must be a positive number"),
-    ],
-)
-def test_what_cannot_be_resampled(change, rate, message):
-    with pytest.raises(InputError, match=message):
-        resample(change(uniform()), rate)
+    ):
+        with pytest.raises(InputError, match=message):
+            resample(change(uniform()), rate)
 
 
 # --- averaged periods ------------------------------------------------------------------------------------------------
@@ -110,34 +103,28 @@ def test_a_period_repeated_and_averaged_is_the_period_again():
 
 
 def test_noise_is_averaged_away():
-    """Less by sqrt(K) in the mean."""
+    """Less by sqrt(K) in the mean; a joint that rests does not make the motion unperiodic."""
     mean = average_periods(uniform(seconds=40.0, noise=1e-3))
     assert "mean of 10 periods" in mean.note
     for name, scale, true in zip(("q", "dq", "effort"), (1, 10, 100), sines(mean.log.time), strict=True):
         rest = getattr(mean.log, name) - true
         np.testing.assert_allclose(rest.std(axis=0), 1e-3 * scale / np.sqrt(10), rtol=0.15)
-
-
-def test_a_joint_that_rests_does_not_make_the_motion_unperiodic():
     log = uniform(noise=1e-4)
     still = replace(log, q=np.column_stack([log.q[:, 0], 0.3 + 1e-4 * np.random.default_rng(2).normal(size=log.count)]))
     assert "mean of 3 periods" in average_periods(still, 4.0).note
 
 
-@pytest.mark.parametrize(
-    ("log", "period", "message"),
-    [
+def test_what_is_not_periodic_is_refused():
+    for log, period, message in (
         (uniform(), 3.9, "not periodic with 3.9 s: [ab] differs by .* % of its motion; at most 2 % are allowed"),
         (uniform(noise=0.05), 4.0, "not periodic with 4 s"),
         (uniform(seconds=7.0), 4.0, "7 s hold 1 periods of 4 s; expected 2 or more"),
         (uniform(seconds=7.0), None, "does not repeat itself"),
         (uniform(), 0.0, "period must be a positive number"),
         (replace(uniform(), time=np.sqrt(uniform().time)), 4.0, "needs uniform samples; .*: resample first"),
-    ],
-)
-def test_what_is_not_periodic_is_refused(log, period, message):
-    with pytest.raises(InputError, match=message):
-        average_periods(log, period)
+    ):
+        with pytest.raises(InputError, match=message):
+            average_periods(log, period)
 
 
 # --- both sides ------------------------------------------------------------------------------------------------------
@@ -149,68 +136,122 @@ def decimated(x, cutoff, every=None):
     return low_passed(x, RATE, cutoff)[kept], kept
 
 
-def test_what_holds_before_the_filter_holds_after_it():
-    random = np.random.default_rng(3)
-    W, beta = random.normal(size=(600, 3, 5)), random.normal(size=5)
-    (V, kept), (y, _) = decimated(W, 8.0), decimated(W @ beta, 8.0)
-    np.testing.assert_allclose(V @ beta, y, atol=1e-12)
-    assert V.shape == (len(range(600)[kept]), 3, 5)
-    assert kept.start == edge(RATE, 8.0) == 25
-
-
 def test_the_filter_is_that_of_scipy_row_by_row():
     x = np.random.default_rng(4).normal(size=(500, 2, 2))
     sections = scipy.signal.butter(4, 8.0, fs=RATE, output="sos")
-    found = low_passed(x, RATE, 8.0)
-    for i in range(2):
-        for j in range(2):
-            slow = scipy.signal.sosfiltfilt(sections, x[:, i, j], padtype="odd", padlen=50)
-            np.testing.assert_allclose(found[:, i, j], slow, atol=1e-12)
+    slow = scipy.signal.sosfiltfilt(sections, x, axis=0, padtype="odd", padlen=50)
+    np.testing.assert_allclose(low_passed(x, RATE, 8.0), slow, atol=1e-12)
+    assert kept_rows(600, RATE, 8.0, None).start == edge(RATE, 8.0) == 25
 
 
-def test_constants_pass_and_fast_noise_does_not():
-    np.testing.assert_allclose(low_passed(np.full((300, 2), 3.5), RATE, 5.0), 3.5, rtol=1e-9)
-    noise = low_passed(np.random.default_rng(5).normal(size=(20000, 1)), RATE, 5.0)
-    frequency = np.linspace(0, 50, 20001)
-    power = 1 / (1 + (np.tan(np.pi * frequency / RATE) / np.tan(np.pi * 5 / RATE)) ** 8) ** 2
-    assert noise.std() == pytest.approx(np.sqrt(power.mean()), rel=0.05)
-
-
-def test_decimated_rows_are_some_of_the_filtered_ones_with_noise_almost_white():
+def test_decimated_rows_are_some_of_the_filtered_ones() -> None:
+    """With noise that is almost white."""
     y = np.random.default_rng(6).normal(size=(20000, 1))
     every, (some, kept) = low_passed(y, RATE, 5.0)[edge(RATE, 5.0) :], decimated(y, 5.0)
-    assert kept.step == 8
+    assert (kept.step, decimated(y, 5.0, every=3)[1].step) == (8, 3)
     np.testing.assert_array_equal(some, every[::8][: len(some)])
-
-    def next_to(x):
-        return float(x[:-1] @ x[1:] / (x @ x))
-
-    assert next_to(every[:, 0]) > 0.9
-    assert abs(next_to(some[:, 0])) < 0.4
-    assert decimated(y, 5.0, every=3)[1].step == 3
+    next_to = [float(x[:-1] @ x[1:] / (x @ x)) for x in (every[:, 0], some[:, 0])]
+    assert abs(next_to[1]) < 0.4 < 0.9 < next_to[0]
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
+def test_filters_that_do_not_suit_are_refused():
+    for settings, message in (
         ({"cutoff": 60.0}, "cutoff 60 Hz must be below half the sample rate, 50 Hz"),
         ({"cutoff": 2.0}, "100 samples are too few: 100 are cut from each end"),
         ({"cutoff": 0.0}, "cutoff must be a positive number"),
         ({"cutoff": 10.0, "every": 6}, "every 6th row leaves 16.6667 Hz, less than twice"),
         ({"cutoff": 10.0, "every": 0}, "every must be a positive number"),
-    ],
-)
-def test_filters_that_do_not_suit_are_refused(settings, message):
-    with pytest.raises(InputError, match=message):
-        decimated(np.ones((100, 1)), **settings)
+    ):
+        with pytest.raises(InputError, match=message):
+            decimated(np.ones((100, 1)), **settings)
 
 
 def test_a_recorded_log_becomes_uniform_and_its_derivatives_agree_with_its_velocities():
-    from excite.logs.signals.method import signal_method
-
     log = real_log("ur-20_02_10-30sec_12harm")
     made = resample(log.rows(exciting_rows(log)[0]))
     assert "time stamps 8 to 13 ms apart" in made.note
     for name in ("butterworth", "savitzky-golay", "spline"):
         motion = signal_method(name).motion(made.log.time, made.log.q)
         assert np.sqrt(np.mean((motion.samples.dq - made.log.dq[motion.kept]) ** 2)) < 0.005
+
+
+INSTANTS = np.arange(2001) / 500
+NAMES = ("q", "dq", "ddq", "dddq")
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.0013, -0.007, 0.05])
+def test_sines_are_those_of_earlier_instants(delay: float) -> None:
+    sines = random_sines(3, 0)
+    moved, true = delayed(sines.samples(INSTANTS), delay), sines.samples(INSTANTS - delay)
+    np.testing.assert_array_equal(moved.time, INSTANTS)
+    inside = (INSTANTS - delay >= INSTANTS[0]) & (INSTANTS - delay <= INSTANTS[-1])
+    for name in NAMES:
+        found, expected = getattr(moved, name), getattr(true, name)
+        np.testing.assert_allclose(found[inside], expected[inside], atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("delay", "end"), [(0.02, 0), (-0.02, -1)])
+def test_before_and_after_the_motion_its_ends_are_held(delay: float, end: int) -> None:
+    samples = random_sines(2, 1).samples(INSTANTS)
+    moved = delayed(samples, delay)
+    beyond = slice(0, 10) if end == 0 else slice(-10, None)
+    for name in NAMES:
+        np.testing.assert_allclose(getattr(moved, name)[beyond], np.tile(getattr(samples, name)[end], (10, 1)))
+
+
+def test_what_is_not_known_stays_unknown() -> None:
+    motion = random_sines(2, 5).samples(INSTANTS)
+    samples = Samples(INSTANTS, motion.q, motion.dq, motion.ddq, np.full_like(motion.q, np.nan))
+    moved = delayed(samples, 0.002)
+    assert np.all(np.isnan(moved.dddq))
+    assert np.all(np.isfinite(moved.ddq))
+    assert delayed(samples, 0.0) is samples
+
+
+def test_a_long_motion_is_delayed_by_stretches_as_in_one() -> None:
+    time = np.arange(70_000) / 500
+    samples = Samples(time, *np.random.default_rng(0).normal(size=(3, time.size, 1)), np.full((time.size, 1), np.nan))
+    moved, whole = delayed(samples, 0.0123), DelayedMotion(samples).by(0.0123)
+    for name in NAMES:
+        np.testing.assert_allclose(getattr(moved, name), getattr(whole, name), atol=1e-12)
+
+
+FAST, COUNT = 200.0, 4000
+LONG = np.arange(COUNT) / FAST
+TORQUE = (10 * np.sin(2 * np.pi * 0.3 * LONG) + 5 * np.sign(np.sin(2 * np.pi * 0.4 * LONG)))[:, None]
+
+
+@pytest.mark.parametrize(("size", "above"), [(0.3, 5.0), (3.0, 5.0), (30.0, 5.0), (3.0, 40.0)])
+def test_white_noise_is_found(size: float, above: float) -> None:
+    off = []
+    for seed in range(30):
+        noise = size * np.random.default_rng(seed).normal(size=(COUNT, 1))
+        found = measurement_noise(TORQUE + noise, noise + 0.03 * TORQUE, FAST, above)
+        off.append((found.square[0] - np.mean(noise**2)) / found.deviation[0])
+        assert found.square[0] == pytest.approx(np.mean(noise**2), rel=0.15)
+    assert 0.4 < np.std(off) < 1.6  # its standard deviation is the one that is stated
+
+
+def test_neither_motion_nor_errors_of_the_model_nor_noise_of_predictions_count() -> None:
+    found = measurement_noise(TORQUE, 0.1 * TORQUE, FAST, 5.0)
+    assert found.square[0] < 0.03 * np.mean((0.1 * TORQUE) ** 2)
+    noise = np.random.default_rng(0).normal(size=(COUNT, 1))
+    slow = 10 * np.sin(2 * np.pi * 0.3 * LONG)[:, None]
+    assert measurement_noise(slow, noise, FAST, 5.0).square[0] < 1e-3
+    sampled = measurement_noise(TORQUE[::20], TORQUE[::20], FAST / 20, 5.0)
+    assert (sampled.square[0], sampled.level[0], sampled.deviation[0]) == (0.0, 0.0, 0.0)
+
+
+def test_coloured_noise_is_never_taken_for_more_than_it_is() -> None:
+    for pole in (0.5, 0.9, 0.99):
+        white = np.random.default_rng(0).normal(size=(COUNT, 1))
+        noise = scipy.signal.lfilter([1.0], [1.0, -pole], white, axis=0)
+        found = measurement_noise(TORQUE + noise, noise, FAST, 5.0)
+        assert found.square[0] < 1.1 * np.mean(noise**2)
+
+
+def test_where_the_motion_ends() -> None:
+    q = np.sin(2 * np.pi * 0.4 * LONG)[:, None]
+    assert motion_ends(q, FAST) == pytest.approx(4.0, rel=0.3)
+    assert motion_ends(np.sin(2 * np.pi * 3.0 * LONG)[:, None], FAST) == HIGHEST_MOTION
+    assert motion_ends(np.zeros((COUNT, 1)), FAST) == HIGHEST_MOTION

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -16,13 +15,12 @@ from played import EXACT, TASK, described, found, irp6, mixed, periodic, played,
 
 from excite.identification.prediction import prediction, relative_error
 from excite.logs.log import Log
-from excite.tasks.friction_file import friction_of, read_friction, write_friction
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, TableFriction
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm, scaled, torques_at_drives
+from regressors.robot.friction.load_and_temperature import Loaded, scaled, torques_at_drives
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.samples import Array
 
@@ -80,9 +78,8 @@ def test_nothing_carried_is_the_curve_alone() -> None:
     dq = np.random.default_rng(2).normal(size=(5, 3))
     still = np.zeros((5, 3))
     for load in (None, still):
-        np.testing.assert_array_equal(
-            CURVES.joint_torque(THREE, dq, dq, load=load), bare.joint_torque(THREE, dq, dq, load=load)
-        )
+        found = CURVES.joint_torque(THREE, dq, dq, load=load)
+        np.testing.assert_array_equal(found, bare.joint_torque(THREE, dq, dq, load=load))
 
 
 def test_a_factor_multiplies_the_share_too() -> None:
@@ -156,38 +153,6 @@ def test_a_drive_for_each_joint_is_needed() -> None:
     transmission = THREE.transmission
     drives = tuple(replace(d, rests=d.rests or d.name == "z3") for d in transmission.drives)
     lacking = THREE.replace(transmission=replace(transmission, drives=drives))
+    curves = FrictionCurves({"z2": Loaded(TableFriction([0.1], [5.0]), 0.1)})
     with pytest.raises(InputError, match="needs one drive for each joint; here 3 joints"):
-        FrictionCurves({"z2": Loaded(TableFriction([0.1], [5.0]), 0.1)}).joint_torque(
-            lacking, np.zeros((1, 3)), np.ones((1, 3)), load=np.ones((1, 3))
-        )
-
-
-# --- files -----------------------------------------------------------------------------------------------------------
-
-
-def test_files_keep_every_number(tmp_path: Path) -> None:
-    warm = Loaded(Warm(CoulombViscous(9.0, 2.5), 30.0, Slope(-0.1)), 1 / 30)
-    path = tmp_path / "friction.yaml"
-    write_friction(FrictionCurves({**CURVES.curves, "z4": warm}), path)
-    back = read_friction(path)
-    assert dict(back.curves) == {
-        "z1": CoulombViscous(28.0, 25.0), "z2": CURVES.curve("z2"), "z3": CURVES.curve("z3"), "z4": warm
-    }  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("load", "words"),
-    [
-        ("load: 1.5", "load forward must be at least 0 and below 1, given 1.5"),
-        ("load: {forward: 0.1}", "backward"),
-        ("load: {forward: 0.1, backward: -1}", "load backward must be at least 0"),
-        ("load: much", "load"),
-    ],
-)
-def test_files_that_cannot_be(load: str, words: str) -> None:
-    entry = "z1: {model: coulomb-viscous, coulomb: 1, viscous: 1,\n    " + load + "}\n"
-    text = "schema: excite.friction/1\ndrives:\n  " + entry
-    with pytest.raises(InputError, match=words) as raised:
-        friction_of(text, "f.yaml")
-    assert "f.yaml" in str(raised.value)
-    assert "line 4" in str(raised.value)
+        curves.joint_torque(lacking, np.zeros((1, 3)), np.ones((1, 3)), load=np.ones((1, 3)))

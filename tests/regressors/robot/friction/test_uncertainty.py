@@ -12,11 +12,11 @@ from friction_curves import CURVES, KNOWN, TUSTIN, uncertain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from excite.friction.fit.curve_fit import curve_uncertainty, fit
-from excite.friction.fit.friction_equations import Form
-from excite.friction.fit.points import Point
+from excite.friction.curve_fit import curve_uncertainty, fit
+from excite.friction.friction_equations import Form
+from excite.friction.points import Point
 from excite.tasks.friction_file import friction_content, friction_of, friction_of_content, friction_text
-from regressors.errors import InputError, UnknownName
+from regressors.errors import UnknownName
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
@@ -57,7 +57,6 @@ def test_a_parameter_without_a_side_is_that_of_both() -> None:
     [
         (TableFriction([0.1], [1.0]), "coulomb"),
         (Scaled(TUSTIN, 2.0), "forward.coulomb"),
-        (CoulombViscous(1.0), "stiction"),
         (CoulombViscous(1.0), "forward.coulomb"),
         (TUSTIN, "load"),
     ],
@@ -75,9 +74,8 @@ def test_uncertainty_belongs_to_a_curve() -> None:
 
 
 SIDED = Warm(CoulombViscous(13.0, 9.0), 30.0, Slope(-0.1, 0.2), Slope(-0.3))  # of its own in each direction when warm
-WITH_SIDED = FrictionCurves(
-    {**CURVES, "z4": SIDED}, {**KNOWN, "z4": uncertain(("coulomb", "temperature.backward.coulomb"), 4)}
-)
+SIDES = uncertain(("coulomb", "temperature.backward.coulomb"), 4)
+WITH_SIDED = FrictionCurves({**CURVES, "z4": SIDED}, {**KNOWN, "z4": SIDES})
 
 
 @pytest.mark.parametrize("temperature", [None, 36.5])
@@ -94,9 +92,8 @@ def test_at_a_temperature_torques_are_as_uncertain_as_at_that_temperature_of_the
 
     found = []
     for curve, known in ((of.curve(name), of.uncertainty[name]) for of in (WITH_SIDED, held)):
-        J = np.column_stack(
-            [torque(changed(curve, {p: 1e-5})) - torque(changed(curve, {p: -1e-5})) for p in known.parameters]
-        )
+        ends = [[torque(changed(curve, {p: h})) for h in (1e-5, -1e-5)] for p in known.parameters]
+        J = np.column_stack([ahead - behind for ahead, behind in ends])
         found.append(J / 2e-5 @ known.covariance @ J.T / 2e-5)
     np.testing.assert_allclose(found[1], found[0], rtol=1e-5, atol=1e-12)
 
@@ -126,71 +123,14 @@ def test_files_keep_every_number(seed: int, size: float) -> None:
     assert_alike(friction_of_content(json.loads(json.dumps(friction_content(whole)))), whole)
 
 
-HEAD = "schema: excite.friction/1\ndrives:\n  z1:\n    model: coulomb-viscous\n    coulomb: 3\n    viscous: 2\n"
-
-
-def test_a_file_written_by_hand() -> None:
-    known = friction_of(
-        HEAD + "    uncertainty: {parameters: [coulomb, viscous], covariance: [[4e-2, -1e-2], [-1e-2, 0.01]]}\n", "F"
-    )
-    np.testing.assert_allclose(known.uncertainty["z1"].deviation, [0.2, 0.1])
-    assert not friction_of(HEAD, "F").uncertainty
-
-
-@pytest.mark.parametrize(
-    ("entry", "message"),
-    [
-        ("{parameters: [coulomb]}", r"z1\.uncertainty\.covariance \(line 7\): is missing"),
-        ("{parameters: [], covariance: []}", r"z1\.uncertainty\.parameters \(line 7\): .*at least 1 item"),
-        (
-            "{parameters: [coulomb,\n      stiction], covariance: [[1, 0], [0, 1]]}",
-            r"parameters\[2\] \(line 8\): no parameter 'stiction'; available: coulomb, viscous, offset",
-        ),
-        (
-            "{parameters: [coulomb, coulomb], covariance: [[1, 0], [0, 1]]}",
-            r"uncertainty \(line 7\): .*coulomb.* twice",
-        ),
-        (
-            "{parameters: [coulomb, offset], covariance: [[1, 0],\n      [0]]}",
-            r"covariance\[2\] \(line 8\): needs 2 numbers, one per parameter, given 1",
-        ),
-        ("{parameters: [coulomb, offset], covariance: [[1, 0]]}", "covariance .line 7.: needs 2 rows.*given 1"),
-        ("{parameters: [coulomb], covariance: [[.inf]]}", "must be a number"),
-        ("{parameters: [coulomb], covariance: [[-1]]}", "variance of coulomb must be zero or more, given -1"),
-        (
-            "{parameters: [coulomb, offset], covariance: [[1, 0.5], [0.4, 1]]}",
-            "must be symmetric, given 0.5 for coulomb and offset, but 0.4 for the other way round",
-        ),
-        (
-            "{parameters: [coulomb, offset], covariance: [[1, 2], [2, 1]]}",
-            "positive semidefinite, given correlations with the eigenvalue -1;",
-        ),
-        ("{parameters: [coulomb, offset], covariance: [[1, 1], [1, 0]]}", "positive semidefinite"),
-    ],
-)
-def test_bad_entries_are_refused_with_the_line(entry: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        friction_of(f"{HEAD}    uncertainty: {entry}\n", "F")
-
-
-def test_a_table_has_no_uncertainty() -> None:
-    text = "schema: excite.friction/1\ndrives:\n  z1:\n    model: table\n    speed: [1]\n    torque: [1]\n"
-    with pytest.raises(InputError, match="a table has no parameters"):
-        friction_of(f"{text}    uncertainty: {{parameters: [coulomb], covariance: [[1]]}}\n", "F")
-
-
 # --- fits ------------------------------------------------------------------------------------------------------------
 
 
 def measured(form: Form, curve: FrictionCurve, seed: int = 0) -> list[Point]:
     """Points of a curve at several temperatures, under several loads, with noise."""
     rng = np.random.default_rng(seed)
-    rows = [
-        (v, T, load)
-        for v in (-0.6, -0.2, -0.08, -0.04, 0.05, 0.1, 0.3, 0.7)
-        for T in (25.0, 36.0)
-        for load in (0.0, 9.0)
-    ]
+    speeds = (-0.6, -0.2, -0.08, -0.04, 0.05, 0.1, 0.3, 0.7)
+    rows = [(v, T, load) for v in speeds for T in (25.0, 36.0) for load in (0.0, 9.0)]
     found = []
     for v, T, load in rows:
         shares = curve.shares if isinstance(curve, Loaded) else (0.0, 0.0)
@@ -227,7 +167,6 @@ def test_a_files_uncertainty_is_the_band_of_its_fit(stribeck: bool, asymmetric: 
 
 def test_what_is_held_has_no_deviation_and_students_t_widens() -> None:
     one = fit(measured(Form("form"), CoulombViscous(9.0, 8.0)), Form("form"))
-    held = curve_uncertainty(
-        replace(one, covariance=np.diag([0.04, 0.0, 0.01]), quantile=2 * scipy.stats.norm.ppf(0.995))
-    )
+    wide = 2 * scipy.stats.norm.ppf(0.995)
+    held = curve_uncertainty(replace(one, covariance=np.diag([0.04, 0.0, 0.01]), quantile=wide))
     np.testing.assert_allclose(held.deviation, [0.4, 0.0, 0.2])

@@ -33,11 +33,7 @@ SMOOTH: dict[str, Callable[[ca.SX, ca.SX], ca.SX]] = {
     "tanh": lambda a, b: ca.tanh(a),
     "constant": lambda a, b: 0.1234567890123456789 + 0 * a,
 }
-KINKED = {
-    **SMOOTH,
-    "sign": lambda a, b: ca.sign(a),
-    "fabs": lambda a, b: ca.fabs(a),
-}
+KINKED = {**SMOOTH, "sign": lambda a, b: ca.sign(a), "fabs": lambda a, b: ca.fabs(a)}
 VALUES_ONLY = {"smaller": lambda a, b: ca.fmin(a, b), "larger": lambda a, b: ca.fmax(a, b)}
 POWER = {"power": lambda a, b: (1 + a * a) ** b, "exponential": lambda a, b: ca.exp(a)}
 
@@ -129,13 +125,6 @@ def test_each_operation_alone(name: str) -> None:
     np.testing.assert_allclose(dense(function, function(*inputs)), one_by_one(x, expression, inputs), rtol=1e-14)
 
 
-def test_sign_and_magnitude_at_zero() -> None:
-    x = symbols()
-    function = VectorisedFunction(x, ca.vertcat(ca.sign(x[0][0]), ca.fabs(x[0][1])))
-    inputs = [np.array([[-2.0, -0.0, 0.0, 3.0]] * 3), np.zeros((2, 4))]
-    np.testing.assert_array_equal(function(*inputs), [[-1, 0, 0, 1], [2, 0, 0, 3]])
-
-
 def test_different_numbers_of_lanes_in_turn() -> None:
     rng = np.random.default_rng(3)
     x = symbols()
@@ -207,7 +196,7 @@ def test_where_llvm_is_missing_arrays_are_used(monkeypatch: pytest.MonkeyPatch) 
     machine_code._target.cache_clear()
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(0, 20, 4))
 def test_arrays_and_machine_code_round_alike(seed: int, machine: str) -> None:
     if machine == "arrays":
         pytest.skip("compares both")

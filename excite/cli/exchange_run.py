@@ -1,0 +1,242 @@
+"""Execution of ``excite export``, ``report`` and ``logs``: what is written for others, and read from them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+
+import excite
+from excite.cli.options import chosen_of, robot_file_of
+from excite.cli.progress import deferred_interrupt, interrupted_status, progress_of_samples
+from excite.cli.streams import in_options, tell
+from excite.cli.summary import show
+from excite.logs.guess.log_guess import LogGuess, check_mapping_free, write_mapping_file
+from excite.registry import MODEL_FORMATS, MOTION_FORMATS, built_in
+from excite.tasks.further_settings import EnsembleSettings
+from excite.views.view import View, ViewTable, texts
+from regressors.errors import printable
+
+_DESIGN, _RESULT = "design.json", "result.json"
+
+
+def export_and_show(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> None:
+    """Export a design or a result, and end with the exit status."""
+    exported = (_model if _holds_result(folder, form) else _motion)(folder, form, out, given)
+    _show(exported)
+    if exported.facts.get("interrupted"):
+        sys.exit(interrupted_status())
+    if not exported.holds:
+        sys.exit(1)
+
+
+def _holds_result(folder: Path, form: str) -> bool:
+    """Whether a result is meant, and not a design."""
+    if folder.suffix == ".json":
+        return folder.name == _RESULT
+    design, result = ((folder / name).exists() for name in (_DESIGN, _RESULT))
+    if design and result and form in MOTION_FORMATS and form in MODEL_FORMATS:
+        raise click.UsageError(
+            f"{folder} holds a design and a result, and {form} is a format of both: name {folder / _DESIGN} or "
+            f"{folder / _RESULT}"
+        )
+    return result and (not design or form in MODEL_FORMATS)
+
+
+def _motion(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> excite.Exported:
+    for name, of in (("samples", "robots"), ("robot_file", "model")):
+        if given[name] is not None:
+            raise click.UsageError(f"--{name.replace('_', '-')} is for the {of} of a result, and DIR holds a design")
+    if form in MODEL_FORMATS and form not in MOTION_FORMATS and (folder / _DESIGN).exists():
+        raise click.UsageError(
+            f"{form} is a format of models, and {folder} holds a design: identify with it and export the result, or "
+            f"choose {', '.join(MOTION_FORMATS)}"
+        )
+    design = excite.load_design(folder, given["parts"])
+    exported: excite.Exported = built_in("exporter", "motion")(
+        design, form, out, rate=given["rate"], replace=given["force"]
+    )
+    return exported
+
+
+def _model(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> excite.Exported:
+    if form not in MODEL_FORMATS and form in MOTION_FORMATS:
+        raise click.UsageError(
+            f"{form} is a format of motions, and {folder} holds a result: export its design, or choose "
+            f"{', '.join(MODEL_FORMATS)}"
+        )
+    if given["rate"] is not None:
+        raise click.UsageError("--rate is for the motion of a design, and DIR holds a result")
+    result = excite.load_result(folder, given["parts"]) if given["parts"] else excite.load_result(folder)
+    shared = {"robot_file": given["robot_file"], "replace": given["force"]}
+    exported: excite.Exported
+    if given["samples"] is None:
+        exported = built_in("exporter", "model")(result, form, out, **shared)
+        return exported
+    with deferred_interrupt("stopping after the robot at work") as answer, progress_of_samples("exported") as progress:
+
+        def report(done: int, total: int) -> None:
+            progress(done, total)
+            if done < total:
+                answer()
+
+        asked = chosen_of(EnsembleSettings, given)
+        exported = built_in("exporter", "ensemble")(result, form, out, progress=report, **shared, **asked)
+    return exported
+
+
+def _show(exported: excite.Exported) -> None:
+    def content() -> dict[str, Any]:
+        notes = [in_options(note) for note in exported.notes]
+        files = [str(file) for file in exported.files]
+        return {"format": exported.format, "files": files, **exported.facts, "notes": notes}
+
+    facts = tuple((name.replace("_", " "), _shown(value)) for name, value in exported.facts.items())
+    moves = {"rate", "samples", "duration", "joints"} <= exported.facts.keys()
+    view = View(
+        title=str(exported.files[0]),
+        verdict=_verdict(exported),
+        holds=exported.holds,
+        summary=(_played(exported),) if moves else tuple(map(": ".join, facts)),
+        remarks=exported.notes,
+        tables=(ViewTable("facts", "What was written", texts("", "value"), facts),) if moves else (),
+    )
+    show(view, exported.files, content=content)
+
+
+def _verdict(exported: excite.Exported) -> str:
+    """What was written, and, of a motion, how near it comes to its limits."""
+    facts = exported.facts
+    if "robots" in facts:
+        ended = ", interrupted" if facts.get("interrupted") else ""
+        return f"Ensemble of {facts['robots']} possible robots exported as {exported.format}{ended}"
+    if "closest_limit" not in facts:
+        return f"Model exported as {exported.format}"
+    label, used = facts["closest_limit"], facts["closest_limit_used"]
+    if label is None:
+        return f"Motion exported as {exported.format}; no limit of the robot is known"
+    if not facts["limits_kept"]:
+        return f"Motion exported as {exported.format}; between its samples the limits are {facts['between_samples']}"
+    return (
+        f"Motion exported as {exported.format}, within its limits; the closest, {label}, is used to {100 * used:.4g} %"
+    )
+
+
+def _played(exported: excite.Exported) -> str:
+    """Rate and duration of a motion, in one line."""
+    samples, rate, duration, joints = (exported.facts[name] for name in ("samples", "rate", "duration", "joints"))
+    return f"{samples} samples at {rate:g} Hz over {duration:g} s; {', '.join(joints)}"
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(map(_shown, value)) or "none"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return "-" if value is None else str(value)
+
+
+def write_page(
+    paths: Sequence[Path], out: Path, robot_file: Path | None, parts: tuple[str, ...], *, force: bool
+) -> None:
+    """Write a page on results."""
+    tell("writing the page")
+    page = excite.write_report(paths, out, replace=force, robot_file=robot_file, part=parts)
+    size = page.stat().st_size
+    view = View("page", f"Page written: {page} ({size / 1e6:.2f} MB); open it in a browser")
+    show(view, content=lambda: {"out": str(page), "bytes": size})
+
+
+_NAMED = 8  # columns
+_STREAMS, _FACTS = 4, 5  # lines of the summary
+
+
+def show_recording(file: Path, given: Mapping[str, Any]) -> None:
+    """Show what a recording holds, and write the mapping that reads it, where one is asked for."""
+    written: Path | None = given["write_mapping"]
+    if written is not None:
+        check_mapping_free(written, replace=given["force"])
+    tell(f"reading {file}")
+    read = robot_file_of(given)
+    robot = None if given["robot"] is None else excite.load_robot(given["robot"], read.pop("base_link"), **read)
+    guess = excite.guess_mapping(file, robot)
+    if written is not None:
+        write_mapping_file(guess, written, replace=given["force"])
+    show(
+        _view(guess),
+        [] if written is None else [written],
+        content=lambda: _content(guess, written),
+        next_steps=[step] if (step := _next_step(guess, written)) else [],
+        details=lambda: _print(guess, written),
+    )
+
+
+def _content(guess: LogGuess, written: Path | None) -> dict[str, Any]:
+    mapping = None if guess.mapping is None else guess.mapping.model_dump(exclude_unset=True)
+    return {
+        "file": guess.contents.source,
+        "format": guess.contents.format,
+        "streams": [asdict(one) for one in guess.summaries],
+        "notes": list(guess.contents.notes),
+        "recognised": list(guess.recognised),
+        "questions": list(guess.questions),
+        "mapping": mapping,
+        "written": None if written is None else str(written),
+    }
+
+
+def _view(guess: LogGuess) -> View:
+    source, questions = guess.contents.source, len(guess.questions)
+    if questions:
+        verdict = f"{source}: {questions} question{'s' * (questions > 1)} to answer before it can be used"
+    else:
+        verdict = f"{source} can be used as it is: no question is left"
+    streams = [f"{one.stream}: {_rate(one)}" for one in guess.summaries]
+    return View(
+        title=source,
+        verdict=verdict,
+        holds=not questions,
+        summary=(
+            f"format: {guess.contents.format}",
+            *streams[:_STREAMS],
+            *([f"... and {len(streams) - _STREAMS} more streams"] if len(streams) > _STREAMS else []),
+            *(f"recognised: {text}" for text in guess.recognised[:_FACTS]),
+            *(f"question: {text}" for text in guess.questions[:_FACTS]),
+        ),
+        remarks=tuple(guess.contents.notes),
+    )
+
+
+def _next_step(guess: LogGuess, written: Path | None) -> str:
+    if not guess.questions:
+        return "give the file as LOG, without a mapping"
+    if written is not None:
+        return f"answer the questions in {written}, and give it as --mapping"
+    return "" if guess.mapping is None else "--write-mapping MAP.yaml writes the mapping that reads it, to be corrected"
+
+
+def _print(guess: LogGuess, written: Path | None) -> None:
+    lines = [f"{guess.contents.source}: {guess.contents.format}"]
+    for one in guess.summaries:
+        lines.append(f"  {one.stream}: {_rate(one)}")
+        more = f" and {len(one.columns) - _NAMED} more" if len(one.columns) > _NAMED else ""
+        lines.append(f"    {', '.join(one.columns[:_NAMED])}{more}")
+    lines += [f"  note: {note}" for note in guess.contents.notes]
+    lines += ["recognised:", *(f"  {text}" for text in guess.recognised)] if guess.recognised else []
+    lines += ["questions:", *(f"  {text}" for text in guess.questions)] if guess.questions else []
+    if step := _next_step(guess, written):
+        lines.append(f"next: {step}")
+    for line in lines:
+        click.echo(printable(line))
+
+
+def _rate(one: Any) -> str:
+    if not one.clock:
+        return f"{one.rows} rows, without a time that was recognised" if one.rows else "not read"
+    gaps = f", {one.gaps} gap{'s' * (one.gaps != 1)} of up to {one.longest_gap:.3g} s" if one.gaps else ", no gaps"
+    clock = f"column {one.clock}" if one.clock.isdecimal() else one.clock
+    return f"{one.rows} rows at {one.rate:.5g} Hz over {one.duration:.6g} s by {clock}{gaps}"

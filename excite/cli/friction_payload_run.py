@@ -1,0 +1,197 @@
+"""Execution of ``excite friction`` and ``excite payload``: plan runs, fit curves, find what a robot holds."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import excite
+from excite.cli.friction_commands import OF_RUNS
+from excite.cli.main import NOT_HELD
+from excite.cli.options import chosen_of, robot_file_of, world_of
+from excite.cli.payload_commands import LIMITED
+from excite.cli.progress import one_interrupt
+from excite.cli.streams import in_options, remark, tell
+from excite.cli.summary import console, print_view, show
+from excite.design.design_folder import check_no_design, shown_content
+from excite.design.friction_runs.friction_plan import FIGURE as RUNS
+from excite.design.friction_runs.friction_plan import check_no_plan
+from excite.design.friction_runs.schedule import Schedule
+from excite.friction.constant_speed_windows import FitSettings
+from excite.friction.friction_fit import FIGURE, FRICTION, check_no_fit
+from excite.payload.known_gains import save_gains
+from excite.payload.payload_result import check_no_payload
+from excite.storage.records import json_of
+from excite.storage.result_folder import figure_names, result_folder
+from excite.tasks.further_settings import CONTROLLERS, PayloadMotionSettings
+from excite.tasks.installation import Installation
+from excite.tasks.robot_of_task import installed_robot
+from excite.tasks.task import PARTS
+from excite.views.experiment_views import gains_view, payload_motion_view, payload_view
+from excite.views.friction_views import friction_fit_view, friction_plan_view
+
+
+def plan_runs_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None:
+    """Plan runs, and write them."""
+    task = excite.Task(robot, **robot_file_of(given), **chosen_of(PARTS["installation"], given))
+    described = installed_robot(task)
+    world = world_of(robot, given)
+    limits = excite.LimitChoice(**{what: given[what] for what in OF_RUNS})
+    schedule = Schedule(**chosen_of(Schedule, given))
+    chosen = {name: given[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
+    tell("looking for poses and bounding torques")
+    with result_folder(out):
+        check_no_plan(out, figure_names([RUNS], given["figures"].formats), replace=given["force"])
+        plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
+        files = plan.save(out, replace=given["force"])
+        files = [*files, *given["figures"].write(plan, out)]
+    fit = f"excite friction fit ROBOT LOG... --plan {out} --out DIR"
+    show(
+        friction_plan_view(plan),
+        files,
+        content=lambda: {"out": str(out), **{name: each for name, each in json_of(plan).items() if name != "robot"}},
+        next_steps=[f"play each file and record positions and torques, then {fit}"],
+        all_in="plan.json",
+    )
+    if not plan.holds:
+        sys.exit(NOT_HELD)
+
+
+def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: Mapping[str, Any]) -> None:
+    """Fit curves to logs and write their folder."""
+    settings = FitSettings(**chosen_of(FitSettings, given))
+    tell("reading the logs")
+    with result_folder(out):
+        check_no_fit(out, (FRICTION, *figure_names([FIGURE], given["figures"].formats)), replace=given["force"])
+        task = excite.Task(name, **robot_file_of(given), mount=given["mount"], payload=given["payload"])
+        robot = installed_robot(task)
+        asked = {key: given[key] for key in ("plan", "drives", "mapping", "drop")}
+        if given["parameters"] is not None:
+            own = given["parts"]
+            asked["parameters"] = excite.load_result(given["parameters"], own) if own else given["parameters"]
+        fit = excite.fit_friction(robot, list(paths), settings, progress=tell, **asked)
+        files = fit.save(out, replace=given["force"])
+        files = [*given["figures"].write(fit, out), *files]
+    show(
+        friction_fit_view(fit),
+        files,
+        content=lambda: {"out": str(out), **json_of(fit)},
+        next_steps=[f"excite identify ROBOT LOG... --friction-curves {out / FRICTION} --out DIR"],
+        all_in="fit.json",
+    )
+
+
+def _robot_of(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of the API for how the robot is read and installed."""
+    return {**robot_file_of(given), "installation": Installation(**chosen_of(Installation, given))}
+
+
+def _logs_of(given: Mapping[str, Any]) -> excite.LogChoice:
+    """How the logs are read."""
+    names = ("mapping", "drop", "rows", "without_rows", "cutoff", "low_pass")
+    return excite.LogChoice(*(given[name] for name in names))
+
+
+def _frame_of(given: Mapping[str, Any]) -> tuple[float, ...] | None:
+    """Origin and angles of a frame."""
+    frame: tuple[float, ...] | None = given["frame"]
+    return None if frame is None else frame + (0.0,) * (6 - len(frame))
+
+
+def design_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None:
+    """Find a motion that shows the payload, and write it."""
+    limits = {name: given[name] for name in LIMITED if given[name] is not None}
+    limits |= {"world": world_of(robot, given)} if given["world"] is not None else {}
+    chosen = {name: value for name, value in chosen_of(PayloadMotionSettings, given).items() if name != "box"}
+    with result_folder(out):
+        check_no_design(out, ("trajectory.csv",), replace=given["force"])
+        tell("looking for the best motion")
+        with one_interrupt() as interruption:
+            motion = excite.design_payload_motion(
+                robot,
+                given["box"],
+                limits=excite.LimitChoice(**limits),
+                frame=_frame_of(given),
+                seed=given["seed"],
+                rate=given["rate"],
+                **_robot_of(given),
+                **chosen,
+            )
+            interruption.ignore()
+            files = motion.design.save(out, replace=given["force"])
+            files = [*given["figures"].write(motion.design, out), *files]
+    for note in motion.notes:
+        remark(f"excite: note: {in_options(note)}")
+    design, box = motion.design, motion.box
+
+    def content() -> dict[str, Any]:
+        own = {"pose": motion.pose.tolist(), "box": box, "payload_notes": list(motion.notes)}
+        return {"out": str(out), **shown_content(design), **own}
+
+    steps = [
+        f"{'' if box is None else _stays(box)}drive to the first pose, play trajectory.csv slowly, then without and "
+        "with the load, and record both for 'excite payload identify'"
+    ]
+    show(payload_motion_view(motion), files, content=content, next_steps=steps, all_in="design.json")
+    sys.exit(0 if design.feasible else NOT_HELD)
+
+
+def _stays(box: Any) -> str:
+    """Where the tool point stays."""
+    ends = (("-inf" if low is None else f"{low:.3g}", "inf" if high is None else f"{high:.3g}") for low, high in box)
+    sides = (f"{axis} {low} to {high}" for axis, (low, high) in zip("xyz", ends, strict=True))
+    return f"the tool point stays in {', '.join(sides)} m; "
+
+
+def calibrate_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None:
+    """Calibrate the gains of the drives, and write their factors."""
+    mass = given["mass"]
+    tell("reading the logs and calibrating")
+    with save_gains(out, replace=given["force"]) as write:
+        calibrated = excite.calibrate_gains(
+            robot,
+            list(given["loaded"]),
+            list(given["without"]),
+            mass,
+            kind="common" if given["common"] else "each",
+            logs=_logs_of(given),
+            **_robot_of(given),
+        )
+        write(calibrated.gains, robot=calibrated.robot, mass=mass)
+    steps = [f"excite payload identify ROBOT --with LOG --without LOG --gains {out} --out DIR"]
+    show(gains_view(calibrated), [out], content=lambda: {"out": str(out), **calibrated.content()}, next_steps=steps)
+
+
+def identify_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None:
+    """Identify a payload, and write it in the forms of controllers."""
+    chosen = {"all": CONTROLLERS, "none": ()}.get(given["controller"], (given["controller"],))
+    wrench = bool(given["wrench"])
+    tell("reading the logs and identifying")
+    with result_folder(out):
+        check_no_payload(out, chosen, replace=given["force"])
+        payload = excite.identify_payload(
+            robot,
+            list(given["loaded"] or given["wrench"]),
+            without=list(given["without"]),
+            wrench=wrench,
+            logs=_logs_of(given),
+            frame=_frame_of(given),
+            **{name: given[name] for name in ("result", "gains", "gain_deviation", "frame_name", "rated")},
+            **_robot_of(given),
+        )
+        files = payload.save(out, controllers=chosen, replace=given["force"])
+    view, texts = payload_view(payload), payload.texts(chosen)
+    steps = ["give mass and centre to the controller; the files hold them in its form"]
+
+    def details() -> None:
+        print_view(view, files, steps)
+        for name, each in texts.items():
+            console().print(f"\n{name}:\n{each['text'].rstrip()}", soft_wrap=True)
+
+    def content() -> dict[str, Any]:
+        return {"out": str(out), **json_of(payload), "controllers": texts}
+
+    show(view, files, content=content, next_steps=steps, all_in="payload.json", details=details)
+    sys.exit(NOT_HELD if payload.doubts else 0)

@@ -1,1 +1,0 @@
-"""Friction curves fitted to the logs of friction measurements."""

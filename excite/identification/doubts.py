@@ -1,0 +1,324 @@
+"""All checks of a result, and the error of predictions that the noise of its logs alone leads one to expect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.identification.equations import measured_regressor
+from excite.identification.estimator import Estimate
+from excite.identification.impossible_parameters import (
+    allowed_poses,
+    described_coefficients,
+    heavier_than_described,
+    impossible_parameters,
+    least_inertia,
+    mass_matrix_check,
+)
+from excite.identification.large_residual import (
+    LARGEST,
+    Doubt,
+    NoisyDerivatives,
+    ResidualCauses,
+    large_residual,
+    left_out_rows,
+    missing_terms,
+    noisy_derivatives,
+    wrong_factors,
+)
+from excite.identification.noise import residual_diagnostics
+from excite.identification.observations import GroupFactors, Observations
+from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
+from excite.identification.preparation import PreparedLog
+from excite.information.target import IdentificationTarget
+from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
+from regressors.models.nominal import standard_values
+from regressors.robot.friction.load_and_temperature import drives_with_friction
+from regressors.robot.plausibility import implausible_inertias
+from regressors.samples import Array, Samples
+
+if TYPE_CHECKING:
+    from excite.identification.identification import Identification
+
+
+def doubts_of(result: Identification) -> tuple[Doubt, ...]:
+    """Reasons why a result cannot be right; empty if there are none."""
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    noise = _derivatives(result)
+    checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
+    residual = _residual(result, target, noise)
+    checks.append(residual)
+    if residual is None:  # else the others follow from it
+        if target.base.names == result.names:
+            checks += [_mass_matrix(result, target, noise), _gravity(result, target)]
+        checks.append(impossible_parameters(result.estimate, result.target.base, _shares(result), noise))
+    return tuple(doubt for doubt in checks if doubt is not None)
+
+
+def warnings_of(result: Identification) -> tuple[Doubt, ...]:
+    """What the logs do not determine, although the result may be right; empty if there is nothing."""
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    if target.base.names != result.names or _residual_size(result) > LARGEST:  # such a residual is no noise
+        return ()
+    expected = expected_error(target, result.observations, result.estimate, _travelled(result.prepared))
+    warning = few_data(len(result.prepared), expected, result.estimate.method, _excess(result))
+    return () if warning is None else (warning,)
+
+
+def _excess(result: Identification) -> float:
+    """Relative error of least squares in left-out blocks beyond that of the estimate's own rows; 0 where not known."""
+    scored = [
+        c.error for one in result.choices if one.name == "estimator" for c in one.candidates if c.value == "weighted"
+    ]
+    return float(np.sqrt(max(0.0, scored[0] ** 2 - _residual_size(result) ** 2))) if scored else 0.0
+
+
+def _travelled(prepared: tuple[PreparedLog, ...]) -> Samples:
+    """Motions of all logs, one after the other."""
+    parts = [part.samples for part in prepared]
+    if len(parts) == 1:
+        return parts[0]
+    return Samples(*(np.concatenate([getattr(s, name) for s in parts]) for name in ("time", "q", "dq", "ddq", "dddq")))
+
+
+def _shares(result: Identification) -> Array:
+    """``||W_j beta_j|| / ||y||``, shape (b,)."""
+    size = float(np.linalg.norm(result.observations.y))
+    factors = GroupFactors.of(result.observations)
+    columns = factors.stacked(np.ones(len(factors.R)))[:, -result.target.base.rank - 1 : -1]
+    sizes = np.linalg.norm(columns, axis=0) * np.abs(result.coefficients)
+    return np.asarray(sizes / size if size > 0 else sizes)
+
+
+def _residual_size(result: Identification) -> float:
+    return relative_error(result.observations.y, result.estimate.predicted(result.observations))
+
+
+def _derivatives(result: Identification) -> NoisyDerivatives:
+    above = max(motion_ends(part.log.q, mean_rate(part.log.time)) for part in result.prepared)
+    return noisy_derivatives(result.observations, result.estimate.predicted(result.observations), above)
+
+
+def _mass_matrix(result: Identification, target: IdentificationTarget, noise: NoisyDerivatives) -> Doubt | None:
+    poses = allowed_poses(target.robot, _travelled(result.prepared).q)
+    least = least_inertia(target, result.coefficients, result.estimate.covariance, poses)
+    return mass_matrix_check(least, result.estimate.method, noise)
+
+
+def _gravity(result: Identification, target: IdentificationTarget) -> Doubt | None:
+    """Torques of gravity over the allowed poses, against those of the description where that is to be believed."""
+    known = described_coefficients(target.base, standard_values(target.robot))
+    if known is None or target.model.torque_equations() is None or implausible_inertias(target.robot):
+        return None
+    q = allowed_poses(target.robot, _travelled(result.prepared).q)
+    still = np.zeros_like(q)
+    Y = target.model.instants(Samples(np.arange(len(q), dtype=float), q, still, still, still))[:, target.base.index]
+    inertial = np.array([target.base.columns[j].group == "inertial" for j in target.base.index])
+    return heavier_than_described(Y[:, inertial] @ result.coefficients[inertial], Y[:, inertial] @ known[inertial])
+
+
+def _residual(result: Identification, target: IdentificationTarget, noise: NoisyDerivatives) -> Doubt | None:
+    relative = _residual_size(result)
+    if not relative > LARGEST or target.base.names != result.names:
+        return None
+    parts = [prediction(target, part, result.recipe, result.coefficients, result.friction) for part in result.prepared]
+    return large_residual(relative, _noise(parts, noise.above), _causes(result, target, parts, noise))
+
+
+def _noise(parts: list[LogPrediction], above: float) -> float:
+    """Norm of the noise of the measurements over that of the measurements."""
+    square = sum(
+        p.time.size
+        * float(np.sum(measurement_noise(p.measured, p.measured - p.predicted, mean_rate(p.time), above).square))
+        for p in parts
+        if p.time.size > 1
+    )
+    size = sum(float(np.sum(p.measured**2)) for p in parts)
+    return float(np.sqrt(square / size)) if size > 0 else 0.0
+
+
+def _causes(
+    result: Identification, target: IdentificationTarget, parts: list[LogPrediction], noise: NoisyDerivatives
+) -> ResidualCauses:
+    observations, equations = result.observations, target.model.torque_equations()
+    residual = np.concatenate([p.measured - p.predicted for p in parts])
+    terms, per_joint = dict.fromkeys(("friction", "rotor", "offset"), 0.0), np.zeros(residual.shape[1])
+    if equations is not None:
+        speed = np.concatenate([p.speed for p in parts])
+        along = [equations.speeds(part.samples.ddq) for part in result.prepared]
+        acceleration = np.concatenate(
+            [
+                np.column_stack([np.interp(p.time, part.samples.time, column) for column in a.T])
+                for p, part, a in zip(parts, result.prepared, along, strict=True)
+            ]
+        )
+        terms, per_joint = missing_terms(residual, speed, acceleration)
+    return ResidualCauses(
+        tuple(name for name, _ in target.model.row_labels),
+        wrong_factors(observations),
+        noise,
+        terms,
+        tuple(per_joint.tolist()),
+        _without_curve(result, target),
+    )
+
+
+def _without_curve(result: Identification, target: IdentificationTarget) -> tuple[str, ...]:
+    """Drives that move and have no friction curve, where friction is known."""
+    if result.friction is None:
+        return ()
+    speeds = np.concatenate([part.samples.dq for part in result.prepared])
+    moving = [
+        name for name, row in drives_with_friction(target.robot) if np.ptp(speeds @ np.asarray(row, dtype=float)) > 0
+    ]
+    return tuple(name for name in moving if name not in result.friction.curves)
+
+
+_MOTIONS = 12
+_CHUNK = 16384  # rows
+_LEAST = 1e-12  # of the largest eigenvalue
+
+
+@dataclass(frozen=True)
+class ExpectedError:
+    """Expected error of predictions on other motions, as part of the torque."""
+
+    logs: float  # with what these logs determine
+    # with one motion of their length that was chosen among some for it; None where it cannot be told
+    designed: float | None
+
+
+def expected_error(
+    target: IdentificationTarget, observations: Observations, estimate: Estimate, travelled: Samples, seed: int = 0
+) -> ExpectedError:
+    """``sqrt(sum_j tr(C W_j' W_j) / sum_j |tau_j|^2)`` over random motions of the size of the logs'.
+
+    ``C = (sum_j W_j' W_j / s_j^2)^-1`` is the covariance of least squares from these equations, with ``s_j^2`` the mean
+    square of the residuals of equation j times rows over effective rows, since they are correlated. It has no part
+    from errors of the model, nor from what the estimator knows beyond the data: it says what the data determine. The
+    designed motion is the one with the least error among the random ones, as long as the logs and as noisy.
+    """
+    rng = np.random.default_rng(seed)
+    r = len(target.model.row_labels)
+    motions = [measured_regressor(target, other_motion(travelled, rng)) for _ in range(_MOTIONS)]
+    gram = np.sum([W.T @ W for W in motions], axis=0)
+    torque = float(sum(np.sum((W @ estimate.coefficients) ** 2) for W in motions))
+    noise = _effective_noise(estimate, observations)
+    factors = GroupFactors.of(observations)
+    weighted = factors.stacked(noise)[:, :-1]
+    determined = _inverse(weighted.T @ weighted)
+    if observations.equations != target.model.row_labels:  # of windows, whose noise is not that of torques
+        return ExpectedError(_ratio(determined, gram, torque), None)
+    counts = factors.count.reshape(-1, r)
+    log_rows = counts.sum(axis=0)
+    squares = np.where(counts > 0, noise.reshape(-1, r), 0.0) ** 2
+    per_equation = np.sqrt((counts * squares).sum(axis=0) / log_rows)
+    weight = np.tile(np.sqrt(log_rows * r / motions[0].shape[0]) / per_equation, motions[0].shape[0] // r)
+    designed = min(_ratio(_inverse(_information(W, weight)), gram, torque) for W in motions)
+    return ExpectedError(_ratio(determined, gram, torque), designed)
+
+
+def _effective_noise(estimate: Estimate, observations: Observations) -> Array:
+    """Noise that white residuals would need for the same uncertainty, per group; shape (groups,)."""
+    noise = np.full(len(observations.logs) * len(observations.equations), np.inf)
+    for g, one in zip(np.unique(observations.group), residual_diagnostics(estimate, observations), strict=True):
+        noise[g] = one.rms * np.sqrt(one.rows / one.effective)
+    least = 1e-9 * noise[np.isfinite(noise)].max(initial=0.0) or 1.0
+    return np.asarray(np.maximum(noise, least))
+
+
+def _information(W: Array, weight: Array) -> Array:
+    """``W' diag(weight^2) W``, by parts, so that no second W is held."""
+    parts = (slice(start, start + _CHUNK) for start in range(0, len(W), _CHUNK))
+    weighted = (W[part] * weight[part, None] for part in parts)
+    return np.asarray(sum((A.T @ A for A in weighted), np.zeros((W.shape[1], W.shape[1]))))
+
+
+def _inverse(M: Array) -> Array:
+    """``M^-1``, directions that M does not show having a variance as large as numbers allow."""
+    sizes = np.sqrt(np.diag(M))
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    values, vectors = np.linalg.eigh(M / np.outer(sizes, sizes))
+    half = vectors / np.sqrt(np.maximum(values, _LEAST * values[-1])) / sizes[:, None]
+    return np.asarray(half @ half.T)
+
+
+def _ratio(C: Array, gram: Array, torque: float) -> float:
+    return float(np.sqrt(np.sum(C * gram) / torque)) if torque > 0 else np.inf
+
+
+HARMONICS = 5
+_POINTS = 200  # in a period
+
+
+def other_motion(travelled: Samples, rng: np.random.Generator) -> Samples:
+    """A random band-limited motion within the ranges of positions, and the speeds and accelerations, of another.
+
+    Every joint is a Fourier series of five harmonics with random amplitudes, about the middle of its range. It is as
+    large as range, root mean square of the velocity and that of the acceleration allow; the period follows from their
+    ratio.
+    """
+    n = travelled.q.shape[1]
+    low, high = travelled.q.min(axis=0), travelled.q.max(axis=0)
+    speed, acceleration = _rms(travelled.dq), _rms(travelled.ddq)
+    moving = (high - low > 1e-6 * (high - low).max(initial=0.0)) & (speed > 0)
+    rate = float(np.median(acceleration[moving] / speed[moving]))  # of the harmonics [rad/s]
+    numbers = np.arange(1, HARMONICS + 1)  # mean squares of acceleration and velocity over the base frequency squared:
+    period = 2 * np.pi * np.sqrt(float(np.sum(numbers**4) / np.sum(numbers**2))) / rate
+    time = np.arange(_POINTS) * (period / _POINTS)
+    k = numbers * 2 * np.pi / period
+    amplitude, phase = rng.normal(size=(n, HARMONICS)), rng.uniform(0, 2 * np.pi, (n, HARMONICS))
+    angle = np.multiply.outer(time, k)[:, None, :] + phase
+    q, dq, ddq = (
+        np.sum(amplitude * part, axis=-1) for part in (np.sin(angle), k * np.cos(angle), -(k**2) * np.sin(angle))
+    )
+    allowed = [(high - low) / np.maximum(np.ptp(q, axis=0), 1e-300), speed / _rms(dq), acceleration / _rms(ddq)]
+    scale = np.where(moving, np.min(allowed, axis=0), 0.0)
+    middle = (low + high) / 2 - scale * (q.max(axis=0) + q.min(axis=0)) / 2
+    return Samples(time, middle + scale * q, scale * dq, scale * ddq, np.zeros_like(q))
+
+
+def _rms(x: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(x**2, axis=0)))
+
+
+_TOLERATED = 0.10  # of the torque: the tolerance of a verdict, which the next log then exceeds by noise alone
+_USEFUL = 0.8  # of the error: a designed motion that does not gain more is not proposed
+
+
+def few_data(logs: int, expected: ExpectedError, method: str, excess: float = 0.0) -> Doubt | None:
+    """Warning where predictions on other motions are expected to fail by the noise of the logs alone, or did fail."""
+    if not max(expected.logs, excess) > _TOLERATED:
+        return None
+    what, noise = ("this log is", "its noise") if logs == 1 else (f"these {logs} logs are", "their noise")
+    kept = (
+        "what the estimate has beyond comes from the condition that bodies are real"
+        if method == "physical"
+        else "errors of the model come on top"
+    )
+    if excess > expected.logs:
+        return Doubt(
+            f"{what} too little",
+            f"blocks of time that were left out are predicted by least squares with errors of {100 * excess:.2g} % of "
+            f"the torque beyond those of the rows identified from, and {kept}",
+            _cure(expected, method),
+        )
+    return Doubt(
+        f"{what} too little",
+        f"{noise} alone leaves errors of about {100 * expected.logs:.2g} % of the torque on other motions of the same "
+        f"ranges and speeds, and {kept}",
+        _cure(expected, method),
+    )
+
+
+def _cure(expected: ExpectedError, method: str) -> str:
+    physical = "" if method == "physical" else ", or admit only parameters of real bodies with `estimator='physical'`"
+    gain = expected.designed
+    if gain is None or gain > _USEFUL * expected.logs:
+        return f"add a log of another motion{physical}"
+    return (
+        f"the noise of a designed motion of the same length, ranges and speeds leaves about {100 * gain:.2g} %, that "
+        f"of this one {100 * expected.logs:.2g} % (`design_trajectory`); or add a log of another motion{physical}"
+    )

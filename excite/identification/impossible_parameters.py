@@ -1,0 +1,231 @@
+"""Doubt where no bodies and drives have the base parameters, or the mass matrix is not positive definite."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import scipy.stats
+
+from excite.identification.estimator import CONFIDENCE, Estimate
+from excite.identification.large_residual import Doubt, NoisyDerivatives
+from excite.information.target import IdentificationTarget
+from regressors.models.base import Base
+from regressors.robot.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
+from regressors.robot.inertia import pseudo_inertia
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+_NAMED = 4
+_NEGLIGIBLE = 0.01  # of the torques
+_ROUNDING = 1e-9
+_PARTS = 10
+
+
+def signs_of_bodies(base: Base) -> Array:
+    """Sign that each base parameter has for every possible set of bodies and drives, shape (b,): 1, -1 or 0.
+
+    A base parameter is ``sum_b tr(A_b J_b)`` over the pseudo-inertias J_b of the bodies, which are positive
+    semi-definite [Wensing et al. 2018], plus rotor inertias and friction, which are not negative. It has one sign if
+    all A_b are semi-definite of that sign; 0 where it may have either.
+    """
+    owners: dict[object, list[int]] = {}
+    for j, column in enumerate(base.columns):
+        if column.kind in BODY_KINDS:
+            owners.setdefault(column.owner, []).append(j)
+    bodies = [columns for columns in owners.values() if len(columns) == _PARTS]
+    drives = [j for j, column in enumerate(base.columns) if column.kind in (ROTOR, COULOMB, VISCOUS)]
+    placed = {*drives, *(j for columns in bodies for j in columns)}
+    free = [j for j in range(len(base.columns)) if j not in placed]
+    D = np.where(np.abs(base.D) > _ROUNDING * np.abs(base.D).max(axis=1, keepdims=True), base.D, 0.0)
+    eigenvalues = [np.linalg.eigvalsh(_dual(D[:, columns])) for columns in bodies]
+    values = np.concatenate([D[:, drives], *eigenvalues], axis=1)
+    tolerance = _ROUNDING * np.abs(values).max(axis=1, initial=0.0)
+    either = np.any(D[:, free] != 0.0, axis=1) | ~np.any(values != 0.0, axis=1)
+    least, most = values.min(axis=1, initial=0.0), values.max(axis=1, initial=0.0)
+    sign = np.where(least >= -tolerance, 1.0, np.where(most <= tolerance, -1.0, 0.0))
+    return np.where(either, 0.0, sign)
+
+
+def _dual(c: Array) -> Array:
+    """``A`` with ``tr(A J) = c . theta`` for the pseudo-inertia J of every theta, shape (b, 4, 4)."""
+    units = np.array([pseudo_inertia(one) for one in np.eye(_PARTS)])  # a basis of the symmetric matrices
+    return np.tensordot(np.linalg.solve(np.einsum("kij,lij->kl", units, units), c.T).T, units, axes=1)
+
+
+def impossible_parameters(estimate: Estimate, base: Base, shares: Array, noise: NoisyDerivatives) -> Doubt | None:
+    """Doubt where the sign of base parameters is beyond their intervals that of no body and no drive.
+
+    The intervals hold for all tested parameters at once with 99 % (Bonferroni). Parameters that make less than 1 % of
+    the torques are not tested.
+    """  # shares (b,)
+    sign = np.where(shares > _NEGLIGIBLE, signs_of_bodies(base), 0.0)
+    tested = max(int(np.count_nonzero(sign)), 1)
+    half = scipy.stats.t.ppf(1 - (1 - CONFIDENCE) / (2 * tested), max(estimate.degrees_of_freedom, 1))
+    half = half * estimate.deviation
+    with np.errstate(invalid="ignore"):
+        beyond = np.flatnonzero(sign * estimate.values + half < 0)
+    if not beyond.size:
+        return None
+    order = beyond[np.argsort((sign * estimate.values / np.where(half > 0, half, 1.0))[beyond])]
+    shown = [
+        f"{estimate.names[j]} = {estimate.values[j]:.3g} +- {half[j]:.2g} {estimate.units[j]}" for j in order[:_NAMED]
+    ]
+    more = f" and {len(order) - _NAMED} more" if len(order) > _NAMED else ""
+    kinds = {base.columns[base.index[j]].kind for j in order}
+    what = f"no body and no drive has {', '.join(shown)}{more}, whose sign is wrong beyond the 99 % interval"
+    if noise.cause is not None:
+        return Doubt(what, *noise.cause)
+    return Doubt(
+        what,
+        _cause(kinds),
+        "check the signs and units in the mapping, or admit only possible parameters with `estimator='physical'`",
+    )
+
+
+def _cause(kinds: set[str]) -> str:
+    if kinds <= {COULOMB, VISCOUS}:
+        return "friction that drives a joint means a torque of the wrong sign, or friction that the model lacks"
+    if kinds <= {ROTOR}:
+        return "the inertia of the drives takes up what the model lacks, or the accelerations are wrong"
+    return "the model lacks something that the torques have, or signs or units are wrong"
+
+
+def heavier_than_described(identified: Array, described: Array, most: float = 100.0) -> Doubt | None:
+    """Doubt where the torques of gravity are those of masses over 100 times the described ones."""
+    # identified, described (N, r)
+    size = float(np.linalg.norm(described))
+    ratio = float(np.linalg.norm(identified)) / size if size > 0 else 0.0
+    if not ratio > most:
+        return None
+    return Doubt(
+        f"the bodies are {ratio:.3g} times as heavy as the robot's description states",
+        "torques in another unit, or those of a motor taken for those of its joint, look like that",
+        "check the unit, gain and ratio of the torques in the mapping",
+    )
+
+
+def described_coefficients(base: Base, known: Mapping[str, float]) -> Array | None:
+    """Base parameters of the described bodies, unknown friction and rotors as zero; None where a body is unknown."""
+    bodies = [column for column in base.columns if column.kind in BODY_KINDS]
+    if not bodies or any(column.name not in known for column in bodies):
+        return None
+    return np.asarray(base.D @ np.array([known.get(column.name, 0.0) for column in base.columns]))
+
+
+POSES = 256  # a power of two, for Sobol's sequence
+_CORNERS = 128
+_CONFIDENCE = 0.99
+
+
+@dataclass(frozen=True, eq=False)
+class LeastInertia:
+    """The direction and pose in which an estimated robot has the least inertia."""
+
+    value: float  # ``v' M(q) v`` [kg m^2, or with kg m and kg]
+    # half of its 99 % interval [the same unit]; infinite where it is not known. Since direction and pose are the
+    # worst of all, it is that of all linear functions of the parameters at once, ``sqrt(chi2(b)) s`` [Scheffe 1953]
+    half_width: float
+    joint: str  # the coordinate that takes the largest part in v
+    pose: Array  # (n,) [rad or m]
+    positive: bool  # M is positive definite in every pose that was tried
+
+
+def allowed_poses(robot: Robot, travelled: Array, seed: int = 0) -> Array:
+    """Poses within the limits of the joints: quasi-random ones, the middle, and corners.
+
+    A revolute joint is tried over at most one turn about the middle of its range. One without a limit is tried over a
+    whole turn about the poses of the log, a prismatic one as far as it travelled.
+    """  # travelled (N, n)
+    low, high = robot.limits.lower.copy(), robot.limits.upper.copy()
+    bounded = np.isfinite(low) & np.isfinite(high)
+    low, high = np.where(bounded, low, travelled.min(axis=0)), np.where(bounded, high, travelled.max(axis=0))
+    middle = (low + high) / 2
+    turning = np.array([joint.unit == "rad" for joint in robot.joints])
+    half = np.where(turning, np.where(bounded, np.minimum((high - low) / 2, np.pi), np.pi), (high - low) / 2)
+    spread = 2 * scipy.stats.qmc.Sobol(robot.n, rng=np.random.default_rng(seed)).random(POSES) - 1
+    corners = np.array(list(product((-1.0, 1.0), repeat=min(robot.n, 12))))
+    corners = np.pad(corners, ((0, 0), (0, robot.n - corners.shape[1])))[:: max(1, len(corners) // _CORNERS)]
+    return np.asarray(middle + half * np.vstack([spread, corners, np.zeros(robot.n)]))
+
+
+def least_inertia(
+    target: IdentificationTarget, coefficients: Array, covariance: Array, poses: Array
+) -> LeastInertia | None:
+    """The least inertia of an estimated robot over some poses.
+
+    Coordinates are scaled by their own mean inertia, so that radians and metres, shoulder and wrist, compare.
+    """  # coefficients (b,); covariance (b, b); poses (N, n)
+    K = mass_matrix_regressor(target, poses)
+    if K is None:
+        return None
+    M = K @ coefficients
+    scale = np.sqrt(np.abs(M[:, np.arange(M.shape[1]), np.arange(M.shape[1])]).mean(axis=0))
+    scale = np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh((M + M.swapaxes(1, 2)) / 2 / np.outer(scale, scale))
+    worst = int(np.argmin(values[:, 0]))
+    v = vectors[worst, :, 0]
+    joint = int(np.argmax(np.abs(v)))
+    direction = v / scale / np.abs(v[joint] / scale[joint])  # of unit size in the coordinate that it is named after
+    k = np.einsum("i,ijb,j->b", direction, K[worst], direction)
+    variance = float(k @ np.where(np.isfinite(covariance), covariance, 0.0) @ k)
+    known = np.all(np.isfinite(np.diag(covariance)[k != 0]))
+    return LeastInertia(
+        float(k @ coefficients),
+        float(np.sqrt(max(variance, 0.0) * scipy.stats.chi2.ppf(_CONFIDENCE, len(k)))) if known else np.inf,
+        target.motion.labels[joint] if not target.motion.complete else target.robot.joint_names[joint],
+        poses[worst],
+        bool(values[:, 0].min() > _ROUNDING * np.abs(values).max()),
+    )
+
+
+def mass_matrix_check(least: LeastInertia | None, method: str, noise: NoisyDerivatives) -> Doubt | None:
+    """Doubt where the mass matrix is not positive definite, which no real robot has."""
+    if least is None or least.positive:
+        return None
+    what = (
+        "the mass matrix is not positive definite, which no robot has: in the pose "
+        f"({', '.join(f'{x:.2f}' for x in least.pose)}) the inertia along {least.joint} is {least.value:.3g}"
+    )
+    half = least.half_width
+    if not np.isfinite(half):
+        return Doubt(what, "the data do not determine it", _more_data(method))
+    if least.value + half > 0:
+        return Doubt(what, f"the data determine it only to +- {half:.2g}", _more_data(method))
+    if noise.cause is not None:
+        return Doubt(what, *noise.cause)
+    return Doubt(
+        what,
+        f"that is beyond its 99 % interval of +- {half:.2g}, so the equations are not those of this robot",
+        "check the units, the signs and the order of the joints in the mapping, whether the positions are filtered "
+        "enough (`cutoff`), and whether the drives have rotors that the model leaves out (`joint_rotors=True`)",
+    )
+
+
+def _more_data(method: str) -> str:
+    more = "add a second log or play a designed motion"
+    if method == "physical":
+        return more
+    return f"admit only parameters of real bodies with `estimator='physical'`, or {more}"
+
+
+def mass_matrix_regressor(target: IdentificationTarget, q: Array) -> Array | None:
+    """Regressor of ``M(q)``, linear in the base parameters: ``M_ij = sum_b K_ijb beta_b``.
+
+    Column j of M is what a unit acceleration of moving coordinate j adds to the torques at rest,
+    ``M e_j = N' (Y(q, 0, N e_j) - Y(q, 0, 0)) beta``, with ``q = N s + q0``.
+    """  # q (N, n)
+    equations = target.model.torque_equations()
+    if equations is None or equations.unused:
+        return None
+    N = equations.motion.matrix
+    k, count = N.shape[1], len(q)
+    q = (q - equations.motion.offset) @ (N @ np.linalg.pinv(N)).T + equations.motion.offset
+    accelerations = np.vstack([np.zeros(N.shape[0]), N.T])  # (k + 1, n)
+    ddq = np.tile(accelerations, (count, 1))
+    still = np.zeros_like(ddq)
+    states = Samples(np.arange(len(ddq), dtype=float), np.repeat(q, k + 1, axis=0), still, ddq, still)
+    rows = target.model.instants(states)[:, target.base.index].reshape(count, k + 1, k, -1)
+    return np.asarray((rows[:, 1:] - rows[:, :1]).swapaxes(1, 2))

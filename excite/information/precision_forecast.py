@@ -1,0 +1,308 @@
+"""Half-widths after several runs of one motion, and the fewest runs that meet a precision target.
+
+Information adds, so that n runs of a motion with covariance C leave ``C / n``, and ``(n C^-1 + P)^-1`` after earlier
+experiments with the information P; their rows also settle the estimate of the noise, see
+`excite.information.half_widths`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from excite.information.earlier_precision import InformationInHand
+from excite.information.half_widths import (
+    TorquePrecision,
+    allowed_half_widths,
+    half_width_factor,
+    residual_degrees_of_freedom,
+    torque_precision,
+)
+from excite.information.target import IdentificationTarget, inverse_half
+from excite.storage.codec import INLINE, named
+from excite.tasks.precision_target import PrecisionTarget
+from regressors.samples import Array, Samples
+
+_MOST_RUNS = 10**9
+_WORTH = 1.05  # times narrower, from which a change is said to help
+
+
+@dataclass(frozen=True)
+class ParameterPrecision:
+    """Half-width of one base parameter's confidence interval, or of the error of a joint's torque on a task motion."""
+
+    name: str
+    unit: str
+    half_width: float  # predicted, after all runs
+    allowed: float | None  # the largest that meets the target; None where nothing is asked
+
+    @property
+    def use(self) -> float:
+        """Half-width over the allowed one; zero where nothing is asked."""
+        return 0.0 if self.allowed is None else self.half_width / self.allowed
+
+
+@dataclass(frozen=True)
+class PrecisionForecast:
+    """What a number of runs is predicted to reach.
+
+    Parameters
+    ----------
+    runs : int
+    seconds : float
+        Robot time of one run, with approach and return where there are any [s].
+    level, probability : float
+        Of the intervals; with which none is wider.
+    parameters : tuple of ParameterPrecision
+    """
+
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
+        "met": lambda forecast: forecast.met,
+        "robot_seconds": lambda forecast: forecast.robot_seconds,
+    }
+
+    runs: int
+    seconds: float = field(metadata=named("seconds_per_run"))
+    level: float
+    probability: float
+    parameters: tuple[ParameterPrecision, ...]
+
+    @property
+    def robot_seconds(self) -> float:
+        """Robot time of all runs [s]."""
+        return self.runs * self.seconds
+
+    @property
+    def worst(self) -> ParameterPrecision:
+        """The parameter that comes nearest to its allowed half-width, or exceeds it most."""
+        return max(self.parameters, key=lambda parameter: parameter.use)
+
+    @property
+    def met(self) -> bool:
+        """Whether no half-width exceeds the allowed one."""
+        return self.worst.use <= 1.0
+
+    @property
+    def too_wide(self) -> tuple[ParameterPrecision, ...]:
+        """Parameters whose half-width exceeds the allowed one, worst first."""
+        return tuple(sorted((p for p in self.parameters if p.use > 1.0), key=lambda p: -p.use))
+
+
+@dataclass(frozen=True, eq=False)
+class RunInformation:
+    """Information of one run against a precision target.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    precision : PrecisionTarget
+    half : ndarray, shape (b, b)
+        H with the covariance ``H H'`` of one run, for the stated noise.
+    rows : int
+        Equations of one run.
+    seconds : float
+        Robot time of one run [s].
+    in_hand : InformationInHand, optional
+        Of earlier experiments.
+    """
+
+    target: IdentificationTarget
+    precision: PrecisionTarget
+    half: Array
+    rows: int
+    seconds: float
+    in_hand: InformationInHand | None = None
+
+    @classmethod
+    def of(
+        cls,
+        precision: PrecisionTarget,
+        target: IdentificationTarget,
+        samples: Samples,
+        noise: Array,
+        seconds: float,
+        in_hand: InformationInHand | None = None,
+    ) -> RunInformation:
+        """Of a motion, at the instants that the model requires, for the noise of each equation."""
+        W = target.model.assemble(samples)[:, target.base.index]
+        half = inverse_half(W / np.tile(noise, W.shape[0] // noise.size)[:, None])
+        return cls(target, precision, half, W.shape[0], seconds, in_hand)
+
+    @cached_property
+    def torques(self) -> TorquePrecision | None:
+        """The torques along the task motion, where there is one."""
+        asked = self.precision.torques
+        return None if asked is None else torque_precision(asked, self.target)
+
+    @cached_property
+    def allowed(self) -> Array:
+        """Largest half-widths of the parameters, infinite if nothing is asked, and of the torques of a task motion."""
+        allowed = allowed_half_widths(self.precision, self.target)
+        return allowed if self.torques is None else np.append(allowed, self.torques.allowed)
+
+    @cached_property
+    def deviation(self) -> Array:
+        """Standard deviations after one run, in the order of `allowed`."""
+        return self._deviations(self.half)
+
+    def _deviations(self, half: Array) -> Array:
+        deviation = np.asarray(np.linalg.norm(half, axis=1))
+        return deviation if self.torques is None else np.append(deviation, self.torques.deviations(half))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of what has a half-width."""
+        return (*self.target.base.names, *(() if self.torques is None else self.torques.names))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their units."""
+        return (*self.target.base.units, *(() if self.torques is None else self.torques.units))
+
+    def half_widths(self, runs: int) -> Array:
+        """Half-widths after a number of runs, in the order of `allowed`."""
+        if self.in_hand is None:
+            return np.asarray(self._factor(runs) * self.deviation / math.sqrt(runs))
+        together = np.vstack([self.in_hand.R, math.sqrt(runs) * np.linalg.pinv(self.half)])
+        return np.asarray(self._factor(runs) * self._deviations(inverse_half(together)))
+
+    def use(self, runs: int) -> float:
+        """Largest half-width over the allowed one after a number of runs."""
+        return float(np.max(self.half_widths(runs) / self.allowed))
+
+    def fewest_runs(self) -> int:
+        """The fewest runs that meet the target; at least one."""
+        low, high = 0, 1
+        while self.use(high) > 1.0:
+            if high >= _MOST_RUNS:
+                return _MOST_RUNS
+            low, high = high, 2 * high
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if self.use(middle) > 1.0 else (low, middle)
+        return high
+
+    def forecast(self, max_time: float) -> PrecisionForecast:
+        """Of the fewest runs that meet the target, or of as many as a robot time leaves room for, at least one."""
+        runs = min(self.fewest_runs(), max(1, math.floor(max_time / self.seconds)))
+        given = self.precision
+        return PrecisionForecast(
+            runs,
+            self.seconds,
+            given.level,
+            given.probability,
+            tuple(
+                ParameterPrecision(name, unit, float(h), float(a) if np.isfinite(a) else None)
+                for name, unit, h, a in zip(self.names, self.units, self.half_widths(runs), self.allowed, strict=True)
+            ),
+        )
+
+    def _factor(self, runs: int) -> float:
+        f = residual_degrees_of_freedom(
+            float(runs) * self.rows, self.target.base.rank, len(self.target.model.row_labels)
+        )
+        f += 0 if self.in_hand is None else self.in_hand.degrees_of_freedom
+        return half_width_factor(f, level=self.precision.level, probability=self.precision.probability)
+
+
+@dataclass(frozen=True)
+class FrontPoint:
+    """An experiment than which none that was tried is both shorter and more precise."""
+
+    period: float  # [s]
+    runs: int
+    robot_seconds: float
+    use: float  # largest half-width over the allowed one: 1 meets the target just so, 2 a target twice as wide
+
+
+@dataclass(frozen=True)
+class TriedPeriod:
+    """The best motion of one period."""
+
+    period: float  # [s]
+    richness: int = field(metadata=named("harmonics"))  # their number, or what the family has instead
+    seconds: float = field(metadata=named("seconds_per_run"))  # with approach and return [s]
+    runs: int  # the fewest that meet the target
+    robot_seconds: float  # of these runs [s]
+    use: float = field(metadata=named("use_of_one_run"))  # largest half-width over the allowed one
+    course: tuple[tuple[int, float], ...]  # numbers of runs, and the same after them
+
+
+@dataclass(frozen=True)
+class TooWide:
+    """A parameter whose half-width stays too large."""
+
+    name: str
+    unit: str
+    half_width: float  # after as many runs as the robot time leaves room for
+    allowed: float
+    # parameters that it moves with, and the correlation of the estimates, the closest first
+    together: tuple[tuple[str, float], ...]
+
+    @property
+    def text(self) -> str:
+        """By how much it is too wide, and what it moves with."""
+        partners = ", ".join(f"{name} ({correlation:+.2f})" for name, correlation in self.together)
+        moves = f"moves together with {partners}" if partners else "moves with no other parameter"
+        return f"{self.name}: {self.half_width / self.allowed:.3g} times the allowed half-width, {moves}"
+
+
+@dataclass(frozen=True)
+class SeparationTrial:
+    """One change of the problem, tried."""
+
+    change: str
+    narrower: float  # factor by which the widest half-width, relative to the allowed one, becomes narrower
+    robot_seconds: float  # robot time in which the target would be met then [s]
+
+
+@dataclass(frozen=True)
+class OutOfReach:
+    """What keeps a precision out of reach."""
+
+    parameters: tuple[TooWide, ...]  # the widest first
+    robot_seconds: float  # robot time in which more runs of the same motion would meet the target [s]
+    trials: tuple[SeparationTrial, ...]  # what was tried, the one that helps most first
+
+    @property
+    def best(self) -> SeparationTrial | None:
+        """The change that helps most; None if none does."""
+        return self.trials[0] if self.trials and self.trials[0].narrower > _WORTH else None
+
+
+@dataclass(frozen=True)
+class PrecisionSearch:
+    """A search for the shortest experiment that meets a precision.
+
+    Parameters
+    ----------
+    asked : mapping
+        The target, see `PrecisionTarget.to_dict`.
+    noise : tuple of float
+        Standard deviation of each equation.
+    max_time : float
+        The most robot time [s].
+    period : float
+        Of the motion that was chosen [s].
+    forecast : PrecisionForecast
+        Of its runs.
+    trials : tuple of TriedPeriod
+        In the order of their periods.
+    front : tuple of FrontPoint
+    out_of_reach : OutOfReach, optional
+        What keeps the target out of reach, where it is.
+    """
+
+    asked: Mapping[str, Any]
+    noise: tuple[float, ...]
+    max_time: float
+    period: float
+    forecast: PrecisionForecast = field(metadata=INLINE)
+    trials: tuple[TriedPeriod, ...]
+    front: tuple[FrontPoint, ...]
+    out_of_reach: OutOfReach | None = None

@@ -1,0 +1,282 @@
+"""What is shown of experiments: simulated logs, predicted accuracy, studies over time, payloads and gains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from excite.payload.calibrate_gains import CalibratedGains
+from excite.payload.payload_motion import PayloadMotion
+from excite.payload.payload_result import PayloadResult
+from excite.simulation.simulation import SimulatedLog, Simulation
+from excite.study.predict_accuracy import AccuracyPrediction, ParameterAccuracy
+from excite.study.time_study import FIGURE, KIND, TimeCourse, TimeStudy
+from excite.views.design_view import design_view
+from excite.views.view import Column, Drawing, View, ViewTable, headed, numbers, some_of, texts
+
+_NEGLIGIBLE = 1e-4  # tracking error over the range of motion
+
+
+def simulation_view(simulation: Simulation | SimulatedLog) -> View:
+    """View of a simulation, or of what was written of one."""
+    log = simulation.record if isinstance(simulation, Simulation) else simulation
+    what, settings = f"{log.duration:g} s of {log.robot}", log.settings
+    kept = f"Simulated {what}: the motion was followed{_followed(log)}"
+    return View(
+        kind="simulation",
+        title=f"simulation of {log.robot}",
+        verdict=kept if log.holds else f"Simulated {what}, but the motion does not hold: {some_of(log.failures)}",
+        holds=log.holds,
+        summary=(
+            f"{log.samples} samples at {settings['rate']:g} Hz; {settings['controller']} of {settings['bandwidth']:g} "
+            f"Hz, seed {log.seed}",
+            f"energy: the torques did {log.work:.4g} J of work, friction took {log.loss:.4g} J; the balance closes to "
+            f"{log.energy_residual:.2g} J",
+        ),
+        remarks=(*(f"does not hold: {each}" for each in log.failures), *log.notes),
+        tables=(_torques(log), _tracking(log)),
+        facts={"robot": log.robot, "robot_sha256": log.sha256},
+    )
+
+
+def _followed(log: SimulatedLog) -> str:
+    if not log.tracking:
+        return ""
+    worst = max(log.tracking, key=lambda each: each.relative)
+    if worst.relative < _NEGLIGIBLE:
+        return f" within {100 * _NEGLIGIBLE:g} % of its range of motion"
+    deviation = f"{worst.joint}: {worst.error:.2g} {worst.unit}"
+    return f" within {100 * worst.relative:.2g} % of its range of motion ({deviation})"
+
+
+def _torques(log: SimulatedLog) -> ViewTable:
+    columns = headed("*torque limit of:text, *peak:4, *limit:4, *used:%, *samples at the limit")
+    uses = sorted(log.torques, key=lambda use: -use.peak / use.limit)
+    rows = tuple((use.label, use.peak, use.limit, use.peak / use.limit, use.saturated) for use in uses)
+    return ViewTable("torques", "Commanded torques", columns, rows, most=7)
+
+
+def _tracking(log: SimulatedLog) -> ViewTable:
+    columns = headed("joint:text, largest, rms, unit:unit")
+    rows = tuple((each.joint, each.error, each.rms, each.unit) for each in log.tracking)
+    return ViewTable("tracking", "Tracking error", columns, rows)
+
+
+def accuracy_view(prediction: AccuracyPrediction) -> View:
+    """View of what repeats of an experiment are predicted to show."""
+    worst = max(prediction.parameters, key=_relative)
+    return View(
+        kind="accuracy",
+        title=f"predicted accuracy of repeats of {prediction.name}",
+        verdict=f"Repeats scatter most, in relation to its value, in {worst.name}: {worst.deviation:.2g} {worst.unit} "
+        f"of {worst.value:.4g}",
+        summary=(
+            f"{len(prediction.parameters)} parameters of {prediction.robot}, {prediction.model} model; deviations to "
+            f"{100 * prediction.precision:.2g} % ({prediction.count} samples)",
+        ),
+        remarks=prediction.notes,
+        tables=(_predicted(prediction),),
+    )
+
+
+def _relative(parameter: ParameterAccuracy) -> float:
+    return float(parameter.deviation / abs(parameter.value)) if parameter.value else 0.0
+
+
+def _predicted(prediction: AccuracyPrediction) -> ViewTable:
+    columns = (
+        *headed("*parameter:text, *expected:4, *unit:unit"),
+        *(Column(name, brief=True, digits=2) for name in ("by torques", "by motion", "deviation", "bias")),
+    )
+    rows = tuple(
+        (p.name, p.value, p.unit, p.by_torques, p.by_motion, p.deviation, p.bias) for p in prediction.parameters
+    )
+    return ViewTable("accuracy", "Predicted accuracy of repeats", columns, rows, most=12)
+
+
+def study_view(study: TimeStudy) -> View:
+    """View of a study."""
+    verdict, known = _verdict(study)
+    return View(
+        kind="study",
+        title=f"study of {study.robot}",
+        verdict=verdict,
+        holds=known,
+        summary=tuple(_sentence(course, study.below) for course in study.courses),
+        remarks=tuple(
+            f"{course.name}: {text}" for course in study.courses for text in (*_scatter(course), *course.notes)
+        ),
+        asked=(
+            ("robot", study.robot),
+            ("motions", ", ".join(course.name for course in study.courses)),
+            ("deviation to fall below", f"{100 * study.below:g} %"),
+        ),
+        tables=(_motions(study), *(_parameters(course, study.below) for course in study.courses)),
+        figures=(Drawing("Estimates over time", FIGURE, "identification_plots.estimates_over_time_figure", (study,)),),
+        filed=KIND,
+        facts={"robot": study.robot, "robot_sha256": study.sha256},
+    )
+
+
+def _verdict(study: TimeStudy) -> tuple[str, bool]:
+    """Which motion determines all parameters soonest, and whether one does."""
+    share = f"{100 * study.below:g} %"
+    times = [(float(course.time_below(study.below).max()), course.name) for course in study.courses]
+    known = sorted((time, name) for time, name in times if np.isfinite(time))
+    if known:
+        time, name = known[0]
+        return f"{name} determines every parameter to {share} soonest, after {time:.3g} s", True
+    late = [(int(np.isnan(course.time_below(study.below)).sum()), course) for course in study.courses]
+    count, course = min(late, key=lambda pair: pair[0])
+    left = f"{count} of {len(course.names)}"
+    return f"No motion determines every parameter to {share}; fewest are left by {course.name}: {left}", False
+
+
+def _sentence(course: TimeCourse, below: float) -> str:
+    times = course.time_below(below)
+    known, count = int(np.isfinite(times).sum()), times.size
+    all_of = "all" if known == count else f"{known} of"
+    begin = f"{course.name} determines {all_of} {count} parameters within {100 * below:g} %"
+    after = f" after {float(np.nanmax(times)):.3g} s" if known else ""
+    return f"{begin}{after}, of {float(course.time[-1]):.3g} s."
+
+
+def _scatter(course: TimeCourse) -> tuple[str, ...]:
+    """How far repetitions scatter against what is stated."""
+    if course.scatter is None:
+        return ()
+    seen = np.isfinite(course.deviation[-1]) & (course.deviation[-1] > 0)
+    if not seen.any():
+        return ()
+    ratio = course.scatter[-1, seen] / course.deviation[-1, seen]
+    return (
+        f"{course.repetitions} repetitions scatter by {np.median(ratio):.2f} times the stated deviations (median; "
+        f"{ratio.min():.2f} to {ratio.max():.2f})",
+    )
+
+
+def _motions(study: TimeStudy) -> ViewTable:
+    share = f"{100 * study.below:g} %"
+    columns = (
+        *headed("*motion:text, *lasts [s]"),
+        Column("cond(W)", brief=True, missing="rank too low"),
+        Column(f"all below {share} [s]", brief=True, missing="never"),
+        Column("half [s]", brief=True, missing="never"),
+        *headed("*still above, parameters, *last:text"),
+    )
+    return ViewTable("courses", "Motions", columns, tuple(_motion(course, study.below) for course in study.courses))
+
+
+def _motion(course: TimeCourse, below: float) -> tuple[Any, ...]:
+    times = course.time_below(below)
+    late, final = np.isnan(times), course.relative_deviation[-1]
+    ranked = np.sort(np.where(late, np.inf, times))
+    worst = int(np.argmax(np.where(late, 1e9 + np.nan_to_num(final, posinf=1e9), times)))
+    return (
+        course.name,
+        float(course.time[-1]),
+        float(course.condition_number[-1]),
+        float(ranked[-1]),
+        float(ranked[(ranked.size - 1) // 2]),
+        int(late.sum()),
+        late.size,
+        f"{course.names[worst]}, {_last(course, worst)}",
+    )
+
+
+def _last(course: TimeCourse, k: int) -> str:
+    """Deviation of a parameter at the end, in relation to its magnitude where it has one."""
+    if np.isfinite(share := course.relative_deviation[-1, k]):
+        return f"{100 * share:.3g} %"
+    if np.isfinite(deviation := course.deviation[-1, k]):
+        return f"{deviation:.3g} {course.units[k]} of zero"
+    return "not identified"
+
+
+def _parameters(course: TimeCourse, below: float) -> ViewTable:
+    times = course.time_below(below)
+    columns = (
+        *headed("parameter:text, final value, half of its interval, unit:unit, relative deviation:%"),
+        *numbers(f"within {100 * below:g} % from [s]", missing="never"),
+        *numbers(
+            "true value" if course.reference_kind == "truth" else "description",
+            "scatter of repetitions",
+            "deviation as stated",
+        ),
+    )
+    rows = tuple(_parameter(course, k, float(times[k])) for k in range(len(course.names)))
+    return ViewTable("course", f"Parameters by {course.name}", columns, rows)
+
+
+def _parameter(course: TimeCourse, k: int, time: float) -> tuple[Any, ...]:
+    deviation = course.deviation[-1, k]
+    scatter = (None, None) if course.scatter is None else (course.scatter[-1, k], deviation)
+    return (
+        course.names[k],
+        course.values[-1, k],
+        course.half_width[-1, k],
+        course.units[k],
+        course.relative_deviation[-1, k],
+        time,
+        course.reference[k],
+        *scatter,
+    )
+
+
+_ROWS = (
+    ("mass", 1.0, "kg"),
+    *((f"centre {axis}", 1e3, "mm") for axis in "xyz"),
+    *((f"inertia {pair}", 1.0, "kg m^2") for pair in ("xx", "xy", "xz", "yy", "yz", "zz")),
+)
+
+
+def payload_motion_view(motion: PayloadMotion) -> View:
+    """View of a motion that identifies a payload: of its design, with its own remarks."""
+    view = design_view(motion.design)
+    return replace(view, remarks=(*motion.notes, *view.remarks))
+
+
+def payload_view(payload: PayloadResult) -> View:
+    """View of a payload."""
+    body, (low, high) = payload.body, payload.intervals[0]
+    where = ", ".join(f"{1e3 * value:.1f}" for value in body.centre)
+    held = f"The robot holds {body.mass:.4g} kg ({low:.4g} to {high:.4g} kg, 99 %), centre at {where} mm"
+    return View(
+        kind="payload",
+        title=f"payload of {payload.robot.name}",
+        verdict=f"{held}; doubt: {payload.doubts[0]}" if payload.doubts else held,
+        holds=not payload.doubts,
+        against=tuple(f"doubt: {doubt}" for doubt in payload.doubts[1:]),
+        remarks=payload.notes,
+        tables=(_numbers(payload),),
+    )
+
+
+def _numbers(payload: PayloadResult) -> ViewTable:
+    columns = (*texts(f"payload, by its {payload.source}", brief=True), *headed("*value:4, *unit:unit, *from:4, *to:4"))
+    rows = tuple(
+        (name, factor * value, unit, factor * low, factor * high)
+        for (name, factor, unit), value, (low, high) in zip(
+            _ROWS, payload.body.listed.tolist(), payload.intervals.tolist(), strict=True
+        )
+    )
+    return ViewTable("payload", "Payload with its 99 % intervals", columns, rows, most=len(rows))
+
+
+def gains_view(calibrated: CalibratedGains) -> View:
+    """View of the gains of drives, calibrated with a known load."""
+    gains, factors = calibrated.gains, calibrated.gains.factor
+    columns = (*headed("*drive:text, *factor:4"), *numbers("99 %, +-", brief=True, digits=2))
+    deviations = (calibrated.quantile * gains.deviation).tolist()
+    rows = tuple(zip(gains.drives, factors.tolist(), deviations, strict=True))
+    return View(
+        title=f"gains of {calibrated.robot}",
+        verdict=f"Gains of {calibrated.robot} are {factors.min():.3f} to {factors.max():.3f} times those stated",
+        summary=(
+            f"with stated gains, the load of {calibrated.known_mass:g} kg appears as {calibrated.stated_mass:.4g} kg",
+        ),
+        remarks=tuple(calibrated.notes),
+        tables=(ViewTable("gains", "Factors of the stated gains", columns, rows),),
+    )

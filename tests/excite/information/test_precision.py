@@ -1,0 +1,210 @@
+"""Precision that is asked for: what a target allows each parameter and torque, and half-widths that are predicted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.stats
+
+import excite
+from excite.design.task_motion_file import read_precision_target
+from excite.information.half_widths import (
+    ABOUT_ZERO,
+    allowed_half_widths,
+    group_of,
+    half_width_factor,
+    precision_scales,
+    residual_degrees_of_freedom,
+    torque_precision,
+)
+from excite.information.prior import base_sizes, prior_of
+from excite.information.target import IdentificationTarget, inverse_half, target_of
+from excite.tasks.precision_target import PrecisionTarget
+from excite.tasks.robot_of_task import robot_and_task
+from regressors.errors import InputError, UnknownName
+
+
+@pytest.fixture(scope="module")
+def irp6() -> IdentificationTarget:
+    return target_of(*robot_and_task("irp6"))
+
+
+@pytest.fixture(scope="module")
+def ur10e() -> IdentificationTarget:
+    return target_of(*robot_and_task("ur10e"))
+
+
+def _values(target: IdentificationTarget) -> np.ndarray:
+    return np.abs(prior_of(target.model, target.base, None).base_values(np.eye(target.base.rank)))
+
+
+def test_names_go_before_kinds_and_kinds_before_groups(irp6: IdentificationTarget) -> None:
+    precision = PrecisionTarget(0.1, parameters={"F1c": 0.01}, groups={"friction": 0.2, "coulomb": 0.05})
+    share = dict(zip(irp6.base.names, allowed_half_widths(precision, irp6) / _values(irp6), strict=True))
+    assert share == pytest.approx(
+        dict.fromkeys(irp6.base.names, 0.1) | {"F1c": 0.01, "F2c": 0.05, "F3c": 0.05}
+        | {f"F{k}v": 0.2 for k in (1, 2, 3)}
+    )  # fmt: skip
+
+
+def test_nothing_is_asked_of_the_others(irp6: IdentificationTarget) -> None:
+    allowed = allowed_half_widths(PrecisionTarget(None, groups={"gravity": 0.1}), irp6)
+    assert {name for name, a in zip(irp6.base.names, allowed, strict=True) if np.isfinite(a)} == {"X6", "X7"}
+
+
+def test_about_zero_the_size_stands_for_the_value(ur10e: IdentificationTarget) -> None:
+    scale, value, size = precision_scales(PrecisionTarget(), ur10e), _values(ur10e), base_sizes(ur10e.model, ur10e.base)
+    zero, described = value < ABOUT_ZERO * size, np.isfinite(size)
+    assert np.sum(zero & described) > 5
+    assert np.array_equal(scale[zero & described], size[zero & described])
+    assert np.array_equal(scale[~zero & described], value[~zero & described])
+
+
+def test_friction_that_is_not_described_is_not_asked_for_unless_scaled(ur10e: IdentificationTarget) -> None:
+    names = ur10e.base.names
+    assert np.isinf(allowed_half_widths(PrecisionTarget(), ur10e)[names.index("F2c")])
+    scaled = allowed_half_widths(PrecisionTarget(0.1, scales={"F2c": 10.0}), ur10e)
+    assert scaled[names.index("F2c")] == pytest.approx(1.0)
+
+
+def test_targets_that_mean_nothing() -> None:
+    for given, message in (
+        ({"share": 0.0}, "above zero"),
+        ({"share": True}, "number"),
+        ({"share": float("inf")}, "above zero"),
+        ({"share": None}, "nothing is asked"),
+        ({"level": 1.0}, "between 0 and 1"),
+        ({"scales": {"X1": -1.0}}, "above zero"),
+        ({"groups": {"frictions": 0.1}}, "no group"),
+    ):
+        with pytest.raises(InputError, match=message):
+            PrecisionTarget(**given)
+
+
+def test_unknown_parameters_and_values(irp6: IdentificationTarget, ur10e: IdentificationTarget) -> None:
+    with pytest.raises(UnknownName, match="X1"):
+        allowed_half_widths(PrecisionTarget(parameters={"X99": 0.1}), irp6)
+    with pytest.raises(InputError, match="scales"):
+        allowed_half_widths(PrecisionTarget(parameters={"F2c": 0.1}), ur10e)
+    with pytest.raises(InputError, match="asks nothing"):
+        allowed_half_widths(PrecisionTarget(None, groups={"friction": 0.1}), ur10e)
+
+
+def test_groups() -> None:
+    for kind, unit, group in (
+        ("mass", "kg", "gravity"),
+        ("first moment", "kg m", "gravity"),
+        ("combination", "kg m", "gravity"),
+        ("combination", "kg m^2", "inertia"),
+        ("rotor", "kg m^2", "inertia"),
+        ("stribeck", "Nm", "friction"),
+        ("springs", "Nm/rad", None),
+    ):
+        assert group_of(kind, unit) == group
+
+
+ROWS, COLUMNS, REPEATS = 40, 3, 4000
+
+
+def _regressions() -> tuple[np.ndarray, np.ndarray]:
+    """Factor of the covariance for noise 0.7, and half-widths of 99 % intervals of repeated least squares."""
+    rng = np.random.default_rng(5)
+    W = rng.normal(size=(ROWS, COLUMNS)) * [1.0, 20.0, 1e-3]
+    noise = 0.7 * rng.normal(size=(ROWS, REPEATS))
+    residual = noise - W @ np.linalg.lstsq(W, noise, rcond=None)[0]
+    sigma = np.sqrt((residual**2).sum(0) / (ROWS - COLUMNS))
+    t = scipy.stats.t.ppf(0.995, ROWS - COLUMNS)
+    widths = t * sigma[:, None] * np.sqrt(np.diag(np.linalg.inv(W.T @ W)))
+    return inverse_half(W / 0.7), widths
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.8, 0.95])
+def test_half_widths_of_all_parameters_keep_to_the_prediction_with_its_probability(probability: float) -> None:
+    factor, widths = _regressions()
+    predicted = half_width_factor(ROWS - COLUMNS, probability=probability) * np.linalg.norm(factor, axis=1)
+    share = np.mean(np.all(widths <= predicted, axis=1))
+    assert abs(share - probability) < 4 * np.sqrt(probability * (1 - probability) / REPEATS)
+
+
+def test_many_rows_leave_the_normal_quantile() -> None:
+    assert half_width_factor(10**7) == pytest.approx(scipy.stats.norm.ppf(0.995), rel=1e-3)
+    assert half_width_factor(10**7, level=0.95) == pytest.approx(1.96, rel=1e-3)
+
+
+def test_few_rows_widen_both_quantile_and_scatter() -> None:
+    factors = [half_width_factor(f) for f in (3, 10, 100, 1000)]
+    assert factors == sorted(factors, reverse=True)
+    assert residual_degrees_of_freedom(20, 13, 3) == 3
+    assert residual_degrees_of_freedom(3013, 13, 3) == 250
+
+
+ONE = excite.Search(starts=1, executor="serial")
+
+
+@pytest.fixture(scope="module")
+def torques() -> excite.TaskTorques:
+    rng, t = np.random.default_rng(3), np.linspace(0.0, 2.0 * np.pi, 301)
+    wave = [np.column_stack([0.2 * np.sin(k * t + phase) for k in (1, 2, 3)]) for phase in rng.uniform(0, 6, 3)]
+    return excite.TaskTorques(0.01, excite.TaskMotion("waves", ("q1", "q2", "q3"), *wave))
+
+
+@pytest.fixture(scope="module")
+def design(torques: excite.TaskTorques) -> excite.Design:
+    target = excite.PrecisionTarget(None, parameters={"X2": 0.3}, torques=torques)
+    return excite.design_trajectory(
+        "irp6", precision=target, noise=(1.0, 2.0, 3.0), criterion="trace", scale="precision", search=ONE
+    )
+
+
+def test_the_error_of_torques_is_that_of_sampled_parameters(design: excite.Design) -> None:
+    run = design.run_information
+    beta = run.half @ np.random.default_rng(0).normal(size=(run.half.shape[1], 4000))
+    sampled = np.sqrt(np.sum((run.torques.rows @ beta) ** 2, axis=1).mean(axis=1))
+    assert run.deviation[13:] == pytest.approx(sampled, rel=0.03)
+    assert run.names[13:] == run.torques.names
+
+
+def test_the_criterion_adds_what_is_asked(design: excite.Design) -> None:
+    run = design.run_information
+    value = next(start.value for start in design.starts if start.index == design.best_start)
+    asked = float(np.sum((run.deviation / run.allowed) ** 2))
+    assert asked == pytest.approx(value**2 / (run.rows / 3), rel=1e-3)
+
+
+def test_a_share_is_of_the_torque_along_the_motion(torques: excite.TaskTorques) -> None:
+    target, motion = target_of(*robot_and_task("irp6")), torques.motion
+    double = replace(torques, share=0.02)
+    states = (part[:, ::-1] for part in (motion.q, motion.dq, motion.ddq))
+    reordered = replace(torques, motion=excite.TaskMotion("waves", motion.joints[::-1], *states))
+    allowed = torque_precision(torques, target).allowed
+    assert torque_precision(double, target).allowed == pytest.approx(2.0 * allowed)
+    assert torque_precision(reordered, target).allowed == pytest.approx(allowed)
+    assert np.all(allowed > 0.01)
+
+
+def test_a_file_names_a_motion(design: excite.Design, tmp_path: Path) -> None:
+    design.save(tmp_path / "d")
+    assert excite.load_design(tmp_path / "d").task.objective.precision == design.task.objective.precision
+    (tmp_path / "p.yaml").write_text("share: null\ntorques: {motion: d, share: 0.05}\n")
+    torques = excite.PrecisionTarget(**read_precision_target(tmp_path / "p.yaml")).torques
+    assert (torques.share, torques.motion.joints) == (0.05, ("q1", "q2", "q3"))
+    (tmp_path / "p.yaml").write_text("torques: {motion: d}\n")
+    with pytest.raises(InputError, match="share"):
+        read_precision_target(tmp_path / "p.yaml")
+    (tmp_path / "bad.csv").write_text("time,a\n0,1\n")
+    (tmp_path / "p.yaml").write_text("torques: {motion: bad.csv, share: 0.1}\n")
+    with pytest.raises(InputError, match=r"NAME\.position"):
+        read_precision_target(tmp_path / "p.yaml")
+
+
+def test_motions_that_do_not_fit() -> None:
+    two = excite.TaskMotion("two", ("q1", "q2"), *(np.zeros((2, 2)),) * 3)
+    with pytest.raises(InputError, match="above zero"):
+        excite.TaskTorques(0.0, two)
+    with pytest.raises(InputError, match="TaskMotion"):
+        excite.TaskTorques(0.1, "two.csv")
+    with pytest.raises(InputError, match="q3"):
+        torque_precision(excite.TaskTorques(0.1, two), target_of(*robot_and_task("irp6")))

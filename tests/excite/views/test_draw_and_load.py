@@ -1,0 +1,207 @@
+"""``excite.draw`` and ``excite.load``: figures of new and stored results, and everything that was saved."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from reported import ParsedPage, misplaced
+from written_results import design, result, verification
+
+import excite
+from excite.identification.result_json import CURVES
+from excite.verification.verification import load_verification
+from excite.views.page_text import PageSection
+from excite.views.player_log import Appearance
+from excite.views.sections import section_of
+from excite.views.write_report import report_text
+from regressors.errors import InputError
+
+# ``excite.draw``: the figures of an object as matplotlib objects, and no file.
+
+
+QUICK = excite.Search(starts=1, seed=0, executor="serial")
+
+
+@pytest.fixture(scope="module")
+def drawn_design() -> excite.Design:
+    return excite.design_trajectory("irp6", trajectory=excite.TrajectoryChoice(harmonics=3, period=4.0), search=QUICK)
+
+
+@pytest.fixture(scope="module")
+def drawn_result(drawn_design: excite.Design) -> excite.Identification:
+    log = excite.simulate(drawn_design, rate=100.0, noise=1.0, seed=1)
+    return excite.identify("irp6", log, choose=False, estimator="weighted")
+
+
+def test_a_design_is_drawn(drawn_design: excite.Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    figures = excite.draw(drawn_design)
+    assert list(figures) == ["motion", "phase", "spectrum", "convergence", "workspace"]
+    assert all(isinstance(figure, Figure) for figure in figures.values())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_everything_that_has_figures_is_drawn(
+    drawn_design: excite.Design, drawn_result: excite.Identification, tmp_path: Path
+) -> None:
+    log = excite.simulate(drawn_design, rate=100.0, noise=1.0, seed=2)
+    plan = excite.plan_friction("irp6", drives=["z2"], torque_ramp=None)
+    objects = {
+        "result": ({"torques", "residuals", "parameters"}, drawn_result),
+        "verification": ({"torques", "motion", "parts"}, excite.verify(drawn_result, log, training_too=True)),
+        "study": ({"estimates_over_time"}, excite.study_over_time("irp6", [], designs=[drawn_design])),
+        "plan": ({"runs"}, plan),
+    }
+    for name, (expected, made) in objects.items():
+        assert set(excite.draw(made)) == expected, name
+        (tmp_path / name).mkdir()
+        files = excite.write_figures(made, tmp_path / name, formats="svg", width="double")
+        assert len(files) == len(expected)
+        assert {path.name.removesuffix(".svg").rpartition("simulated_")[2] for path in files} == expected, name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", ["single", "double"])
+def test_in_a_column_no_text_of_a_design_is_lost(drawn_design: excite.Design, width: str) -> None:
+    assert [text for figure in excite.draw(drawn_design, width=width).values() for text in misplaced(figure)] == []
+
+
+# Whatever was saved is loaded by one call, by its folder or its file; recorded samples are of every kind.
+
+
+SAMPLES = Path(__file__).resolve().parents[2] / "samples"
+KINDS = {
+    "accuracy-1/accuracy.json": "AccuracyPrediction",
+    "bound-1/bound.json": "DesignBound",
+    "campaign-1": "SweepTable",
+    "design-1": "Design",
+    "design-1/design.json": "Design",
+    "friction-fit-1": "FrictionFit",
+    "friction-plan-1": "FrictionPlan",
+    "posterior-1/samples.csv": "PosteriorSamples",
+    "posterior-1/samples.npz": "PosteriorSamples",
+    "result-1": "Identification",
+    "result-1/result.json": "Identification",
+    "study-1": "TimeStudy",
+    "verification-1/verification-run.json": "Verification",
+}
+
+
+def test_recorded_samples_of_every_kind(tmp_path: Path) -> None:
+    shutil.copytree(SAMPLES, tmp_path / "samples")
+    assert {place: type(excite.load(tmp_path / "samples" / place)).__name__ for place in KINDS} == KINDS
+    assert {"payload-1", *(place.partition("/")[0] for place in KINDS)} == {each.name for each in SAMPLES.iterdir()}
+    with pytest.raises(InputError, match="identify the payload again"):
+        excite.load(SAMPLES / "payload-1")
+
+
+def test_what_is_none_of_them_is_refused(tmp_path: Path) -> None:
+    nothing = r"nothing holds none of design\.json, result\.json, .*; name one of its files$"
+    with pytest.raises(InputError, match=nothing):
+        excite.load(tmp_path / "nothing")
+    for name, text, message in (
+        ("a.json", '{"schema": "excite.star/1"}', "expected a design, an identification"),
+        ("a.json", "{", "a.json"),
+        ("a.csv", "a,b\n1,2\n", "holds no samples of a posterior"),
+    ):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(InputError, match=message):
+            excite.load(tmp_path / name)
+
+
+# Figures of results in folders: drawn from their curves, as those of new results; pictures where there are none.
+
+
+LOOKS = Appearance()
+TEXT = re.compile(r"<text[^>]*>([^<]*)")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("results") / "result"
+    result("old").save(out)
+    verification("old").save(out, name="verification-run")
+    return out
+
+
+def texts(section: PageSection) -> list[list[str]]:
+    """What is written in each figure: names, units, errors, numbers of the axes."""
+    return [TEXT.findall(figure.svg) for figure in section.figures]
+
+
+@pytest.mark.slow
+def test_figures_of_a_stored_identification_are_those_of_the_new_one(folder: Path) -> None:
+    stored, new = (section_of(each, "s", LOOKS) for each in (excite.load_result(folder), result("old")))
+    assert texts(stored) == texts(new)
+    assert len(texts(new)) == 3
+    assert stored.motion == new.motion
+
+
+@pytest.mark.slow
+def test_figures_of_a_stored_verification_are_those_of_the_new_one(folder: Path) -> None:
+    stored = section_of(load_verification(folder / "verification-run.json"), "s", LOOKS)
+    new = section_of(verification("old"), "s", LOOKS)
+    assert texts(stored) == texts(new)
+    assert len(texts(new)) == 3
+    assert stored.motion is not None
+
+
+@pytest.mark.slow
+def test_estimates_over_time_are_drawn_from_the_file(tmp_path: Path) -> None:
+    made = excite.identify(
+        "irp6", [excite.simulate(design("old"), rate=50.0, seed=0)], choose=False, estimator="recursive"
+    )
+    made.save(tmp_path / "r")
+    section = section_of(excite.load_result(tmp_path / "r"), "s", LOOKS)
+    assert "Estimates over time" in [figure.title for figure in section.figures]
+
+
+@pytest.mark.slow
+def test_player_shows_the_measured_motion_and_torques() -> None:
+    made = result("old")
+    motion = section_of(made, "s", LOOKS).motion
+    assert motion is not None
+    (part,) = made.prepared
+    for time in (motion["time"][3], motion["time"][-1]):
+        k, frame = int(np.argmin(np.abs(part.samples.time - part.samples.time[0] - time))), motion["time"].index(time)
+        np.testing.assert_allclose(np.array(motion["q"])[frame, :3], part.samples.q[k], atol=1e-6)
+        column = next(
+            j for j, c in enumerate(motion["limits"]) if (c["owner"], c["quantity"]) == ("joint q2", "measured")
+        )
+        np.testing.assert_allclose(motion["values"][frame][column], part.measured[k, 1], rtol=1e-3)
+
+
+def test_an_older_folder_shows_its_pictures_and_says_so(folder: Path, tmp_path: Path) -> None:
+    for path in folder.iterdir():
+        if path.suffix == ".json":
+            (tmp_path / path.name).write_bytes(path.read_bytes())
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    text = json.dumps(manifest)
+    assert CURVES in text
+    parsed = ParsedPage(report_text(tmp_path))
+    said = "".join(parsed.of("main")[0].text)
+    assert f"there is no {CURVES}" in said
+    assert len(parsed.of("svg")) == 1  # the parameters
+    assert not any("data-motion" in each.attributes for each in parsed.elements)
+
+
+def test_curves_that_were_edited_are_refused(folder: Path, tmp_path: Path) -> None:
+    for path in folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / CURVES).write_bytes((tmp_path / CURVES).read_bytes() + b" ")
+    with pytest.raises(InputError, match=r"curves.npz has been changed"):
+        report_text(tmp_path)
+
+
+def test_long_logs_are_stored_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("excite.identification.result.every", lambda _: 4)
+    observations, kept = result("old").observations, result("old").curves.stored()
+    np.testing.assert_array_equal(kept.time, np.repeat(np.unique(observations.time)[::4], 3))
+    np.testing.assert_allclose(kept.measured[:3], observations.y[:3], rtol=1e-6)
