@@ -20,9 +20,8 @@ from typing import Any
 import record
 
 import excite
-from excite.design.executors.dask_cluster import DaskStarts
+from excite.design.executors.dask_cluster import DaskStarts, unit_executor
 from excite.design.executors.unit_executor import UnitExecutor, Work
-from excite.design.executors.unit_executors import unit_executor
 from excite.design.formulation import formulate
 from excite.design.multistart import run_in_pool
 from excite.design.start_results import StartResult, read_starts

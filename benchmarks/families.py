@@ -88,8 +88,8 @@ def tasks(setting: Setting) -> Iterator[tuple[str, int, Task]]:
 
 def designed(setting: Setting, task: Task) -> dict[str, Any]:
     """Best of all starts, one after the other in this process, judged as `excite design` judges it."""
-    from excite.design.certification import certify
     from excite.design.formulation import formulate
+    from excite.design.optimisation import certify
     from excite.design.single_start import optimise_start
     from excite.registry import instance
     from regressors.errors import InputError

@@ -20,10 +20,9 @@ from moves import Moves, random_moves, shortest
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
-from excite.design.certification import limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
-from excite.design.optimisation import design_trajectory
+from excite.design.optimisation import design_trajectory, limits_of
 from excite.identification.estimator import Estimate
 from excite.identification.estimators.least_squares import recursive, weighted
 from excite.identification.identification import Identification

@@ -242,7 +242,7 @@ def _prior(value: Any, _: str) -> Any:
     try:
         number = number_of(value)
     except ValueError:
-        from excite.tasks.prior_file import read_prior
+        from excite.tasks.friction_file import read_prior
 
         return read_prior(Path(value))
     if not (math.isfinite(number) and number > 0.0):
@@ -257,7 +257,7 @@ def _precision(value: Any, _: str) -> Any:
     try:
         share = share_of(value)
     except ValueError:
-        from excite.design.task_motion_file import read_precision_target
+        from excite.design.design_json import read_precision_target
 
         return read_precision_target(Path(value))
     return _within("precision", [share])[0]

@@ -14,6 +14,7 @@ from constraints.world_file import world_of
 from excite.design.approach import ApproachAndReturn
 from excite.design.design import Design
 from excite.design.design_folder import DESIGN, HASHES, KIND, TRAJECTORY, load_precision_search
+from excite.design.formulation import INSTANTS, task_motion_of
 from excite.design.task_file import task_from_options
 from excite.registry import OwnPart, is_own
 from excite.storage.atomic import Destination, read_json
@@ -21,13 +22,16 @@ from excite.storage.commit import read_settled
 from excite.storage.manifest import check_files, entry_sha256, sha256_of
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import complete, read_record
+from excite.storage.sampled_motion import read_table
 from excite.tasks.robot_of_task import moving_robot
-from excite.tasks.stored_files import EarlierInformation, InitialDesign, StoredRobot
+from excite.tasks.stored_files import EarlierInformation, InitialDesign, StoredRobot, TaskMotion
 from excite.tasks.task import Task
 from excite.trajectories import stored_trajectory
 from excite.trajectories.sequence import WholeRobotMotion
 from regressors.arguments import checked
 from regressors.errors import InputError
+from regressors.input_files import read_text
+from regressors.readers.documents import parse_document
 from regressors.readers.library import built_in_names
 from regressors.robot.archive import robot_from_description
 from regressors.robot.robot import Robot
@@ -224,3 +228,46 @@ def design_hashes(folder: Path) -> frozenset[str]:
     except (InputError, OSError, KeyError, AttributeError, TypeError, ValueError):
         return frozenset()
     return frozenset({whole, str(stated)})
+
+
+_COLUMNS = ("position", "velocity", "acceleration")
+
+
+def read_task_motion(place: str | Path) -> TaskMotion:
+    """Read the motion whose torques a design is to predict."""
+    path = Path(place)
+    if path.suffix != ".csv":
+        return task_motion_of(load_design(path))
+    header, table, _ = read_table(path, _COLUMNS)
+    joints = [name.removesuffix(".position") for name in header if name.endswith(".position")]
+    wanted = [[f"{joint}.{what}" for joint in joints] for what in _COLUMNS]
+    missing = [name for names in wanted for name in names if name not in header]
+    if not joints or missing or not len(table):
+        lacking = ", ".join(missing[:3]) or ("rows" if joints else "columns NAME.position of joints")
+        raise InputError(f"task_motion {path}: {lacking} missing; expected the columns of trajectory.csv")
+    rows = np.unique(np.linspace(0, len(table) - 1, min(INSTANTS, len(table))).round().astype(int))
+    q, dq, ddq = (table[rows][:, [header.index(name) for name in names]] for names in wanted)
+    return TaskMotion(str(place), tuple(joints), q, dq, ddq)
+
+
+def read_precision_target(path: Path) -> dict[str, Any]:
+    """Read a file such as ``share: 0.05`` and ``parameters: {X5: 0.1}``."""
+    try:
+        text = read_text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"precision: expected a share such as 5%, or a file, and cannot read {path}: "
+            f"{getattr(error, 'strerror', None) or error}"
+        ) from error
+    document = parse_document(text, str(path))
+    assert isinstance(document.content, dict)
+    content = {str(name): value for name, value in document.content.items()}
+    if isinstance(entry := content.get("torques"), dict):  # ``torques: {motion: FILE, share: 0.05}``
+        if set(entry) != {"motion", "share"}:
+            given = ", ".join(map(str, entry))
+            raise InputError(f"{path}: torques: expected `motion`, a file, and `share`; given {given}")
+        content["torques"] = {
+            "share": entry["share"],
+            "motion": read_task_motion(path.parent / str(entry["motion"])),  # a folder or a table beside the file
+        }
+    return content

@@ -196,7 +196,7 @@ def with_task_motion(task: Task) -> Task:
         raise given.missing()
     if isinstance(given, Design):
         return task.changed(task_motion=task_motion_of(given))
-    from excite.design.task_motion_file import read_task_motion
+    from excite.design.design_json import read_task_motion
 
     return task.changed(task_motion=read_task_motion(given))
 

@@ -12,13 +12,12 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from constraints.geometry import World
 from constraints.world_file import read_world, world_of
 from excite.registry import BUILT_IN, OwnPart, name_of, place_of
-from excite.tasks.friction_file import friction_content, friction_of_content, read_friction
+from excite.tasks.friction_file import friction_content, friction_of_content, known_beforehand, read_friction
 from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
 from excite.tasks.model_options import options_of_model
 from excite.tasks.objective import Belief
 from excite.tasks.option import COUNTS, EXPECTED, MARGINS, MOUNTS, NONE, Kind, options_of
 from excite.tasks.precision_target import PrecisionTarget
-from excite.tasks.prior_file import known_beforehand
 from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import PARTS, Task
 from regressors.quantities import QUANTITIES

@@ -12,8 +12,7 @@ from uuid import uuid4
 
 from excite.registry import FIGURE_FORMATS
 from excite.storage.atomic import MANIFEST, NEXT, Destination, writing
-from excite.storage.commit import Read, clear, commit, read_settled, settle, staging
-from excite.storage.lock import locked
+from excite.storage.commit import Read, clear, commit, locked, read_settled, settle, staging
 from excite.storage.manifest import (
     Entry,
     FileHash,

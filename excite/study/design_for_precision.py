@@ -32,7 +32,7 @@ from excite.information.weighting import weighting_of
 from excite.optimality.sensitivity import best_of, loosened, same_motion
 from excite.registry import instance, name_of
 from excite.storage.atomic import Destination
-from excite.storage.lock import locked
+from excite.storage.commit import locked
 from excite.study.period_search import PeriodSearch, pareto_front, tried_period
 from excite.tasks.installation import Installation
 from excite.tasks.precision_target import PrecisionTarget

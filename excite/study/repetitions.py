@@ -19,9 +19,8 @@ import numpy as np
 import scipy.stats
 from threadpoolctl import threadpool_limits
 
-from excite.design.executors.dask_cluster import DaskCluster, check_versions
+from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor
 from excite.design.executors.unit_executor import SHORT, InProcesses, InThisProcess, LostUnit, UnitExecutor, Work
-from excite.design.executors.unit_executors import unit_executor
 from excite.design.interruption import current_interruption
 from excite.design.problem_identity import PACKAGES, NotComparable, plain_value
 from excite.errors import LostWorkersError

@@ -15,9 +15,8 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.design import Design
 from excite.design.design_json import load_design
-from excite.design.executors.dask_cluster import check_versions
+from excite.design.executors.dask_cluster import check_versions, unit_executor
 from excite.design.executors.unit_executor import SHORT, InThisProcess, LostUnit, UnitExecutor
-from excite.design.executors.unit_executors import unit_executor
 from excite.design.problem_identity import PACKAGES
 from excite.errors import LostWorkersError
 from excite.identification.covariance import divisors

@@ -1,4 +1,4 @@
-"""Friction curves as YAML, and the schema of the file."""
+"""Files of what is known beforehand: friction curves, and values of parameters."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from excite.storage.atomic import Destination, replacing
 from excite.storage.commit import settle
 from regressors.arguments import checked
 from regressors.errors import InputError, NumericalError
+from regressors.quantities import fault as fault_of
 from regressors.quantities import shown
 from regressors.readers.documents import (
     Celsius,
@@ -23,6 +24,7 @@ from regressors.readers.documents import (
     Exponent,
     FieldPath,
     Friction,
+    described,
     parse_document,
     read_document,
     validate,
@@ -311,3 +313,39 @@ class FrictionFile(BaseModel):
     model_config = _CONFIG
     schema_: Literal["excite.friction/1"] = Field(alias="schema")
     drives: dict[str, CurveEntry]
+
+
+_KEYS = ("value", "deviation")
+
+
+def read_prior(path: Path) -> dict[str, dict[str, float]]:
+    """Read values and standard deviations from a file such as ``X7: {value: 8.125, deviation: 0.5}``, in SI."""
+    document = read_document(path, "prior file")
+    assert isinstance(document.content, dict)
+    problems = {name: fault(known) for name, known in document.content.items()}
+    if any(problems.values()):
+        raise document.error(((name,), what) for name, what in problems.items() if what)
+    return {name: {key: float(known[key]) for key in _KEYS} for name, known in document.content.items()}
+
+
+def known_beforehand(prior: object) -> object:
+    """Check the entry ``prior`` of a task file: a relative uncertainty, or parameters as in a prior file."""
+    if isinstance(prior, int | float) and not isinstance(prior, bool):
+        if (wrong := fault_of("prior", prior)) is not None:
+            raise ValueError(wrong)
+        return prior
+    if not isinstance(prior, dict):
+        raise ValueError(f"expected a relative uncertainty or a mapping of parameters, given {described(prior)}")
+    for name, known in prior.items():
+        if what := fault(known):
+            raise ValueError(f"{name}: {what}")
+    return prior
+
+
+def fault(known: object) -> str:
+    """Problem with one parameter's entry as text; empty if it is valid."""
+    if isinstance(known, dict) and set(known) == set(_KEYS) and all(isinstance(known[k], int | float) for k in _KEYS):
+        wrong = ((key, fault_of(f"prior_{key}", known[key])) for key in _KEYS)
+        return next((f"{key} {what}" for key, what in wrong if what is not None), "")
+    given = f"a mapping of {', '.join(map(str, known))}" if isinstance(known, dict) else described(known)
+    return f"expected finite numbers {{value: ..., deviation: ...}}, given {given}"

@@ -25,11 +25,10 @@ from constraints.collision_limits import Clearance, Pair, collision_limits
 from constraints.diagnosis import ContradictionError
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, World
 from constraints.nonlinear import NonlinearConstraint
-from excite.design.certification import limits_of
 from excite.design.design import Design
 from excite.design.design_folder import design_content
 from excite.design.formulation import formulate
-from excite.design.optimisation import design_trajectory
+from excite.design.optimisation import design_trajectory, limits_of
 from excite.design.task_file import task_from_options
 from excite.tasks.task import Task
 from excite.views.style import VERMILLION

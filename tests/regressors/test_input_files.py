@@ -10,18 +10,17 @@ from refused import refusal
 
 from constraints.shapes import MeshError, mesh_corners, urdf_meshes, urdf_shape
 from constraints.world_file import read_world
+from excite.design.design_json import read_precision_target
 from excite.design.sweeps.run_sweep import read_sweep_file
 from excite.design.task_file import read_task_file
-from excite.design.task_motion_file import read_precision_target
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.payload.known_gains import read_gains
 from excite.simulation.simulation_files import read_motion
 from excite.storage.atomic import read_json
 from excite.study.posterior_samples import load_posterior
-from excite.tasks.friction_file import read_friction
+from excite.tasks.friction_file import read_friction, read_prior
 from excite.tasks.payload import read_load
-from excite.tasks.prior_file import read_prior
 from regressors import input_files
 from regressors.errors import InputError
 from regressors.input_files import UnreadableFile, in_bytes, read_bytes, read_text, regular_size

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import cloudpickle
 
-from excite.design.executors.unit_executor import LostUnit, Work
+from excite.design.executors.unit_executor import InProcesses, InThisProcess, LostUnit, UnitExecutor, Work
 from excite.design.formulation import Formulation
 from excite.design.interruption import held_signals
 from excite.design.multistart import StartsOfRounds, pickled
@@ -33,8 +33,9 @@ from excite.design.solvers.solver import Solver
 from excite.design.start_results import Origin, PlannedStart, StartResult, number_of, write_start
 from excite.design.workers import environment_of_workers, main_not_imported
 from excite.errors import LostWorkersError
-from excite.registry import instance
-from regressors.errors import InputError, shortened
+from excite.registry import ADDRESS_FORMS, instance, is_addressed
+from regressors.errors import InputError, UnknownName, shortened
+from regressors.quantities import check
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -328,3 +329,17 @@ def check_versions(wanted: dict[str, str]) -> None:
     others = [f"{name} {version(name)} instead of {its}" for name, its in wanted.items() if version(name) != its]
     if others:
         raise InputError(f"a Dask worker has {', '.join(others)}; install the same versions there")
+
+
+def unit_executor(given: str | UnitExecutor, workers: int | None = None) -> UnitExecutor:
+    """An executor by its name; an object is returned as it is."""
+    check("workers", workers)
+    if not isinstance(given, str):
+        return given
+    if given == "serial":
+        return InThisProcess()
+    if given == "process":
+        return InProcesses(workers)
+    if is_addressed("executor", given):
+        return DaskCluster(given, workers)
+    raise UnknownName("executor of units", given, ("process", "serial", *ADDRESS_FORMS["executor"]))

@@ -24,9 +24,9 @@ from constraints.diagnosis import ContradictionError
 from excite.design.design_folder import DESIGN, KIND, TRAJECTORY, write_design
 from excite.design.executors.dask_cluster import check_versions
 from excite.design.formulation import formulate
+from excite.design.multistart import resume_search
 from excite.design.optimisation import solve
 from excite.design.problem_identity import PACKAGES, NotComparable, own_parts, plain_value, reference
-from excite.design.resumed_search import resume_search
 from excite.errors import NoFeasibleMotionError
 from excite.registry import part
 from excite.storage.atomic import Destination, read_json, replacing, write_json, writing

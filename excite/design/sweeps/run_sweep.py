@@ -14,8 +14,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from excite.design.executors.dask_cluster import unit_executor
 from excite.design.executors.unit_executor import LostUnit, UnitExecutor
-from excite.design.executors.unit_executors import unit_executor
 from excite.design.problem_identity import PACKAGES
 from excite.design.sweeps.cell import (
     CELLS,

@@ -171,7 +171,7 @@ def test_motions_side_by_side(recorded: Here) -> None:
     given = ("irp6", "run.csv", "--design", "design", "--rate", "100", "--repeats", "2", "--points", "20")
     ended = recorded.run("study", *given, "--below", "10", "-v", "--out", "study")
     assert ended.returncode == 0
-    for text in ("all below 10 % [s]", "run.csv", "2 repetitions scatter by", "written:"):
+    for text in ("all below 10 % [s]", "run.csv", "2 repetitions scatter by", "written to study:"):
         assert text in ended.stdout
     assert files_below(recorded.cwd / "study") == {
         "study.json",

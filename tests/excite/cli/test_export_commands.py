@@ -17,7 +17,7 @@ from processes import running, stderr_of, until
 from written_results import design, result
 
 import excite
-from excite.cli.exchange_commands import command
+from excite.cli.exchange_commands import export
 from excite.design.design_json import find_design
 from excite.export.motions.universal_robots import UrScript
 from excite.registry import MODEL_FORMATS
@@ -253,7 +253,7 @@ def test_every_format_is_written(form: str, exporting_models: Here) -> None:
     where = "r" if form == "npz" else "both"  # a motion has that format too
     assert exporting_models.run("export", where, "--format", form, "--out", f"models/a.{form}").returncode == 0
     assert (exporting_models.cwd / "models" / f"a.{form}").stat().st_size > 500
-    assert form in (command.epilog or "")
+    assert form in (export.epilog or "")
 
 
 WRONG = {

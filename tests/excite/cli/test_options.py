@@ -18,7 +18,7 @@ import excite
 from excite.cli import identify_run as repetition_run
 from excite.cli.option_types import FORMATS
 from excite.cli.study_run import plan_next_motion
-from excite.design.resumed_search import holds_unfinished_design
+from excite.design.multistart import holds_unfinished_design
 from excite.logs.log_reading import write_log
 from excite.storage.result_folder import replace_result, result_folder
 from excite.study import period_search as period_search

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 from commands import ENVIRONMENT, Here, run
-from rich.table import Table
 from written_results import COMMANDS
 
 import excite.cli.streams as module
@@ -28,20 +27,22 @@ from excite.cli.streams import (
     something_is_shown,
     tell,
 )
-from excite.cli.summary import Summary, _print_text
+from excite.cli.summary import _print_text
+from excite.views.view import View, ViewTable, texts
 
 # Colours on terminals only, and never where NO_COLOR is set; moving lines on terminals that can move them.
 
 
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 PROGRAM = (
-    "from excite.cli.summary import Summary, _print_text\n"
+    "from excite.cli.summary import _print_text\n"
+    "from excite.views.view import View\n"
     "from excite.cli.progress import progress_of_starts\n"
     "from types import SimpleNamespace as N\n"
     "kept = N(done=(), count=2, best=9.0)\n"
     "with progress_of_starts(kept) as report:\n"
     "    [report(N(value=v, cpu=1.0, status='done')) for v in (8.0, 7.0)]\n"
-    "_print_text(Summary('All limits hold', True), None)\n"
+    "_print_text(View('', 'All limits hold', holds=True))\n"
 )
 
 
@@ -122,14 +123,11 @@ def test_no_sequences_where_stdout_is_no_terminal(tmp_path: Path) -> None:
 
 
 def test_a_summary_keeps_to_the_width(capsys: pytest.CaptureFixture[str]) -> None:
-    table = Table(box=None)
-    table.add_column("name", overflow="fold")
-    table.add_row("word " * 60)
+    table = ViewTable("names", "", texts("name", brief=True), (("word " * 60,),))
     notes = [f"note {number} " + "of many words " * 12 for number in range(20)]
     steps = ["excite design irp6 " + "--option value " * 20 + "--out d"]
-    _print_text(
-        Summary("verdict " * 20, None, False, ["fact " * 40, table], notes, [Path("d/a.csv")], steps, "d.json"), None
-    )
+    view = View("", "verdict " * 20, summary=("fact " * 40,), remarks=tuple(notes), tables=(table,))
+    _print_text(view, [Path("d/a.csv")], steps, "d.json")
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 100
     assert len(lines) <= 24

@@ -15,10 +15,9 @@ import numpy as np
 import pytest
 from commands import ENVIRONMENT, files_below
 
-from excite.design.certification import _unwound, certify, limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import ready_workers, run_in_pool, serial
-from excite.design.optimisation import design_trajectory
+from excite.design.optimisation import _unwound, certify, design_trajectory, limits_of
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher

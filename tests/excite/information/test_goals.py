@@ -16,9 +16,9 @@ from pinocchio_chains import chain_model, inertia
 
 import excite
 from excite.design.comparison import compare
+from excite.design.design_json import read_task_motion
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
-from excite.design.task_motion_file import read_task_motion
 from excite.information.goal import ChosenParameters, WorstRobot, goal_of, task_torques
 from excite.information.target import target_of
 from excite.information.weighting import weighting_of

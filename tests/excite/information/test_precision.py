@@ -10,7 +10,7 @@ import pytest
 import scipy.stats
 
 import excite
-from excite.design.task_motion_file import read_precision_target
+from excite.design.design_json import read_precision_target
 from excite.information.half_widths import (
     ABOUT_ZERO,
     allowed_half_widths,

@@ -19,8 +19,8 @@ from excite.information.prior import prior_of
 from excite.information.target import target_of
 from excite.information.weighting import known_with
 from excite.registry import instance
+from excite.tasks.friction_file import read_prior
 from excite.tasks.objective import Belief
-from excite.tasks.prior_file import read_prior
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError, UnknownName

@@ -272,7 +272,7 @@ def test_what_is_beside_a_log_reads_back(tmp_path):
 
 def test_other_files_beside_a_log_are_refused(written):
     for content, message in (
-        ("{}", "expected schema excite.log/1, given None"),
+        ("{}", "expected schema excite.log/2, given None"),
         ('{"schema": "excite.log/1"}', "robot should have a name"),
         ('{"schema": "excite.log/1", "robot": {"name": "a", "sha256": "b"}, "truth": {"m1": "x"}}', "truth should map"),
         ("[", "is not JSON"),

@@ -24,8 +24,7 @@ from excite.export.models.robot_yaml import write_robot
 from excite.identification.procedure import log_of
 from excite.storage import commit as committing
 from excite.storage.atomic import MANIFEST, Destination, shown, write_json
-from excite.storage.commit import read_settled, settle
-from excite.storage.lock import locked, write_holder
+from excite.storage.commit import locked, read_settled, settle, write_holder
 from excite.storage.manifest import Entry, FileHash, check_files, read_manifest
 from excite.storage.result_folder import amend_result, replace_result, result_folder
 from excite.tasks.task import Task

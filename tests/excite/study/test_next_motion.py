@@ -306,6 +306,10 @@ def test_the_search_meets_a_coarse_target_and_continues_from_its_folder(
     assert computed == []
     assert again.coefficients_sha256 == first.coefficients_sha256
     search, forecast = first.precision_search, first.precision
+    assert search is not None
+    first.save(tmp_path / "saved")
+    assert excite.load(tmp_path / "saved").precision_search == search
+    assert excite.load(tmp_path / "saved" / "precision.json") == search
     assert forecast.met
     assert first.feasible
     assert search.out_of_reach is None

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.cli.design_commands import command
+from excite.cli.design_commands import design
 from excite.cli.option_types import ALL_OR_NONE, Names
 from excite.design.task_file import read_task_file, task_content, task_from_options
 from excite.information.target import left_out_notes, target_of
@@ -120,7 +120,7 @@ def test_task_files_are_strict(text: str, message: str, tmp_path: Path) -> None:
 
 
 def test_every_option_is_a_flag_a_key_and_a_row_of_the_page(tmp_path: Path) -> None:
-    flags = {parameter.name for parameter in command.params if isinstance(parameter, click.Option)}
+    flags = {parameter.name for parameter in design.params if isinstance(parameter, click.Option)}
     described = [option for part in PARTS.values() for option in options_of(part)]
     assert {field.name for field, option in described if not option.hidden} <= flags
     content = task_content(Task("irp6"))
@@ -134,7 +134,7 @@ def test_every_option_is_a_flag_a_key_and_a_row_of_the_page(tmp_path: Path) -> N
 
 
 def test_defaults_are_stated_once() -> None:
-    stated = {parameter.name: parameter.default for parameter in command.params if isinstance(parameter, click.Option)}
+    stated = {parameter.name: parameter.default for parameter in design.params if isinstance(parameter, click.Option)}
     for part in PARTS.values():
         for field, option in options_of(part):
             if option.kind in ("number", "integer", "flag") and field.default is not None:
@@ -240,7 +240,7 @@ def test_a_stored_task_has_new_keys_only_where_they_differ() -> None:
 
 
 def test_what_is_carried_is_no_option_of_the_command_line() -> None:
-    names = {parameter.name for parameter in command.params}
+    names = {parameter.name for parameter in design.params}
     assert {"load_share", "root_friction", "asymmetric_friction", "stribeck", "stribeck_speed"} <= names
     assert "carried" not in names
 

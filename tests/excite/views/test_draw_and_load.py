@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from written_results import design, result, verification
 import excite
 from excite.identification.result_json import CURVES
 from excite.verification.verification import load_verification
+from excite.views.experiment_views import simulation_view
 from excite.views.page_text import PageSection
 from excite.views.player_log import Appearance
 from excite.views.sections import section_of
@@ -85,6 +87,8 @@ KINDS = {
     "design-1/design.json": "Design",
     "friction-fit-1": "FrictionFit",
     "friction-plan-1": "FrictionPlan",
+    "log-1/run.json": "SimulatedLog",
+    "precision-1/precision.json": "PrecisionSearch",
     "posterior-1/samples.csv": "PosteriorSamples",
     "posterior-1/samples.npz": "PosteriorSamples",
     "result-1": "Identification",
@@ -100,6 +104,14 @@ def test_recorded_samples_of_every_kind(tmp_path: Path) -> None:
     assert {"payload-1", *(place.partition("/")[0] for place in KINDS)} == {each.name for each in SAMPLES.iterdir()}
     with pytest.raises(InputError, match="identify the payload again"):
         excite.load(SAMPLES / "payload-1")
+
+
+def test_a_simulated_log_is_read_back(tmp_path: Path) -> None:
+    simulation = excite.simulate(excite.load(SAMPLES / "design-1"), rate=20.0, torque_noise=0.5)
+    simulation.save(tmp_path / "run.csv")
+    loaded = excite.load(tmp_path / "run.csv")
+    assert replace(loaded, log=None) == simulation.record
+    assert simulation_view(loaded) == simulation_view(simulation)
 
 
 def test_what_is_none_of_them_is_refused(tmp_path: Path) -> None:

@@ -193,7 +193,7 @@ def test_edited_results_are_refused(tmp_path: Path) -> None:
 
 
 def test_commands_repeat_an_identification(tmp_path: Path) -> None:
-    from excite.cli.identify_commands import command
+    from excite.cli.identify_commands import identify
 
     made = result("old")
     facts = dataclasses.replace(made.facts, logs=(dataclasses.replace(made.facts.logs[0], file="run.csv"),))
@@ -201,7 +201,7 @@ def test_commands_repeat_an_identification(tmp_path: Path) -> None:
     made = dataclasses.replace(made, kept=facts, recipe=recipe)
     (_, name, *words), _ = commands_of(dataclasses.replace(made, folder=Path("results/irp6")))
     (tmp_path / "run.csv").touch()
-    given = command.make_context(name, words).params
+    given = identify.make_context(name, words).params
     assert (given["robot"], given["logs"], given["cutoff"]) == ("irp6", (Path("run.csv"),), 12.5)
     assert given["estimator"] == "least-squares"
     assert np.ravel(given["sign_width"]) == [made.recipe.sign_width]

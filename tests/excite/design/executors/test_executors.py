@@ -24,9 +24,9 @@ from excite.design.executors.dask_cluster import (
     DaskStarts,
     check_versions,
     dask_address,
+    unit_executor,
 )
 from excite.design.executors.unit_executor import InProcesses, InThisProcess, LostUnit
-from excite.design.executors.unit_executors import unit_executor
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import candidates
 from excite.design.kept_starts import keep_starts
