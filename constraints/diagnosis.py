@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog, minimize
+import scipy
 
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
@@ -45,7 +45,7 @@ class _Rows:
         if middle is not None:
             return middle, 1.0
         n = A.shape[1]
-        result = linprog(
+        result = scipy.optimize.linprog(
             np.concatenate([np.zeros(n), [-1.0]]),
             A_ub=np.vstack([np.hstack([A, half]), np.hstack([-A, half])]),
             b_ub=np.concatenate([upper, -lower]),
@@ -59,7 +59,7 @@ class _Rows:
         half = 0.5 * (self.upper - self.lower)
         k, n = self.A.shape
         slack = -np.diag(half)
-        result = linprog(
+        result = scipy.optimize.linprog(
             np.concatenate([np.zeros(n), np.ones(k)]),
             A_ub=np.vstack([np.hstack([self.A, slack]), np.hstack([-self.A, slack])]),
             b_ub=np.concatenate([self.upper, -self.lower]),
@@ -162,7 +162,7 @@ def smallest_relaxation(
     best, where = np.full(m, np.inf), poses[0]
     for pose in poses:
         start = np.concatenate([pose, np.maximum(room - sides.room(pose), 0.0)])
-        minimum = minimize(
+        minimum = scipy.optimize.minimize(
             lambda x: float(np.sum(x[k:])), start, jac=lambda x: gradient, method="SLSQP", constraints=constraints,
             bounds=[(None, None)] * k + [(0.0, None)] * m,
         )  # fmt: skip

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar
+import scipy
 
 from regressors.errors import InputError, UnknownName
 from regressors.robot.inertia import rotation_from_rpy
@@ -234,7 +234,7 @@ def enclosing_capsule(points: Array) -> Capsule:
     for axis in axes:
         along = (corners - centre) @ axis
         start = np.concatenate([centre + 0.7 * along.min() * axis, centre + 0.7 * along.max() * axis])
-        minimum = minimize(
+        minimum = scipy.optimize.minimize(
             _volume, start, (corners,), "Nelder-Mead", options={"maxiter": _ITERATIONS, "xatol": 1e-5, "fatol": 1e-9}
         )
         if minimum.fun < least:
@@ -255,7 +255,7 @@ def enclosing_cylinder(radius: float, length: float) -> Capsule:
         R = np.hypot(radius, length / 2 - a)
         return float(2 * R**2 * a + 4 / 3 * R**3)
 
-    a = float(minimize_scalar(volume, bounds=(0.0, length / 2), method="bounded").x)
+    a = float(scipy.optimize.minimize_scalar(volume, bounds=(0.0, length / 2), method="bounded").x)
     return Capsule((0.0, 0.0, -a), (0.0, 0.0, a), float(np.hypot(radius, length / 2 - a)) * (1 + _SLACK))
 
 

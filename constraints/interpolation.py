@@ -15,7 +15,7 @@ from enum import Enum
 from math import factorial
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+import scipy
 
 from constraints.certificate import Extrema, LimitUse, limit_uses, worst_of_each
 from constraints.enclosure import hulled_extrema
@@ -101,7 +101,7 @@ def curves_text(certified: Sequence[InterpolatedLimits]) -> str:
 def _spline(samples: Samples, degree: int) -> Array:
     still = np.zeros(samples.q.shape[1])
     ends = [(order, still) for order in range(1, degree // 2 + 1)]
-    spline = make_interp_spline(samples.time, samples.q, degree, bc_type=(ends, ends))
+    spline = scipy.interpolate.make_interp_spline(samples.time, samples.q, degree, bc_type=(ends, ends))
     return np.stack([spline(samples.time[:-1], nu=p) / factorial(p) for p in range(degree, -1, -1)])
 
 

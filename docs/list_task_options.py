@@ -30,7 +30,7 @@ from excite.tasks.further_settings import (
 from excite.tasks.limit_choice import OF_JOINTS
 from excite.tasks.option import EXPECTED, Option, options_of
 from excite.tasks.task import PARTS
-from excite.verification.simulated_motion import Tolerances
+from excite.verification.tolerances import Tolerances
 
 OTHERS = {
     SimulationSettings: "excite simulate",

@@ -88,7 +88,7 @@ if TYPE_CHECKING:
     from excite.trajectories.linear import LinearFamily
     from excite.trajectories.sines import Sines as Sines
     from excite.trajectories.waypoints import Waypoints as Waypoints
-    from excite.verification.simulated_motion import Tolerances
+    from excite.verification.tolerances import Tolerances
     from excite.verification.verification import Verification
     from excite.verification.verify import verify
     from excite.views.figures import draw, write_figures
@@ -160,7 +160,7 @@ _PLACES = {
     "TaskTorques": "excite.tasks.precision_target",
     "TimeCourse": "excite.study.time_study",
     "TimeStudy": "excite.study.time_study",
-    "Tolerances": "excite.verification.simulated_motion",
+    "Tolerances": "excite.verification.tolerances",
     "TorqueNoise": "excite.study.rehearsal",
     "TrajectoryChoice": "excite.tasks.trajectory_choice",
     "Verification": "excite.verification.verification",

@@ -50,7 +50,6 @@ from excite.tasks.task import Task
 from excite.views.campaign_view import cells_view
 from excite.views.comparison_view import comparison_view, verdicts
 from excite.views.design_view import design_view
-from excite.views.figures import write_figures
 from regressors.errors import InputError
 from regressors.readers.library import has_tree
 from regressors.robot.robot import Robot
@@ -148,7 +147,7 @@ def design_and_write(
             tell("writing and drawing")
             files = write_design(design, out, figures.formats)
             if figures:
-                files = [*write_figures(design, out, **figures.how), *files]
+                files = [*excite.write_figures(design, out, **figures.how), *files]
     return design, files
 
 

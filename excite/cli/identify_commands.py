@@ -25,7 +25,7 @@ from excite.identification.recipe import Recipe
 from excite.registry import CHOSEN
 from excite.tasks.further_settings import Extents, GainSettings, RepeatSettings
 from excite.tasks.task import PARTS
-from excite.verification.simulated_motion import Tolerances
+from excite.verification.tolerances import Tolerances
 
 _OF_IDENTIFY = {
     "Motion": ("design_folder", "designs", "period", "harmonics"),

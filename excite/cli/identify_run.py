@@ -35,7 +35,6 @@ from excite.storage.records import check_replaceable, json_of
 from excite.storage.result_folder import figure_names, result_folder
 from excite.study.repetitions import Repetitions, repetitions
 from excite.verification.verification import KIND
-from excite.views.figures import write_view_figures
 from excite.views.identification_view import identification_view, repetitions_view
 from excite.views.verification_view import verification_view, verifications_view
 from excite.views.view import View
@@ -190,7 +189,7 @@ def repeat_and_write(
         saved = f"the result in {out} is saved, without repetitions"
         raise LostWorkersError(*error.args, saved + _continued(out)) from error
     if figures:
-        write_view_figures(repetitions_view(result, repeated_runs), out, **figures.how)
+        figures.write_view(repetitions_view(result, repeated_runs), out)
     if repeated_runs.interrupted:
         done = f"with {repeated_runs.count} of {count} repetitions"
         say(f"excite: interrupted; the result is saved, {in_options(done + _continued(out))}")
@@ -243,7 +242,7 @@ def verify_and_write(
         if figures:
             tell("drawing")
             written = [
-                [*write_view_figures(verification_view(verification, stem), target, **figures.how), *files]
+                [*figures.write_view(verification_view(verification, stem), target), *files]
                 for verification, stem, files in zip(judged, stems, written, strict=True)
             ]
     files = [file for some in written for file in some]

@@ -39,6 +39,7 @@ from excite.tasks.task import PARTS
 
 if TYPE_CHECKING:
     from constraints.geometry import World
+    from excite.views.view import View
 
 
 Command = Callable[..., Any]
@@ -298,6 +299,12 @@ class FigureChoice:
             return []
         tell("drawing")
         return excite.write_figures(result, folder, **self.how)
+
+    def write_view(self, view: View, folder: Path) -> list[Path]:
+        """Draw the figures of a view, and write them."""
+        from excite.views.figures import write_view_figures
+
+        return write_view_figures(view, folder, **self.how)
 
 
 def figure_options(default: str = "png") -> Callable[[Command], Command]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from excite.trajectories.family import Family, GridMotion, JointMotion, MotionTangent, Trajectory
 from regressors.errors import InputError
@@ -135,7 +135,7 @@ class NonlinearFamily(Family):
         def slopes(x: Array) -> Array:
             return self.jacobian(x, time, 0).reshape(-1, x.size)
 
-        return np.asarray(least_squares(misfit, start, slopes, max_nfev=_ITERATIONS).x)
+        return np.asarray(scipy.optimize.least_squares(misfit, start, slopes, max_nfev=_ITERATIONS).x)
 
     def carrying(self, x: Array) -> dict[str, object]:
         """Map from the coordinates to the joints, for `to_dict`."""

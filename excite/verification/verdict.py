@@ -10,7 +10,8 @@ import numpy as np
 import scipy.signal
 
 from excite.logs.signals.periods import MeasurementNoise
-from excite.verification.simulated_motion import MotionError, Tolerances
+from excite.verification.simulated_motion import MotionError
+from excite.verification.tolerances import Tolerances
 from regressors.samples import Array
 
 MORE_THAN_TRAINING = 2.0

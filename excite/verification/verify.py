@@ -33,12 +33,12 @@ from excite.verification.simulated_motion import (
     SAMPLE,
     WHOLE,
     JudgedMotion,
-    Tolerances,
     failure,
     judged_motion,
     most_windows,
     sampling_remark,
 )
+from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import corrected_errors, corrected_total, torque_errors, verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked

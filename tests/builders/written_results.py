@@ -334,6 +334,7 @@ COMMANDS = {
     ),
     "study": Command(
         ("study irp6 run.csv --out OUT",),
-        _stub("excite.study_over_time", study, "estimates_plot.estimates_over_time_figure"), _settled("study.json"),
+        _stub("excite.study_over_time", study, "identification_plots.estimates_over_time_figure"),
+        _settled("study.json"),
     ),
 }  # fmt: skip

@@ -26,10 +26,11 @@ from regressors.errors import InputError
 from regressors.input_files import UnreadableFile, in_bytes, read_bytes, read_text, regular_size
 from regressors.readers.description import read_description
 from regressors.readers.dh_table import read_dh_table
-from regressors.readers.library import built_in, read_xacro
+from regressors.readers.library import built_in
 from regressors.readers.mjcf import read_mjcf
 from regressors.readers.urdf import read_urdf
 from regressors.readers.urdf_elements import xml_kind
+from regressors.readers.xacro_file import read_xacro
 
 READERS = {
     "robot": read_description,

@@ -305,6 +305,6 @@ def test_what_cannot_be_compared_is_not_kept(file: Path, monkeypatch: pytest.Mon
     assert not file.exists()
 
 
-def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_there(tmp_path: Path, in_pairs: None) -> None:
     with pytest.raises(InputError, match=r"cannot write .*: No such file or directory"):
         repeat_experiment(plain(), COUNT, 0, executor=OneByOne(), kept=tmp_path / "none" / "so-far.npz")

@@ -16,7 +16,8 @@ from excite.logs.signals.periods import measurement_noise
 from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
 from excite.tasks.task import Task
-from excite.verification.simulated_motion import JudgedMotion, Tolerances, judged_motion, motion_errors
+from excite.verification.simulated_motion import JudgedMotion, judged_motion, motion_errors
+from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import corrected_errors, corrected_total
 from excite.verification.verify import verify
 from regressors.samples import Array, Samples

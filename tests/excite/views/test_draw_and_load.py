@@ -121,7 +121,7 @@ def test_what_is_none_of_them_is_refused(tmp_path: Path) -> None:
     for name, text, message in (
         ("a.json", '{"schema": "excite.star/1"}', "expected a design, an identification"),
         ("a.json", "{", "a.json"),
-        ("a.csv", "a,b\n1,2\n", "holds no samples of a posterior"),
+        ("b.csv", "a,b\n1,2\n", "holds no samples of a posterior"),
     ):
         (tmp_path / name).write_text(text)
         with pytest.raises(InputError, match=message):

@@ -18,10 +18,11 @@ import pytest
 from refused import refusal
 
 from regressors.errors import InputError
-from regressors.readers import library as xacro_file
-from regressors.readers.library import expand_xacro, load_robot, read_xacro
+from regressors.readers import xacro_file
+from regressors.readers.library import load_robot
 from regressors.readers.urdf import parse_urdf
 from regressors.readers.xacro_expressions import LARGEST, LONGEST, Refused, evaluate, known_names
+from regressors.readers.xacro_file import expand_xacro, read_xacro
 from tests.builders.public_arms import robots_folder
 
 xacro = pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")
