@@ -16,7 +16,7 @@ from importlib.metadata import version
 from itertools import takewhile
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, Literal
 
 import click
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -211,10 +211,8 @@ def _whole_table(table: ViewTable) -> Table:
     known = [any(row[k] is not None for row in table.rows) for k in range(len(table.columns))]
     shown = [(k, column) for k, column in enumerate(table.columns) if known[k] and not column.wide]
     for _, column in shown:
-        right = column.format in _NUMBERS
-        drawn.add_column(
-            column.heading, justify="right" if right else "left", overflow="fold", max_width=_WIDEST
-        )  # fmt: skip
+        justify: Literal["left", "right"] = "right" if column.format in _NUMBERS else "left"
+        drawn.add_column(column.heading, justify=justify, overflow="fold", max_width=_WIDEST)
     for j, row in enumerate(table.rows):
         texts = ((_text(column, row[k]), table.marked.get((j, k), "")) for k, column in shown)
         drawn.add_row(*(Text(text + " *" * (mark == "best"), _OF_CELL.get(mark, "")) for text, mark in texts))

@@ -31,11 +31,11 @@ from excite.views import figures
 DRAWING = {name: each for name, each in COMMANDS.items() if any(p.name == "figures" for p in each.params)}
 MODULES = (
     "cli.design_run",
+    "cli.exchange_run",
+    "cli.friction_payload_run",
     "cli.identify_run",
-    "cli.verify_run",
+    "cli.robots_run",
     "cli.study_run",
-    "cli.friction_run",
-    "cli.payload_run",
     "design.design_folder",
     "storage.records",
 )

@@ -122,7 +122,7 @@ def test_a_measured_motion_reaches_the_parameters_as_in_repeats(design: Design) 
     prediction = excite.predict_accuracy(design, settings, count=150, **how)
     simulation, values = excite.simulate(design, settings), []
     assert simulation.log.effort is not None
-    for seed in range(60):  # noise drawn here, steps from a phase of its own
+    for seed in range(80):  # noise drawn here, steps from a phase of its own
         rng = np.random.default_rng(seed)
         phase = rng.uniform(0, 0.02, 3)
         step = 2e-4 * np.array([1.0, 0.6, 0.4])
