@@ -16,9 +16,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 83_700,
+    "lines": 83_750,
     "lines of code": 51_450,
-    "files": 372,
+    "files": 375,
     "classes": 764,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 22,

@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import click
 
-from excite.cli.command import LazyGroup
+from excite.cli.lazy import LazyGroup
 from excite.cli.streams import be_quiet, in_options, open_streams, printed_warnings, say, sign_of_life
 from excite.design.interruption import answered_signals, repeat_lost_signal
 from regressors.errors import ExciteError, InputError, NumericalError, one_line

@@ -100,7 +100,7 @@ def simulate(source: Path, out: Path, **given: Any) -> None:
     controller, with friction, torque limits, and whatever noise is asked for. Joints that the design holds are rigid.
     FILE is one of a friction plan, such as friction/irp6/z1.csv; all joints of its robot can move.
     """
-    from excite.cli.study_run import simulate_and_write
+    from excite.cli.simulate_run import simulate_and_write
 
     simulate_and_write(source, out, given)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import shlex
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,29 +12,21 @@ from typing import Any
 import excite
 from excite.cli.main import NOT_HELD
 from excite.cli.options import FigureChoice, chosen_of, robot_file_of
-from excite.cli.progress import progress_of_samples
-from excite.cli.streams import in_options, remark, say, tell
+from excite.cli.streams import remark, tell
 from excite.cli.summary import show
 from excite.design.design_folder import check_no_design, data_files
 from excite.design.start_results import StartResult
 from excite.design.task_file import read_task_file, task_from_options
-from excite.errors import LostMotionError
 from excite.optimality.design_bound import NAME, stored_bound
 from excite.optimality.sensitivity import sensitivity
-from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulate import motion_source
-from excite.simulation.simulation_files import paths_of
 from excite.storage.records import json_of
-from excite.storage.result_folder import figure_names, result_file, result_folder
+from excite.storage.result_folder import figure_names, result_folder
 from excite.study.time_study import FIGURE, check_free
-from excite.tasks.further_settings import MotionSettings
 from excite.tasks.model_choice import FURTHER_FRICTION
-from excite.tasks.payload import Payload
 from excite.tasks.task import PARTS
-from excite.views.campaign_view import campaign_view, next_motion_view
+from excite.views.campaign_view import campaign_view
 from excite.views.comparison_view import bound_view
-from excite.views.experiment_views import accuracy_view, simulation_view, study_view
-from regressors.quantities import number_of
+from excite.views.experiment_views import accuracy_view, next_motion_view, study_view
 
 
 def study_and_write(
@@ -97,52 +88,6 @@ def bound_and_write(folder: Path, wanted: tuple[str, ...], seed: int, parts: tup
 def _place(folder: Path) -> Path:
     """The folder of a design that may be named by its file."""
     return folder.parent if folder.suffix == ".json" else folder
-
-
-def simulate_and_write(source: Path, out: Path, given: Mapping[str, Any]) -> None:
-    """Simulate a motion, write the logs, and end with the exit status."""
-    played = chosen_of(MotionSettings, given)
-    if given["ways"] is not None:
-        remark("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form")
-        played["approach_and_return"] = given["ways"]
-    settings = SimulationSettings(**chosen_of(SimulationSettings, given))  # refused before files are read
-    design = excite.load_design(source, given["parts"]) if given["parts"] else source
-    trajectory, both = played.pop("trajectory", None), played.pop("approach_and_return")
-    resolved = motion_source(design, trajectory, approach_and_return=both)
-    load = _load(played.pop("load", None))
-    if load is None and resolved.task.model.channel == "wrench":
-        remark("excite: note: the design is for a load, but none is simulated; give one with --load")
-    try:
-        with result_file(out):
-            paths_of(out, wrench=load is not None, replace=given["force"])
-            tell("simulating the motion")
-            with progress_of_samples() as progress:
-                simulation = excite.simulate(resolved, settings, load=load, progress=progress, **played)
-            tell("writing")
-            files = simulation.save(out, replace=given["force"])
-    except LostMotionError as error:
-        say(f"excite: {in_options(str(error))}")
-        sys.exit(NOT_HELD)
-    record = simulation.record
-
-    def content() -> dict[str, Any]:
-        shown = {"robot": record.robot, "rate": settings.rate, "failures": list(record.failures)}
-        return {"out": str(out), "files": [str(file) for file in files], **json_of(record), **shown}
-
-    steps = [f"excite identify ROBOT {files[0]} --out DIR"] if record.holds else []
-    show(simulation_view(record), files, content=content, next_steps=steps, all_in=files[1].name)
-    sys.exit(0 if record.holds else NOT_HELD)
-
-
-def _load(text: str | None) -> Payload | Path | None:
-    """Load from ten numbers, or the name of a file."""
-    if text is None:
-        return None
-    try:
-        numbers = [number_of(part) for part in text.split(",")]
-    except ValueError:
-        return Path(text)
-    return Payload(numbers)
 
 
 def plan_campaign(robot: str, given: Mapping[str, Any]) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from excite.logs.log import Log
 from excite.simulation.integration import SimulatedRun
@@ -109,7 +109,7 @@ def first_order_noise(time: Array, deviation: tuple[float, ...], corner: float, 
     a = np.exp(-2 * np.pi * corner * step)
     white = rng.standard_normal((time.size, len(deviation)))
     white[1:] *= np.sqrt(1 - a**2)
-    return np.asarray(lfilter([1.0], [1.0, -a], white, axis=0) * np.array(deviation))
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -a], white, axis=0) * np.array(deviation))
 
 
 SOURCE = "simulated"

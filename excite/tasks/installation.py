@@ -89,6 +89,8 @@ class Installation:
         robot : Robot
             As its description says.
         """
+        if self.described:
+            return robot
         from excite.tasks.payload import installed
 
         if isinstance(self.payload, UnopenedFile):

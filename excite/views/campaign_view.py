@@ -1,8 +1,7 @@
-"""What is shown of sweeps, the cells of a sweep file in one table, of campaigns, and of the next motion of several."""
+"""What is shown of sweeps, the cells of a sweep file in one table, and of campaigns."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,8 +10,6 @@ from excite.design.campaign import Campaign, Step
 from excite.design.design import Design
 from excite.design.sweeps.sweep_table import DESIGNED, KIND, TABLE, SweepRow, SweepTable
 from excite.registry import name_of
-from excite.study.next_motion import NextMotion
-from excite.tasks.precision_target import PrecisionTarget
 from excite.views.view import (
     Column,
     Drawing,
@@ -20,10 +17,8 @@ from excite.views.view import (
     View,
     ViewTable,
     headed,
-    number,
     numbers,
     percents,
-    some_of,
     texts,
 )
 from regressors.models.partial import drive_names
@@ -185,53 +180,3 @@ def _selections(campaign: Campaign) -> ViewTable:
     columns = headed("drives:text, combinations")
     rows = tuple((", ".join(drives), rank) for drives, rank in campaign.subsets)
     return ViewTable("subsets", "What each selection of drives identifies", columns, rows)
-
-
-def next_motion_view(step: NextMotion) -> View:
-    """View of what is in hand towards a precision, and of what the next motion would bring."""
-    count = sum(math.isfinite(parameter.allowed) for parameter in step.parameters)
-    planned = f", once {', '.join(step.planned)} is played" if step.planned else ""
-    enough = f"Enough: stop. All {count} parameters of {step.robot} are known as precisely as asked for{planned}"
-    missing = f"{len(step.missing)} of {count} parameters of {step.robot} are not known as precisely as asked for"
-    return View(
-        kind="next motion",
-        title=f"what is known of {step.robot}",
-        verdict=enough if step.enough else missing,
-        holds=step.enough,
-        summary=_runs(step),
-        remarks=(*_not_asked(step), *(() if step.design is None else step.design.notes)),
-        tables=_in_hand(step),
-    )
-
-
-def _in_hand(step: NextMotion) -> tuple[ViewTable, ...]:
-    """What is missing, or else known, and, where anything is missing, everything."""
-    columns = headed("value:4, half-width, allowed, then, unit:text")
-    rows = {p.name: (p.name, p.value, p.half_width, p.allowed, p.expected, p.unit) for p in step.parameters}
-    wide = {parameter.name for parameter in step.missing}
-    brief = tuple(replace(each, brief=True) for each in (*texts("missing" if wide else "known"), *columns))
-    short = tuple(row for name, row in rows.items() if name in wide or not wide)
-    title = "Half-widths of the intervals, in hand and after the next motion"
-    whole = ViewTable("in-hand", title, (*texts("parameter"), *columns), tuple(rows.values()))
-    return (ViewTable("missing", "What is missing", brief, short), whole) if wide else (replace(whole, columns=brief),)
-
-
-def _not_asked(step: NextMotion) -> tuple[str, ...]:
-    """Parameters that a share of every one leaves out, since nothing is known of their size."""
-    names = [parameter.name for parameter in step.parameters if not math.isfinite(parameter.allowed)]
-    asked = step.task.objective.precision
-    if not names or not isinstance(asked, PrecisionTarget) or asked.share is None:
-        return ()
-    return (
-        f"nothing is asked of {some_of(names)}: their size is not described, and what was measured of them may be "
-        "zero; a YAML file for `precision` can state it, under scales",
-    )
-
-
-def _runs(step: NextMotion) -> tuple[str, ...]:
-    forecast = step.forecast
-    if forecast is None or step.design is None:
-        return ()
-    runs = number(forecast.runs, "run")
-    expected = "expected to be enough" if forecast.met else "which are not enough yet"
-    return (f"next motion: {step.design.trajectory.duration:g} s, {runs}, {forecast.robot_seconds:g} s; {expected}",)

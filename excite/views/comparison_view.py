@@ -6,11 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from excite.design.comparison import Judgement
 from excite.design.stated_limits import kept_headline
-from excite.identification.identification import Identification
 from excite.information.matrix import CONVENTIONS
 from excite.optimality.design_bound import CriterionBound, DesignBound
 from excite.optimality.sensitivity import Sensitivity
@@ -138,40 +135,6 @@ def _measures(judgements: Sequence[Judgement], *, marked: bool) -> ViewTable:
         rows.append((name.replace("_", " "), *values, meaning))
     note = _NOTE if marked else ""
     return ViewTable("comparison", "Measures of each design", columns, tuple(rows), note=note, marked=best)
-
-
-def side_by_side_view(results: Sequence[Identification]) -> View:
-    """View of the parameters of several identifications."""
-    names = list(dict.fromkeys(name for result in results for name in result.names))
-    known = [_intervals(result) for result in results]
-    units = {name: unit for result in results for name, unit in zip(result.names, result.units, strict=True)}
-    overlap = [name for name in names if _agree([each[name] for each in known if name in each])]
-    columns = (
-        *headed("parameter:text, unit:unit"),
-        *(Column(text) for r in results for text in (r.name, f"{r.name}, half-width")),
-        *headed("agree:kept"),
-    )
-    rows = tuple(
-        (name, units[name], *(x for each in known for x in each.get(name, (None, None))), name in overlap)
-        for name in names
-    )
-    return View(
-        kind="comparison",
-        title=f"{len(results)} identifications",
-        verdict=f"The 99 % intervals of {len(overlap)} of {len(names)} parameters overlap.",
-        tables=(ViewTable("side-by-side", "Parameters side by side", columns, rows),),
-    )
-
-
-def _intervals(result: Identification) -> dict[str, tuple[float, float]]:
-    """Value and half of the interval of each parameter."""
-    values, halves = result.estimate.values, result.estimate.half_width
-    return dict(zip(result.names, zip(values.tolist(), halves.tolist(), strict=True), strict=True))
-
-
-def _agree(known: Sequence[tuple[float, float]]) -> bool:
-    finite = [(value - half, value + half) for value, half in known if np.isfinite(value) and np.isfinite(half)]
-    return max((low for low, _ in finite), default=0.0) <= min((high for _, high in finite), default=0.0)
 
 
 def bound_view(bound: DesignBound) -> View:

@@ -1,7 +1,8 @@
-"""What is shown of experiments: simulated logs, predicted accuracy, studies over time, payloads and gains."""
+"""What is shown of experiments: predicted accuracy, studies over time, the next motion, payloads and gains."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -10,58 +11,22 @@ import numpy as np
 from excite.payload.calibrate_gains import CalibratedGains
 from excite.payload.payload_motion import PayloadMotion
 from excite.payload.payload_result import PayloadResult
-from excite.simulation.simulation import SimulatedLog, Simulation
+from excite.study.next_motion import NextMotion
 from excite.study.predict_accuracy import AccuracyPrediction, ParameterAccuracy
 from excite.study.time_study import FIGURE, KIND, TimeCourse, TimeStudy
+from excite.tasks.precision_target import PrecisionTarget
 from excite.views.design_view import design_view
-from excite.views.view import Column, Drawing, View, ViewTable, headed, numbers, some_of, texts
-
-_NEGLIGIBLE = 1e-4  # tracking error over the range of motion
-
-
-def simulation_view(simulation: Simulation | SimulatedLog) -> View:
-    """View of a simulation, or of what was written of one."""
-    log = simulation.record if isinstance(simulation, Simulation) else simulation
-    what, settings = f"{log.duration:g} s of {log.robot}", log.settings
-    kept = f"Simulated {what}: the motion was followed{_followed(log)}"
-    return View(
-        kind="simulation",
-        title=f"simulation of {log.robot}",
-        verdict=kept if log.holds else f"Simulated {what}, but the motion does not hold: {some_of(log.failures)}",
-        holds=log.holds,
-        summary=(
-            f"{log.samples} samples at {settings['rate']:g} Hz; {settings['controller']} of {settings['bandwidth']:g} "
-            f"Hz, seed {log.seed}",
-            f"energy: the torques did {log.work:.4g} J of work, friction took {log.loss:.4g} J; the balance closes to "
-            f"{log.energy_residual:.2g} J",
-        ),
-        remarks=(*(f"does not hold: {each}" for each in log.failures), *log.notes),
-        tables=(_torques(log), _tracking(log)),
-        facts={"robot": log.robot, "robot_sha256": log.sha256},
-    )
-
-
-def _followed(log: SimulatedLog) -> str:
-    if not log.tracking:
-        return ""
-    worst = max(log.tracking, key=lambda each: each.relative)
-    if worst.relative < _NEGLIGIBLE:
-        return f" within {100 * _NEGLIGIBLE:g} % of its range of motion"
-    deviation = f"{worst.joint}: {worst.error:.2g} {worst.unit}"
-    return f" within {100 * worst.relative:.2g} % of its range of motion ({deviation})"
-
-
-def _torques(log: SimulatedLog) -> ViewTable:
-    columns = headed("*torque limit of:text, *peak:4, *limit:4, *used:%, *samples at the limit")
-    uses = sorted(log.torques, key=lambda use: -use.peak / use.limit)
-    rows = tuple((use.label, use.peak, use.limit, use.peak / use.limit, use.saturated) for use in uses)
-    return ViewTable("torques", "Commanded torques", columns, rows, most=7)
-
-
-def _tracking(log: SimulatedLog) -> ViewTable:
-    columns = headed("joint:text, largest, rms, unit:unit")
-    rows = tuple((each.joint, each.error, each.rms, each.unit) for each in log.tracking)
-    return ViewTable("tracking", "Tracking error", columns, rows)
+from excite.views.view import (
+    Column,
+    Drawing,
+    View,
+    ViewTable,
+    headed,
+    number,
+    numbers,
+    some_of,
+    texts,
+)
 
 
 def accuracy_view(prediction: AccuracyPrediction) -> View:
@@ -280,3 +245,53 @@ def gains_view(calibrated: CalibratedGains) -> View:
         remarks=tuple(calibrated.notes),
         tables=(ViewTable("gains", "Factors of the stated gains", columns, rows),),
     )
+
+
+def next_motion_view(step: NextMotion) -> View:
+    """View of what is in hand towards a precision, and of what the next motion would bring."""
+    count = sum(math.isfinite(parameter.allowed) for parameter in step.parameters)
+    planned = f", once {', '.join(step.planned)} is played" if step.planned else ""
+    enough = f"Enough: stop. All {count} parameters of {step.robot} are known as precisely as asked for{planned}"
+    missing = f"{len(step.missing)} of {count} parameters of {step.robot} are not known as precisely as asked for"
+    return View(
+        kind="next motion",
+        title=f"what is known of {step.robot}",
+        verdict=enough if step.enough else missing,
+        holds=step.enough,
+        summary=_runs(step),
+        remarks=(*_not_asked(step), *(() if step.design is None else step.design.notes)),
+        tables=_in_hand(step),
+    )
+
+
+def _in_hand(step: NextMotion) -> tuple[ViewTable, ...]:
+    """What is missing, or else known, and, where anything is missing, everything."""
+    columns = headed("value:4, half-width, allowed, then, unit:text")
+    rows = {p.name: (p.name, p.value, p.half_width, p.allowed, p.expected, p.unit) for p in step.parameters}
+    wide = {parameter.name for parameter in step.missing}
+    brief = tuple(replace(each, brief=True) for each in (*texts("missing" if wide else "known"), *columns))
+    short = tuple(row for name, row in rows.items() if name in wide or not wide)
+    title = "Half-widths of the intervals, in hand and after the next motion"
+    whole = ViewTable("in-hand", title, (*texts("parameter"), *columns), tuple(rows.values()))
+    return (ViewTable("missing", "What is missing", brief, short), whole) if wide else (replace(whole, columns=brief),)
+
+
+def _not_asked(step: NextMotion) -> tuple[str, ...]:
+    """Parameters that a share of every one leaves out, since nothing is known of their size."""
+    names = [parameter.name for parameter in step.parameters if not math.isfinite(parameter.allowed)]
+    asked = step.task.objective.precision
+    if not names or not isinstance(asked, PrecisionTarget) or asked.share is None:
+        return ()
+    return (
+        f"nothing is asked of {some_of(names)}: their size is not described, and what was measured of them may be "
+        "zero; a YAML file for `precision` can state it, under scales",
+    )
+
+
+def _runs(step: NextMotion) -> tuple[str, ...]:
+    forecast = step.forecast
+    if forecast is None or step.design is None:
+        return ()
+    runs = number(forecast.runs, "run")
+    expected = "expected to be enough" if forecast.met else "which are not enough yet"
+    return (f"next motion: {step.design.trajectory.duration:g} s, {runs}, {forecast.robot_seconds:g} s; {expected}",)

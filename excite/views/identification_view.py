@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -278,3 +279,37 @@ def identification_figures(result: Identification) -> tuple[Drawing, ...]:
     drawable = ["parameters", *(("torques", "residuals") if result.curves.time.size else ())]
     drawable += ["estimates"] if result.estimate.history is not None else []
     return tuple(_DRAWN[name].of(result) for name in drawable)
+
+
+def side_by_side_view(results: Sequence[Identification]) -> View:
+    """View of the parameters of several identifications."""
+    names = list(dict.fromkeys(name for result in results for name in result.names))
+    known = [_intervals(result) for result in results]
+    units = {name: unit for result in results for name, unit in zip(result.names, result.units, strict=True)}
+    overlap = [name for name in names if _agree([each[name] for each in known if name in each])]
+    columns = (
+        *headed("parameter:text, unit:unit"),
+        *(Column(text) for r in results for text in (r.name, f"{r.name}, half-width")),
+        *headed("agree:kept"),
+    )
+    rows = tuple(
+        (name, units[name], *(x for each in known for x in each.get(name, (None, None))), name in overlap)
+        for name in names
+    )
+    return View(
+        kind="comparison",
+        title=f"{len(results)} identifications",
+        verdict=f"The 99 % intervals of {len(overlap)} of {len(names)} parameters overlap.",
+        tables=(ViewTable("side-by-side", "Parameters side by side", columns, rows),),
+    )
+
+
+def _intervals(result: Identification) -> dict[str, tuple[float, float]]:
+    """Value and half of the interval of each parameter."""
+    values, halves = result.estimate.values, result.estimate.half_width
+    return dict(zip(result.names, zip(values.tolist(), halves.tolist(), strict=True), strict=True))
+
+
+def _agree(known: Sequence[tuple[float, float]]) -> bool:
+    finite = [(value - half, value + half) for value, half in known if np.isfinite(value) and np.isfinite(half)]
+    return max((low for low, _ in finite), default=0.0) <= min((high for _, high in finite), default=0.0)

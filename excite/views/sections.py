@@ -32,14 +32,15 @@ from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from excite.verification.verification import Verification
 from excite.views.campaign_view import campaign_view, cells_view
-from excite.views.comparison_view import bound_view, comparison_view, side_by_side_view
+from excite.views.comparison_view import bound_view, comparison_view
 from excite.views.design_view import design_view
-from excite.views.experiment_views import accuracy_view, payload_view, simulation_view, study_view
+from excite.views.experiment_views import accuracy_view, payload_view, study_view
 from excite.views.friction_views import friction_fit_view, friction_plan_view
-from excite.views.identification_view import TITLES, identification_view
+from excite.views.identification_view import TITLES, identification_view, side_by_side_view
 from excite.views.page_text import PageFigure, PageSection, drawn, no_pictures, pictures
 from excite.views.player_data import player_motion
 from excite.views.player_log import Appearance, LoggedMotion, looked_at, motion_of_plan, played, source_of
+from excite.views.simulation_view import simulation_view
 from excite.views.subjects import Filed, Subject
 from excite.views.verification_view import TITLES as OF_VERIFICATION
 from excite.views.verification_view import verification_view

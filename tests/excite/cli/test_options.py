@@ -35,6 +35,7 @@ MODULES = (
     "cli.friction_payload_run",
     "cli.identify_run",
     "cli.robots_run",
+    "cli.simulate_run",
     "cli.study_run",
     "design.design_folder",
     "storage.records",

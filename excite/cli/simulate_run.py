@@ -1,0 +1,71 @@
+"""Execution of ``excite simulate``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import excite
+from excite.cli.main import NOT_HELD
+from excite.cli.options import chosen_of
+from excite.cli.progress import progress_of_samples
+from excite.cli.streams import in_options, remark, say, tell
+from excite.cli.summary import show
+from excite.errors import LostMotionError
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import motion_source
+from excite.simulation.simulation_files import paths_of
+from excite.storage.records import json_of
+from excite.storage.result_folder import result_file
+from excite.tasks.further_settings import MotionSettings
+from excite.tasks.payload import Payload
+from excite.views.simulation_view import simulation_view
+from regressors.quantities import number_of
+
+
+def simulate_and_write(source: Path, out: Path, given: Mapping[str, Any]) -> None:
+    """Simulate a motion, write the logs, and end with the exit status."""
+    played = chosen_of(MotionSettings, given)
+    if given["ways"] is not None:
+        remark("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form")
+        played["approach_and_return"] = given["ways"]
+    settings = SimulationSettings(**chosen_of(SimulationSettings, given))  # refused before files are read
+    design = excite.load_design(source, given["parts"]) if given["parts"] else source
+    trajectory, both = played.pop("trajectory", None), played.pop("approach_and_return")
+    resolved = motion_source(design, trajectory, approach_and_return=both)
+    load = _load(played.pop("load", None))
+    if load is None and resolved.task.model.channel == "wrench":
+        remark("excite: note: the design is for a load, but none is simulated; give one with --load")
+    try:
+        with result_file(out):
+            paths_of(out, wrench=load is not None, replace=given["force"])
+            tell("simulating the motion")
+            with progress_of_samples() as progress:
+                simulation = excite.simulate(resolved, settings, load=load, progress=progress, **played)
+            tell("writing")
+            files = simulation.save(out, replace=given["force"])
+    except LostMotionError as error:
+        say(f"excite: {in_options(str(error))}")
+        sys.exit(NOT_HELD)
+    record = simulation.record
+
+    def content() -> dict[str, Any]:
+        shown = {"robot": record.robot, "rate": settings.rate, "failures": list(record.failures)}
+        return {"out": str(out), "files": [str(file) for file in files], **json_of(record), **shown}
+
+    steps = [f"excite identify ROBOT {files[0]} --out DIR"] if record.holds else []
+    show(simulation_view(record), files, content=content, next_steps=steps, all_in=files[1].name)
+    sys.exit(0 if record.holds else NOT_HELD)
+
+
+def _load(text: str | None) -> Payload | Path | None:
+    """Load from ten numbers, or the name of a file."""
+    if text is None:
+        return None
+    try:
+        numbers = [number_of(part) for part in text.split(",")]
+    except ValueError:
+        return Path(text)
+    return Payload(numbers)
