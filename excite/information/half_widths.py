@@ -16,7 +16,7 @@ With the covariance C of the parameters, the root mean square error of the torqu
 Largest half-width that a precision target allows each base parameter.
 
 A parameter is about zero where its described value is below `ABOUT_ZERO` of its size, the root of the summed squares of
-the magnitudes of its terms (`excite.information.parameter_sizes`): a share of such a value asks for what no torque
+the magnitudes of its terms (`excite.information.prior`): a share of such a value asks for what no torque
 depends on. Its size stands for its value then.
 """
 

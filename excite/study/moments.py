@@ -281,7 +281,7 @@ def least_squares(moments: Moments) -> Solved:
 def weighted(moments: Moments) -> Solved:
     """Rows divided by the noise of their equation, a fixed point, with covariance ``(W' Sigma^-1 W)^-1``.
 
-    See `excite.identification.weights`; parameters as for `least_squares`.
+    See `excite.identification.estimators.least_squares.weighted`; parameters as for `least_squares`.
     """
     scale = _weights(moments)
     error, half = _solution(moments.weighted(scale))
