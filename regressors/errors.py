@@ -85,8 +85,8 @@ def one_line(message: str) -> str:
     return f"{line[: LONGEST_LINE - _TAIL - 5]} ... {line[-_TAIL:]}"
 
 
-def listed_names(names: Iterable[str]) -> str:
+def listed_names(names: Iterable[str], most: int = _LISTED) -> str:
     """Names separated by commas, each cut, the last of many only counted; ``none`` if there are none."""
     names = list(names)
-    more = len(names) - _LISTED
-    return ", ".join(map(cut, names[:_LISTED])) + (f" and {more} more" if more > 0 else "") if names else "none"
+    more = len(names) - most
+    return ", ".join(map(cut, names[:most])) + (f" and {more} more" if more > 0 else "") if names else "none"

@@ -25,8 +25,8 @@ from rich.table import Table
 from rich.text import Text
 
 from excite.cli.streams import has_colours, in_options, something_is_shown, verbosity
-from excite.views.view import Column, Format, View, ViewTable, number, some_of
-from regressors.errors import one_line
+from excite.views.view import Column, Format, View, ViewTable, number
+from regressors.errors import listed_names, one_line
 
 _LINES, _COLUMNS = 24, 100
 _FIGURE, _ALIKE = "figure", 4
@@ -170,7 +170,7 @@ def _with_units(columns: tuple[Column, ...], row: tuple[Any, ...]) -> list[str]:
         if column.format is Format.UNIT:
             texts[-1] = f"{texts[-1]} {value}"
         else:
-            known = some_of(value.split(", "), _NAMED) if isinstance(value, str) else value
+            known = listed_names(value.split(", "), _NAMED) if isinstance(value, str) else value
             texts.append(_text(column, known, column.digits))
     return texts
 

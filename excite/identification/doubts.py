@@ -10,6 +10,7 @@ import numpy as np
 from excite.identification.equations import measured_regressor
 from excite.identification.estimator import Estimate
 from excite.identification.impossible_parameters import (
+    POSES,
     allowed_poses,
     described_coefficients,
     heavier_than_described,
@@ -34,6 +35,7 @@ from excite.identification.prediction import LogPrediction, instantaneous_target
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
+from regressors.errors import listed_names
 from regressors.models.nominal import standard_values
 from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.plausibility import implausible_inertias
@@ -47,9 +49,8 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
     """Reasons why a result cannot be right; empty if there are none."""
     target = instantaneous_target(result.robot, result.task, result.recipe)
     noise = _derivatives(result)
-    checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
     residual = _residual(result, target, noise)
-    checks.append(residual)
+    checks = [residual]
     if residual is None:  # else the others follow from it
         if target.base.names == result.names:
             checks += [_mass_matrix(result, target, noise), _gravity(result, target)]
@@ -60,11 +61,45 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
 def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     """What the logs do not determine, although the result may be right; empty if there is nothing."""
     target = instantaneous_target(result.robot, result.task, result.recipe)
-    if target.base.names != result.names or _residual_size(result) > LARGEST:  # such a residual is no noise
-        return ()
-    expected = expected_error(target, result.observations, result.estimate, _travelled(result.prepared))
-    warning = few_data(len(result.prepared), expected, result.estimate.method, _excess(result))
-    return () if warning is None else (warning,)
+    checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
+    if target.base.names == result.names and _residual_size(result) <= LARGEST:  # a larger one is no noise
+        expected = expected_error(target, result.observations, result.estimate, _travelled(result.prepared))
+        checks.append(few_data(len(result.prepared), expected, result.estimate.method, _excess(result)))
+    return tuple(warning for warning in checks if warning is not None)
+
+
+WELL = 0.05  # relative deviation of a parameter that is well known
+_NAMED = 6
+
+
+def answers(result: Identification) -> tuple[str, str]:
+    """Whether a possible robot has the parameters of a result, and which of them are known: a sentence each."""
+    return _possible(result), _known(result)
+
+
+def _possible(result: Identification) -> str:
+    bodies = [doubt.what for doubt in result.doubts if doubt.about == "bodies"]
+    if bodies:
+        return f"bodies: no possible robot has these parameters: {bodies[0]}"
+    if result.doubts:
+        return "bodies: not checked, since the torques are not explained"
+    if result.estimate.method == "physical":
+        return "bodies: those of a possible robot, which the estimator makes sure of"
+    return f"bodies: nothing shows them impossible (signs of the parameters, mass matrix in some {POSES} poses)"
+
+
+def _known(result: Identification) -> str:
+    """Which parameters are known, which are not, and what would show them."""
+    estimate = result.estimate
+    known = int(np.sum(estimate.relative_deviation < WELL))
+    text = f"parameters: {known} of {len(result.names)} have a standard deviation below {100 * WELL:g} % of their value"
+    with np.errstate(invalid="ignore"):
+        vague = [n for n, d in zip(result.names, estimate.relative_deviation, strict=True) if np.isfinite(d) and d > 1]
+    if estimate.unseen:
+        text += f"; not identifiable from these logs: {listed_names(estimate.unseen, _NAMED)}"
+    if vague:
+        text += f"; less than their uncertainty: {listed_names(vague, _NAMED)}"
+    return text + "; a designed motion would show more of them" * bool(estimate.unseen or vague)
 
 
 def _excess(result: Identification) -> float:

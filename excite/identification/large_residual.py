@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import scipy.linalg
@@ -19,6 +20,7 @@ class Doubt:
     what: str  # what cannot be right, with its numbers
     cause: str  # why, as far as the data show it
     cure: str  # what to do, with options in backticks
+    about: Literal["bodies", "torques"] = "bodies"  # which question it answers with no
 
     @property
     def text(self) -> str:
@@ -30,7 +32,7 @@ _MOST_LEFT_OUT = 0.05  # of the exciting rows
 
 
 def left_out_rows(source: str, share: float) -> Doubt | None:
-    """Doubt where more than 5 % of the exciting rows are left out."""
+    """Warning where more than 5 % of the exciting rows are left out."""
     if not share > _MOST_LEFT_OUT:
         return None
     return Doubt(
@@ -65,7 +67,7 @@ def large_residual(relative: float, noise: float, causes: ResidualCauses) -> Dou
         return None
     of_noise = f", of which {100 * noise:.2g} % may be noise of the measurement" if noise > 0.1 * relative else ""
     what = f"the residual is {100 * relative:.3g} % of what was measured{of_noise}, more than {100 * LARGEST:g} %"
-    return Doubt(what, *_cause(causes))
+    return Doubt(what, *_cause(causes), about="torques")
 
 
 def _cause(causes: ResidualCauses) -> tuple[str, str]:

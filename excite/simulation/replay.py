@@ -31,7 +31,7 @@ class Outcome(Enum):
     """How a replay ended."""
 
     DONE = "the whole motion was integrated"
-    NOT_POSITIVE = "the mass matrix of the estimate is not positive definite, so no real robot has it"
+    NOT_POSITIVE = "the mass matrix of the estimate is not positive definite, so no real robot has it"  # as measured
     RAN_AWAY = "the motion diverges"
 
 
@@ -251,13 +251,12 @@ def _joined(
     for first, stop, window, pivots in zip(starts, stops, states, least, strict=True):
         length = min(len(window), count - first)
         lost = ~np.all(np.abs(window[:length]) < _FAR, axis=1)
-        not_positive = ~(pivots[: length - 1] > 0)
+        lost[1:] |= ~(pivots[: length - 1] > 0)
         good = length
-        if np.any(lost) or np.any(not_positive):
-            good = min(int(np.argmax(failed)) if np.any(failed) else length for failed in (lost, not_positive))
-            failures.append(
-                (first + good, Outcome.NOT_POSITIVE if np.any(not_positive[: good + 1]) else Outcome.RAN_AWAY)
-            )
+        if np.any(lost):
+            good = int(np.argmax(lost))
+            measured = not pivots[0] > 0  # only the first pose of a window is one that the robot had
+            failures.append((first, Outcome.NOT_POSITIVE) if measured else (first + good, Outcome.RAN_AWAY))
         kept = np.arange(stop - first) < max(good, 1)
         motion[first:stop] = np.where(kept[:, None], window[: stop - first], np.nan)
     return motion, failures

@@ -20,7 +20,7 @@ _NOISY = 0.9  # of the raw error: noise is mentioned where the error without it 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on a result.
+    """Verdict on a result, equation by equation.
 
     Parameters
     ----------
@@ -28,10 +28,19 @@ class Verdict:
         Reasons against the result; empty if it holds.
     remarks : tuple of str
         Remarks that do not affect the verdict.
+    confirmed, contradicted, undecided : tuple of str
+        Equations whose torques the log confirms, contradicts, and cannot judge; all empty in files of older versions.
+    answers : tuple of str
+        Whether the torques of the log are predicted, whether a possible robot has the parameters, and which of them are
+        known: a sentence each.
     """
 
     against: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    confirmed: tuple[str, ...] = ()
+    contradicted: tuple[str, ...] = ()
+    undecided: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -40,10 +49,17 @@ class Verdict:
 
     @property
     def text(self) -> str:
-        """One sentence."""
-        if self.holds:
-            return "The result predicts this log: you can rely on it for motions of this kind."
-        return f"Do not rely on the result: {'; '.join(self.against)}."
+        """One or two sentences."""
+        confirmed = ", ".join(self.confirmed)
+        if not self.holds:
+            only = f" Predictions of {confirmed} hold." if self.contradicted and self.confirmed else ""
+            return f"Do not rely on the result: {'; '.join(self.against)}.{only}"
+        if self.undecided:
+            return (
+                f"The result predicts {confirmed} of this log: you can rely on it there for motions of this kind. "
+                f"The log cannot judge {', '.join(self.undecided)}, where its noise hides what it could tell."
+            )
+        return "The result predicts this log: you can rely on it for motions of this kind."
 
 
 def verdict(
@@ -52,31 +68,54 @@ def verdict(
     total: float,
     whole: CorrectedError,
     training: float | None,
-    motions: Sequence[MotionError] | None,
-    failed: str | None,
+    motions: Sequence[MotionError],
+    doubted: Sequence[str],
     tolerances: Tolerances,
 ) -> Verdict:
-    """Judge the errors of each equation and over all of them, as measured and less the noise of the measurement."""
+    """Judge each equation by its error in motion without the noise of the measurement, and the result by its doubts.
+
+    A joint at standstill may carry any torque up to its static friction, so that what differs there is left out. The
+    simulated motion is a remark: a small error of a torque moves a joint of little inertia far.
+    """
     of_total, remarks = _of_total(whole, total, training, tolerances)
-    against, noisy = list(of_total), list[str]()
+    named: dict[str, list[str]] = {"confirmed": [], "contradicted": [], "undecided": []}
+    poor: list[str] = []
     for t, part in zip(torques, corrected, strict=True):
-        if not part.least < 1.0:
-            against.append(f"{t.name} is predicted no better than by zero torque ({100 * t.relative:.0f} %)")
-        elif part.least > 2 * tolerances.torque:
-            remarks.append(_poor(t, part))
-        elif t.relative > 2 * tolerances.torque:
-            noisy.append(f"{t.name} ({part.noise:.2g} {t.unit} of {t.measured:.2g} {t.unit})")
-    if noisy:
-        remarks.append(f"noise hides what this log could tell of {', '.join(noisy)}")
-    if failed is not None:
-        against.append(f"the simulated motion failed: {failed}")
-    for m in motions or ():
+        moving = _share_in_motion(t)
+        if part.relative * moving <= tolerances.torque:
+            named["confirmed"].append(t.name)
+            if part.relative > 2 * tolerances.torque:
+                remarks.append(_poor(t, part))
+        elif part.least * moving <= tolerances.torque:
+            named["undecided"].append(t.name)
+        else:
+            named["contradicted"].append(t.name)
+            poor.append(f"{t.name} {100 * part.relative * moving:.0f} %")
+    against = [*doubted, *of_total]
+    if poor:
+        against.append(
+            f"torques in motion differ, without noise, by {', '.join(poor)} of what was measured, "
+            f"more than {100 * tolerances.torque:g} %"
+        )
+    elif not named["confirmed"] and not against:
+        against.append(f"this log cannot judge it, since its noise is as large as the torques of {_all(torques)}")
+    for m in motions:
         if math.isfinite(m.relative) and m.relative > tolerances.motion:
-            against.append(
+            remarks.append(
                 f"the simulated motion of {m.name} deviates by {m.error:.3g} {m.unit}, {100 * m.relative:.0f} % of its "
                 f"travel, more than {100 * tolerances.motion:g} %"
             )
-    return Verdict(tuple(against), tuple(remarks))
+    return Verdict(tuple(against), tuple(remarks), **{key: tuple(names) for key, names in named.items()})
+
+
+def _share_in_motion(t: TorqueError) -> float:
+    """Root of the share that the slow error in motion has of all slow error."""
+    slow = t.standstill + t.systematic
+    return float(np.sqrt(t.systematic / slow)) if slow > 0 else 1.0
+
+
+def _all(torques: Sequence[TorqueError]) -> str:
+    return ", ".join(t.name for t in torques)
 
 
 def _of_total(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.identification.doubts import answers
 from excite.identification.identification import Identification
 from excite.identification.identify import rows_prediction
 from excite.identification.prediction import (
@@ -27,25 +28,32 @@ from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
-from excite.simulation.replay import Replay, windowed_motion
+from excite.simulation.replay import Outcome, Replay, windowed_motion
 from excite.storage.work_prediction import announce
 from excite.verification.simulated_motion import (
     SAMPLE,
     WHOLE,
-    JudgedMotion,
-    failure,
-    judged_motion,
+    horizon_remark,
+    longest_replay,
     most_windows,
+    motion_errors,
     sampling_remark,
+    shortest_horizon,
 )
 from excite.verification.tolerances import Tolerances
-from excite.verification.verdict import corrected_errors, corrected_total, torque_errors, verdict
+from excite.verification.verdict import (
+    CorrectedError,
+    Verdict,
+    corrected_errors,
+    corrected_total,
+    torque_errors,
+    verdict,
+)
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
 from regressors.errors import InputError, cut
 from regressors.numerical import numerical_work
 from regressors.quantities import check
-from regressors.samples import Array
 
 HORIZON = 0.5
 
@@ -116,7 +124,7 @@ def verify(
     part = prepare(log, result.robot, target, recipe)
     predicted = prediction(target, part, recipe, result.coefficients, result.friction)
     tolerances = tolerances if tolerances is not None else Tolerances()
-    motion = _judged_motion(target, result, part, horizon, tolerances)
+    replay, length = _replayed(target, result, part, horizon)
     measured, torques = predicted.measured, predicted.predicted
     errors = torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels)
     above = motion_ends(part.samples.q, mean_rate(part.samples.time))
@@ -124,14 +132,13 @@ def verify(
     corrected, whole = corrected_errors(measured, torques, noise), corrected_total(measured, torques, noise)
     free = ~predicted.left_out  # rows about which nothing happened
     total, event_free = relative_error(measured, torques), relative_error(measured[free], torques[free])
-    replay, motions = (None, None) if motion is None else (motion.replay, motion.motions)
-    counts = motion is not None and motion.decided
-    failed = failure(replay) if replay is not None and counts else None
+    units = {j.name: j.unit for j in target.robot.joints}
+    motions = motion_errors(replay, part.samples, units) if replay is not None and replay.ok else None
     judged = verdict(
-        errors, corrected, total, whole, result.training_error, motions if counts else None, failed, tolerances
+        errors, corrected, total, whole, result.training_error, motions or (), _doubted(result, replay), tolerances
     )
     further = (
-        *_motion_remarks(motion),
+        *_motion_remarks(replay, length, horizon),
         *_friction_remarks(result, target, part, recipe),
         *_event_remarks(part, predicted, event_free),
     )
@@ -148,19 +155,43 @@ def verify(
         training_error=result.training_error,
         replay=replay,
         motions=motions,
-        verdict=replace(judged, remarks=(*judged.remarks, *further)),
+        verdict=replace(
+            judged, remarks=(*judged.remarks, *further), answers=(_torques_answer(judged, whole), *answers(result))
+        ),
         corrected=corrected,
         corrected_total=whole,
         event_free_error=event_free,
-        horizon=None if motion is None else motion.horizon,
+        horizon=length,
     )
 
 
-def _motion_remarks(motion: JudgedMotion | None) -> tuple[str, ...]:
+def _doubted(result: Identification, replay: Replay | None) -> tuple[str, ...]:
+    """What its identification doubts of a result, and a mass matrix that no robot has in a pose of the log."""
+    doubted = tuple(f"{doubt.what}: {doubt.cause}" for doubt in result.doubts)
+    if not doubted and replay is not None and replay.outcome is Outcome.NOT_POSITIVE:
+        return (f"{replay.outcome.value} (in the pose at {replay.failed_at:.3f} s)",)
+    return doubted
+
+
+def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
+    """Whether the torques of the log are predicted, and within what."""
+    parts = [
+        f"{verb} {', '.join(names)}"
+        for verb, names in (
+            ("confirmed for", judged.confirmed),
+            ("contradicted for", judged.contradicted),
+            ("not to be judged for", judged.undecided),
+        )
+        if names
+    ]
+    return f"torques: within {100 * whole.relative:.2g} % without noise; {'; '.join(parts)}"
+
+
+def _motion_remarks(replay: Replay | None, length: float | None, asked: float) -> tuple[str, ...]:
     """What shortened the horizon, and which windows were simulated."""
-    if motion is None:
+    if replay is None or length is None:
         return ()
-    remarks = (motion.remark, sampling_remark(motion.replay, motion.horizon))
+    remarks = (horizon_remark(replay, length, asked), sampling_remark(replay, length))
     return tuple(remark for remark in remarks if remark is not None)
 
 
@@ -212,38 +243,33 @@ def _recipe(
     return recipe if temperature is None else replace(recipe, temperature=temperature)
 
 
-def _judged_motion(
-    target: IdentificationTarget, result: Identification, part: PreparedLog, horizon: float, tolerances: Tolerances
-) -> JudgedMotion | None:
-    """Simulated motion of the models of torques that have an equation for every moving coordinate."""
-    model = target.model
+def _replayed(
+    target: IdentificationTarget, result: Identification, part: PreparedLog, horizon: float
+) -> tuple[Replay | None, float | None]:
+    """Simulated motion of the models of torques that have an equation for every moving coordinate, and its horizon."""
+    model, samples = target.model, part.samples
     equations = model.torque_equations()
     if equations is None or equations.unused:
-        return None
-    samples = part.samples
+        return None, None
     friction = None if result.friction is None else mean_friction(result.friction, target.robot, part.temperature)
     duration = float(samples.time[-1] - samples.time[0])
-    horizon = min(horizon, duration)
 
-    def replayed(torque: Array, length: float, width: float | None) -> Replay:
+    def replayed(length: float, width: float | None) -> Replay:
         return windowed_motion(
-            model, result.coefficients, target.base, samples.time, torque, samples.q, samples.dq, length,
+            model, result.coefficients, target.base, samples.time, part.measured, samples.q, samples.dq, length,
             friction=friction, sign_width=width, most=most_windows(duration, length),
         )  # fmt: skip
 
-    def simulate(torque: Array, length: float) -> Replay:
+    def simulate(length: float) -> Replay:
         try:
-            return replayed(torque, length, result.recipe.common_width or None)
+            return replayed(length, result.recipe.common_width or None)
         except InputError:  # so sharp a sign change takes too many steps: use the sharpest that does not
-            return replayed(torque, length, None)
+            return replayed(length, None)
 
-    rate = mean_rate(samples.time)
-    noise = measurement_noise(part.measured, part.measured, rate, motion_ends(samples.q, rate))
-    units = {j.name: j.unit for j in target.robot.joints}
-    return judged_motion(simulate, part.measured, np.sqrt(noise.square), samples, units, horizon, tolerances)
+    return longest_replay(simulate, min(horizon, duration), shortest_horizon(samples.time))
 
 
-_REPLAYS = 4.0  # from one to a dozen: the horizon is shortened until it can tell a good model from a bad one
+_REPLAYS = 2.0  # from one to half a dozen: the horizon is halved until the motion does not diverge
 _ONE, _ROW = 3e-3, 3.6e-7  # seconds of a simulated motion for each joint to the third power, and of each row of it
 _EQUATIONS = 5e-7  # seconds of the predicted torques for each row and pair of joints
 

@@ -12,7 +12,8 @@ from excite.information.matrix import CONVENTIONS
 from excite.information.precision_forecast import ParameterPrecision
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
-from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, number, some_of, texts
+from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, number, texts
+from regressors.errors import listed_names
 
 _ASKED = ("robot", "model", "trajectory", "period", "criterion", "starts", "seed")
 _CONDITION = "condition, base gautier"
@@ -91,7 +92,7 @@ def _held(design: Design) -> str:
     """Whether the limits hold."""
     uses = [use for some in (design.limits, *design.transfer_limits.values()) for use in some]
     if design.broken:
-        return f"Design exceeds {len(design.broken)} of {len(uses)} checked limits: {some_of(design.broken)}"
+        return f"Design exceeds {len(design.broken)} of {len(uses)} checked limits: {listed_names(design.broken, 3)}"
     plain = f"Design within all {len(uses)} checked limits" if uses else "Design for which no limit was checked"
     held = kept_headline((each.limit for each in design.unchecked), plain)
     return held[:1].upper() + held[1:]

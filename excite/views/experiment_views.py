@@ -24,9 +24,9 @@ from excite.views.view import (
     headed,
     number,
     numbers,
-    some_of,
     texts,
 )
+from regressors.errors import listed_names
 
 
 def accuracy_view(prediction: AccuracyPrediction) -> View:
@@ -283,8 +283,8 @@ def _not_asked(step: NextMotion) -> tuple[str, ...]:
     if not names or not isinstance(asked, PrecisionTarget) or asked.share is None:
         return ()
     return (
-        f"nothing is asked of {some_of(names)}: their size is not described, and what was measured of them may be "
-        "zero; a YAML file for `precision` can state it, under scales",
+        f"nothing is asked of {listed_names(names, 3)}: their size is not described, and what was measured of them may "
+        "be zero; a YAML file for `precision` can state it, under scales",
     )
 
 

@@ -10,11 +10,12 @@ import numpy as np
 
 from excite.design.task_file import task_content
 from excite.identification.between_logs import interval_scope, scatter_warning
+from excite.identification.doubts import answers
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import KIND
 from excite.study.repetitions import Repetitions
-from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, numbers, some_of, text_of
+from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, numbers, text_of
 
 _DRAWN = {
     ending: Drawing(title, ending, function)
@@ -27,8 +28,7 @@ _DRAWN = {
     )
 }
 TITLES = {name: each.title for name, each in _DRAWN.items()}
-_SHOWN, _NAMED = 5, 8  # parameters that are least certain, and not identifiable
-_WELL = 0.05  # relative deviation of a parameter that is well known
+_SHOWN = 5  # parameters that are least certain
 _WHITE = 0.01  # least probability of residuals that are taken for white
 _RARE = 0.01  # probability of a scatter between logs that noise hardly makes
 
@@ -42,7 +42,7 @@ def identification_view(result: Identification) -> View:
         title=result.name,
         verdict=_verdict(result),
         holds=False if result.doubts else None,
-        summary=(_data(result), _condition(result), _known(result), *_unseen(result), *_repeated(result)),
+        summary=(_data(result), _condition(result), *answers(result), *_repeated(result)),
         against=_against(result),
         remarks=(
             interval_scope(len(logs)),
@@ -105,17 +105,6 @@ def _condition(result: Identification) -> str:
     text = "condition number of the measured W: " + (f"{measured:.4g}" if math.isfinite(measured) else "infinite")
     designed = math.inf if result.design is None else result.design.condition_number
     return text + (f" (designed: {designed:.4g})" if math.isfinite(designed) else "")
-
-
-def _unseen(result: Identification) -> tuple[str, ...]:
-    unseen = result.estimate.unseen
-    return (f"not identifiable from these logs: {some_of(unseen, _NAMED)}",) if unseen else ()
-
-
-def _known(result: Identification) -> str:
-    known = int(np.sum(result.estimate.relative_deviation < _WELL))
-    share = f"{100 * _WELL:g} %"
-    return f"{known} of {len(result.names)} parameters have a standard deviation below {share} of their value"
 
 
 def _repeated(result: Identification) -> tuple[str, ...]:

@@ -7,8 +7,8 @@ from excite.views.view import (
     View,
     ViewTable,
     headed,
-    some_of,
 )
+from regressors.errors import listed_names
 
 _NEGLIGIBLE = 1e-4  # tracking error over the range of motion
 
@@ -21,7 +21,9 @@ def simulation_view(simulation: Simulation | SimulatedLog) -> View:
     return View(
         kind="simulation",
         title=f"simulation of {log.robot}",
-        verdict=kept if log.holds else f"Simulated {what}, but the motion does not hold: {some_of(log.failures)}",
+        verdict=kept
+        if log.holds
+        else f"Simulated {what}, but the motion does not hold: {listed_names(log.failures, 3)}",
         holds=log.holds,
         summary=(
             f"{log.samples} samples at {settings['rate']:g} Hz; {settings['controller']} of {settings['bandwidth']:g} "

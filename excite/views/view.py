@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, replace
 from enum import Enum
 from importlib import import_module
@@ -94,12 +94,6 @@ class View:
     filed: str = ""  # the kind of result, as a folder's manifest has it, beside which figures are written
     stem: str = ""  # what the names of its figures' files begin with
     facts: Mapping[str, Any] = field(default_factory=dict)  # provenance
-
-
-def some_of(names: Sequence[str], most: int = 3) -> str:
-    """The first of some names, and how many there are beside them."""
-    more = len(names) - most
-    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def number(count: int, what: str) -> str:
