@@ -19,20 +19,21 @@ from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
 from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
+from excite.information.target import target_of
 from excite.logs.log import Log
+from excite.simulation.sensors import sensor_of
 from excite.simulation.simulate import simulate
 from excite.tasks.payload import Payload
 from excite.tasks.task import Task
 from excite.verification.verify import verify
+from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import built_in
-from regressors.robot.friction.curve import CoulombViscous
-from regressors.robot.friction.curves import FrictionCurves
 
 ROBOTS = ("irp6", "ur10e", "panda", "iiwa7")
 NOISE = 0.02  # of the root mean square of each torque, of a robot as it is; ten times as much on a noisy one
 LOADS = {"irp6": 10.0, "ur10e": 4.0, "panda": 1.5, "iiwa7": 2.5}  # [kg]
 SMALL = (0.1, 0.0, 0.0, 0.1, 0.0, 0.02)  # inertia of a load about the flange [kg m^2]
-RATE, WIDTH = 250.0, 0.02  # of the logs [Hz]; speed over which Coulomb friction changes its sign [rad/s]
+RATE = 250.0  # of the logs [Hz]
 COULOMB, VISCOUS = 0.03, 0.02  # of the torque limits; s/rad of them
 
 Change = Callable[[Log], Log]
@@ -116,14 +117,23 @@ def motion(robot: str, seed: int, locked: bool = False) -> Design:
 
 @cache
 def exact_log(robot: str, seed: int, locked: bool, loaded: bool) -> Log:
-    """What the robot does while it plays a motion, with friction."""
-    described, friction = built_in(robot), None
-    if described.transmission is None:
-        names = zip(described.joint_names, described.limits.torque, strict=True)
-        friction = FrictionCurves({n: CoulombViscous(COULOMB * float(x), VISCOUS * float(x)) for n, x in names})
+    """The motion and the torques that it takes, Coulomb friction being exact.
+
+    The IRp-6, whose drives are described, is simulated under control; of the others the equations are evaluated.
+    """
+    design, described = motion(robot, seed, locked), built_in(robot)
     load = Payload((LOADS[robot], 0.0, 0.0, 0.08 * LOADS[robot], *SMALL)) if loaded else None
-    options = {} if friction is None else {"friction": friction, "sign_width": WIDTH}
-    return simulate(motion(robot, seed, locked), rate=RATE, load=load, **options).log
+    if described.transmission is not None:
+        return simulate(design, rate=200, load=load).log
+    task = Task(robot, friction=False)
+    carrying = described if load is None else load.on(described, sensor_of(task))
+    samples = design.trajectory.samples(np.arange(round((10.0 - 2 * seed) * RATE) + 1) / RATE)
+    target = target_of(carrying, task)
+    known = parameter_values(target.model, target.base, standard_values(carrying))
+    effort = (target.model.instants(samples)[:, target.base.index] @ known).reshape(samples.q.shape)
+    effort += described.limits.torque * (COULOMB * np.sign(samples.dq) + VISCOUS * samples.dq)
+    name = f"{robot} {seed} {locked} {loaded}"
+    return Log(f"{robot}.csv", name, described.joint_names, samples.time, samples.q, None, effort)
 
 
 def log_of(robot: str, seed: int, case: Case, locked: bool, loaded: bool) -> Log:

@@ -80,14 +80,21 @@ def _predicted(v: Verification) -> str:
 
 def _torques(v: Verification) -> ViewTable:
     moved = {motion.name: motion.relative for motion in v.motions or ()}
+    judged = {
+        "confirms": v.verdict.confirmed,
+        "contradicts": v.verdict.contradicted,
+        "cannot judge": v.verdict.undecided,
+    }
+    says = {name: verb for verb, names in judged.items() for name in names}
     less: Sequence[float | None] = [part.relative for part in v.corrected] or [None] * len(v.torques)
     columns = headed(
-        "*equation:text, measured, *torque error, *unit:unit, *of measured:%, less noise:%, "
+        "*equation:text, measured, *torque error, *unit:unit, *of measured:%, less noise:%, *this log:text, "
         "*simulated motion:%, worst, at [s]"
     )
     rows = tuple(
-        (t.name, t.measured, t.error, t.unit, t.relative, part, moved.get(t.name), t.worst, t.worst_time)
+        (t.name, t.measured, t.error, t.unit, t.relative, part, says.get(t.name), moved.get(t.name), *worst)
         for t, part in zip(v.torques, less, strict=True)
+        for worst in ((t.worst, t.worst_time),)
     )
     return ViewTable("torques", "Predicted against measured", columns, rows)
 
