@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 
 import pytest
 from commands import Here
 from hypothesis import settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadFileScheduling
 
 # `pytest --hypothesis-profile=default --hypothesis-seed=N` looks elsewhere.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadFileScheduling:
+    """One process runs all tests of a file: what they share is made once."""
+    return LoadFileScheduling(config, log)
+
+
+def pytest_collection_finish() -> None:
+    """Modules and collected tests live to the end: the garbage collector need not walk through them each time."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

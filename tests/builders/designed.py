@@ -33,6 +33,9 @@ def _stored(name: str, *given: object, **options: object) -> Design:
     return excite.load_design(_folder() / name)
 
 
+NO_DISTANCES: dict[str, Any] = {"self_collision": False, "floor": "none"}
+
+
 @cache
 def ur10e() -> Design:
     """Three of six joints excite, all of them approach and return; no accelerations are limited."""
@@ -41,21 +44,21 @@ def ur10e() -> Design:
         "ur10e",
         joints=("2", "3", "4"),
         trajectory=excite.TrajectoryChoice(harmonics=2, period=4.0),
-        limits=excite.LimitChoice(torque_margin=None),
+        limits=excite.LimitChoice(torque_margin=None, **NO_DISTANCES),
         output=excite.Output(rate=50.0, home=(0.0, -1.5, 1.5, 0.0, 0.0, 0.0), settle=0.1),
     )
 
 
 @cache
 def panda() -> Design:
-    """One of seven joints excites, with limits of acceleration and jerk; all of them approach and return."""
+    """One of seven joints excites, with limits of acceleration and jerk, none of distances; all approach and return."""
     velocity = (2.0,) * 4 + (2.4,) * 3  # slow enough for libfranka
     return _stored(
         "panda",
         "panda",
         joints=("panda_joint6",),
         trajectory=excite.TrajectoryChoice(harmonics=2, period=4.0),
-        limits=excite.LimitChoice(velocity=velocity, torque_margin=None),
+        limits=excite.LimitChoice(velocity=velocity, torque_margin=None, **NO_DISTANCES),
         output=excite.Output(rate=50.0, home=(0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.8), settle=0.1),
     )
 

@@ -40,19 +40,20 @@ def messages() -> list[Message]:
 
 def _messages_of(file: Path) -> Iterator[Message]:
     tree = ast.parse(file.read_text(encoding="utf-8"))
-    docstrings = set(_docstrings(tree))
-    kinds = _kinds(tree)
+    nodes = list(ast.walk(tree))
+    docstrings = set(_docstrings(nodes))
+    kinds = _kinds(nodes)
     place = str(file.relative_to(ROOT))
-    for node in ast.walk(tree):
+    for node in nodes:
         if id(node) in docstrings:
             yield Message(f"{place}:{node.lineno}", "docstring", str(node.value).strip().splitlines()[0])  # type: ignore[attr-defined]
         elif id(node) in kinds and (text := _text(node)) is not None:
             yield Message(f"{place}:{node.lineno}", kinds[id(node)], text)  # type: ignore[attr-defined]
 
 
-def _docstrings(tree: ast.AST) -> Iterator[int]:
+def _docstrings(nodes: list[ast.AST]) -> Iterator[int]:
     """Identities of the docstrings of a module and of its public classes and functions."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             continue
         hidden = not isinstance(node, ast.Module) and node.name.startswith("_")
@@ -60,11 +61,11 @@ def _docstrings(tree: ast.AST) -> Iterator[int]:
             yield id(node.body[0].value)  # type: ignore[attr-defined]
 
 
-def _kinds(tree: ast.AST) -> dict[int, str]:
+def _kinds(nodes: list[ast.AST]) -> dict[int, str]:
     """Kinds of the texts in a tree, by identity; a text inside another one is part of that."""
     kinds: dict[int, str] = {}
     inside: set[int] = set()
-    skipped = {id(node.body[0].value) for node in ast.walk(tree) if _documented(node)}  # type: ignore[attr-defined]
+    skipped = {id(node.body[0].value) for node in nodes if _documented(node)}  # type: ignore[attr-defined]
 
     def mark(node: ast.AST, kind: str) -> None:
         for part in ast.walk(node):
@@ -73,12 +74,12 @@ def _kinds(tree: ast.AST) -> dict[int, str]:
                 if isinstance(part, ast.JoinedStr):
                     inside.update(id(piece) for value in part.values for piece in _pieces(value))
 
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Raise) and node.exc is not None:
             mark(node.exc, "error")
         elif isinstance(node, ast.keyword) and node.arg in ("help", "epilog"):
             mark(node.value, "help")
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and _sentence(node.value)):
             mark(node, "text")
     return {key: kind for key, kind in kinds.items() if key not in inside and key not in skipped}

@@ -256,7 +256,7 @@ def test_refused_in_one_line(case: Case, here: Here) -> None:
     refused(case, here.run(*case.arguments), here.cwd)
 
 
-@pytest.mark.parametrize("case", CASES[1::40], ids=str)
+@pytest.mark.parametrize("case", CASES[1:2], ids=str)
 def test_refused_in_one_line_by_a_process_of_its_own(case: Case, tmp_path: Path) -> None:
     for name, text in case.files.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
@@ -418,9 +418,9 @@ def test_entities_are_not_expanded(here: Here) -> None:
 
 
 def test_nesting_is_bounded(here: Here) -> None:
-    many = 100_000
+    many = 30_000
     texts = ('<robot name="r">' + many * "<link>", '<robot name="r">' + many * "<a>" + many * "</a>" + "</robot>")
-    deep = ("a: " + 50_000 * "[", "\n".join(k * " " + "a:" for k in range(3000)))
+    deep = ("a: " + 20_000 * "[", "\n".join(k * " " + "a:" for k in range(1500)))
     for name, text in (*(("deep.urdf", each) for each in texts), *(("deep.yaml", each) for each in deep)):
         (here.cwd / name).write_text(text)
         here.refused("robots", name)

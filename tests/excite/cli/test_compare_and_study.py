@@ -22,6 +22,7 @@ from excite.tasks.task import Task
 # ``excite compare``: designs under the same metrics, as a table and as JSON.
 
 
+BARE_LIMITS = {"acceleration": (3.0,), "torque_margin": None, "self_collision": False, "floor": "none"}
 TASKS = {
     "plain": Task("irp6", starts=1, harmonics=3, executor="serial"),
     "quick": Task("irp6", starts=1, harmonics=3, executor="serial", period=8.0, rate=50.0, noise=(0.5, 1.0, 2.0)),
@@ -29,7 +30,7 @@ TASKS = {
     "two": Task("irp6", starts=1, harmonics=3, executor="serial", joints=("1", "3"), noise=(1.0, 3.0)),
     "energy": Task("irp6", starts=1, harmonics=3, executor="serial", model="energy"),
     "ur10e": Task(
-        "ur10e", joints=("1", "2"), starts=1, harmonics=3, executor="serial", limits=LimitChoice(acceleration=(3.0,))
+        "ur10e", joints=("2", "3"), starts=1, harmonics=3, executor="serial", limits=LimitChoice(**BARE_LIMITS)
     ),
 }
 

@@ -169,9 +169,8 @@ def test_capsules_without_the_meshes_that_are_missing(here: Here) -> None:
     assert "(1 more like it), and no other shape is left; put the meshes there" in ended.stderr
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
-def test_any_terminal_shows_the_tables(encoding: str, tmp_path: Path) -> None:
-    ended = run("robots", "irp6", cwd=tmp_path, PYTHONIOENCODING=encoding)
+def test_any_terminal_shows_the_tables(tmp_path: Path) -> None:
+    ended = run("robots", "irp6", cwd=tmp_path, PYTHONIOENCODING="ascii")
     assert (ended.returncode, ended.stderr, list(tmp_path.iterdir())) == (0, "", [])
     assert "m2c2x + l2 m3" in ended.stdout
 

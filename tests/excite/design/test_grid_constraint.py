@@ -188,7 +188,7 @@ def motions(family: str, count: int) -> list[Array]:
 def test_a_search_overlooks_no_peak_of_the_grid(family: str) -> None:
     """Its largest use is that of the whole grid wherever this is near a bound, and values are those of the grid."""
     looked, tight = 0, 0
-    for x in motions(family, 15):
+    for x in motions(family, 9):
         for limit in limits(family):
             sampled, values = limit.sampled(x), limit.values(x)
             np.testing.assert_allclose(sampled.values, values[:, sampled.instants], atol=1e-12)

@@ -37,6 +37,12 @@ def made() -> Formulation:
     return formulate(load_robot("irp6"), TASK)
 
 
+@pytest.fixture(scope="module")
+def alone(made: Formulation) -> Formulation:
+    """The same with one process to run in."""
+    return replace(made, task=replace(TASK, search=replace(TASK.search, workers=1)))
+
+
 def without_cpu(results: Sequence[StartResult]) -> list[dict[str, object]]:
     return [{name: value for name, value in vars(r).items() if name != "cpu"} for r in results]
 
@@ -121,12 +127,12 @@ def test_every_start_is_on_disk_when_it_is_reported_and_the_executor_does_not_ma
 
 
 def test_an_error_in_a_process_or_in_progress_is_raised_here_and_ends_the_pool(
-    made: Formulation, tmp_path: Path
+    alone: Formulation, tmp_path: Path
 ) -> None:
     with pytest.raises(Exception, match="gone"):
-        run_in_pool(made, [[0, 1, 2]], tmp_path / "gone", lambda _: None)
+        run_in_pool(alone, [[0, 1, 2]], tmp_path / "gone", lambda _: None)
     with pytest.raises(ZeroDivisionError):
-        run_in_pool(made, [range(20)], tmp_path, lambda _: 1 / 0)
+        run_in_pool(alone, [range(20)], tmp_path, lambda _: 1 / 0)
     assert len(read_starts(tmp_path)) < 20
 
 

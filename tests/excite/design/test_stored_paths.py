@@ -101,7 +101,7 @@ def test_nothing_that_a_design_names_is_opened(folder: Path, option: str) -> Non
     edit(folder, lambda content: content["task"].update({option: str(secret)}))
     with files_opened() as opened:
         stored = excite.load_design(folder)
-        assert excite.simulate(stored, rate=200.0).log.count > 0
+        assert excite.simulate(stored, rate=50.0).log.count > 0
         if option in ("robot", "begin"):  # which the design holds itself
             excite.design_trajectory(stored.task)
         elif option != "payload":  # which is a part of the stored robot

@@ -188,8 +188,8 @@ def test_bad_formats_and_widths_are_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=message):
             write_figure_files(small, tmp_path, **how)
     assert list(tmp_path.iterdir()) == []
-    paths = write_figure_files(small, tmp_path, formats=("svg", "png", "svg"))
-    assert [path.name for path in paths] == ["small.svg", "small.png"]
+    paths = write_figure_files(small, tmp_path, formats=("svg", "pdf", "svg"))
+    assert [path.name for path in paths] == ["small.svg", "small.pdf"]
 
 
 def test_what_has_no_figures_is_refused(tmp_path: Path) -> None:
@@ -216,8 +216,8 @@ def test_a_manifest_lists_figures_and_stale_ones_leave(tmp_path: Path) -> None:
         assert found == {*entry.files, "manifest.json"}
         return found - {"x.json", "manifest.json"}
 
-    assert result("first", ("png",)) == {"small.png"}
-    assert result("second", ("pdf", "svg")) == {"small.pdf", "small.svg"}
+    assert result("first", ("svg",)) == {"small.svg"}
+    assert result("second", ("pdf",)) == {"small.pdf"}
     assert result("third", ()) == set()
 
 

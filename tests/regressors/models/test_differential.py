@@ -48,7 +48,7 @@ def test_regressor_and_torques_equal_pinocchio(arm: Arm) -> None:
     rows = [expected.joint(name).idx_v for name in robot.joint_names]
     columns = [10 * (expected.joint(name).id - 1) + k for name in robot.joint_names for k in THETA_FROM_PINOCCHIO]
     theta = np.concatenate([expected.theta(name) for name in robot.joint_names])
-    rng = np.random.default_rng(11)
+    rng, still = np.random.default_rng(11), DifferentialModel(robot.replace(gravity=np.zeros(3)), INERTIAL)
     for _ in range(3):
         q, dq, ddq = random_state(robot, rng)
         configuration = expected.configuration(dict(zip(robot.joint_names, q, strict=True)))
@@ -61,7 +61,6 @@ def test_regressor_and_torques_equal_pinocchio(arm: Arm) -> None:
         ours = regressor(model, q, dq, ddq)
         assert np.abs(ours - Y).max() <= 1e-11 * np.abs(Y).max()
         np.testing.assert_allclose(ours @ theta, tau, rtol=1e-9, atol=1e-9 * np.abs(tau).max())
-        still = DifferentialModel(robot.replace(gravity=np.zeros(3)), INERTIAL)
         ours = np.column_stack([regressor(still, q, 0 * q, unit) @ theta for unit in np.eye(robot.n)])
         np.testing.assert_allclose(ours, M, rtol=1e-9, atol=1e-9 * np.abs(M).max())
 
