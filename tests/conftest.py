@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from pathlib import Path
 
 import pytest
@@ -17,15 +16,9 @@ settings.load_profile("repeatable")
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadFileScheduling:
-    """One process runs all tests of a file: what they share is made once."""
-    return LoadFileScheduling(config, log)
-
-
-def pytest_collection_finish() -> None:
-    """Modules and collected tests live to the end: the garbage collector need not walk through them each time."""
-    gc.collect()
-    gc.freeze()
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadFileScheduling | None:
+    """One process runs all quick tests of a file: what they share is made once; slow ones go where there is room."""
+    return None if config.option.markexpr == "slow" else LoadFileScheduling(config, log)
 
 
 @pytest.fixture

@@ -115,6 +115,7 @@ def test_the_summary_has_the_brief_columns_with_units() -> None:
         "equation",
         "torque error",
         "of measured",
+        "this log",
         "simulated motion",
     ]
     assert next(iter(table.columns[1].cells)).endswith(" Nm")
