@@ -179,7 +179,8 @@ class _Nodes:
 
 
 def _path(location: tuple[str | int, ...]) -> FieldPath:
-    return tuple(step for step in location if step != "[key]")
+    """Without the steps that name validators and the classes of a union."""
+    return tuple(step for step in location if not re.fullmatch(r"\[key\]|function-.*|\w+Entry", str(step)))
 
 
 def _dotted(path: FieldPath) -> str:

@@ -257,7 +257,10 @@ BAD_ENTRIES = [
     ("temperature: {reference: 30, forward: {stiction: 1}}", r"temperature\.forward\.stiction \(line 7\): no such f"),
     ("load: 1.5", r"line 7.*load forward must be at least 0 and below 1, given 1.5"),
     ("load: {forward: 0.1}", "line 7.*backward"),
-    ("load: much", "line 7.: must be a number, given the text .much"),
+    (
+        "load: much",
+        r"z1\.load \(line 7\): must be a number, given the text .much.; drives\.z1\.load \(line 7\): should be a map",
+    ),
     ("uncertainty: {parameters: [coulomb]}", r"z1\.uncertainty\.covariance \(line 7\): is missing"),
     ("uncertainty: {parameters: [], covariance: []}", r"z1\.uncertainty\.parameters \(line 7\): .*at least 1 item"),
     ("uncertainty: {parameters: [x], covariance: [[1]]}", r"parameters\[1\] \(line 7\): no parameter 'x'; available"),
