@@ -26,6 +26,7 @@ from excite.simulation.simulate import simulate
 from excite.tasks.payload import Payload
 from excite.tasks.task import Task
 from excite.verification.verify import verify
+from regressors.errors import InputError
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import built_in
 
@@ -148,12 +149,13 @@ def outcome(robot: str, case: Case) -> dict[str, Any]:
     """What both commands say."""
     training = case.training(log_of(robot, 0, case, case.locked, case.loaded))
     other = case.other(log_of(robot, 1, case, False, False))
-    result = identify(robot, training, **dict(case.options))
+    said = {"robot": robot, "kind": case.kind, "case": case.name}
+    try:
+        result = identify(robot, training, **dict(case.options))
+    except InputError as refused:  # such as positions beyond the limits of a joint
+        return said | {"identify": 2, "verify": None, "verdict": str(refused), "right": case.wrong}
     checked = verify(result, other)
-    return {
-        "robot": robot,
-        "kind": case.kind,
-        "case": case.name,
+    return said | {
         "identify": int(bool(result.doubts)),
         "verify": int(not checked.holds),
         "error": checked.relative_error,
@@ -178,7 +180,7 @@ def text_of(rows: Sequence[dict[str, Any]]) -> str:
     lines = []
     for kind in dict.fromkeys(row["kind"] for row in rows):
         own = [row for row in rows if row["kind"] == kind]
-        counts = [sum(row[key] for row in own) for key in ("identify", "verify", "right")]
+        counts = [sum(bool(row[key]) for row in own) for key in ("identify", "verify", "right")]
         lines.append([kind, len(own), *counts])
     columns = ("robot", "kind", "case", "identify", "verify", "verdict")
     failed = [[row[key] for key in columns] for row in rows if not row["right"]]
@@ -200,7 +202,7 @@ LIMITATIONS = (
     "Simulated robots of four descriptions with Coulomb and viscous friction, one training motion and one other motion "
     "each, white noise; one seed.",
     "A verdict is right where `verify` ends with 1 for a wrong result and with 0 for a right one, and where `identify` "
-    "does not end with 1 while `verify` ends with 0.",
+    "does not end with 1 while `verify` ends with 0; or where `identify` refuses the log of a wrong one with 2.",
 )
 
 if __name__ == "__main__":

@@ -54,7 +54,9 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
     if residual is None:  # else the others follow from it
         if target.base.names == result.names:
             checks += [_mass_matrix(result, target, noise), _gravity(result, target)]
-        checks.append(impossible_parameters(result.estimate, result.target.base, _shares(result), noise))
+        checks.append(
+            impossible_parameters(result.estimate, result.target.base, _shares(result), noise, _tried(result))
+        )
     return tuple(doubt for doubt in checks if doubt is not None)
 
 
@@ -64,7 +66,8 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
     if target.base.names == result.names and _residual_size(result) <= LARGEST:  # a larger one is no noise
         expected = expected_error(target, result.observations, result.estimate, _travelled(result.prepared))
-        checks.append(few_data(len(result.prepared), expected, result.estimate.method, _excess(result)))
+        method, tried = result.estimate.method, _tried(result)
+        checks.append(few_data(len(result.prepared), expected, method, _excess(result), tried=tried))
     return tuple(warning for warning in checks if warning is not None)
 
 
@@ -100,6 +103,11 @@ def _known(result: Identification) -> str:
     if vague:
         text += f"; less than their uncertainty: {listed_names(vague, _NAMED)}"
     return text + "; a designed motion would show more of them" * bool(estimate.unseen or vague)
+
+
+def _tried(result: Identification) -> str:
+    """The estimator, or ``physical`` where that was tried and predicted worse: it is not advised again."""
+    return "physical" if any(choice.name == "estimator" for choice in result.choices) else result.estimate.method
 
 
 def _excess(result: Identification) -> float:
@@ -139,7 +147,7 @@ def _derivatives(result: Identification) -> NoisyDerivatives:
 def _mass_matrix(result: Identification, target: IdentificationTarget, noise: NoisyDerivatives) -> Doubt | None:
     poses = allowed_poses(target.robot, _travelled(result.prepared).q)
     least = least_inertia(target, result.coefficients, result.estimate.covariance, poses)
-    return mass_matrix_check(least, result.estimate.method, noise)
+    return mass_matrix_check(least, _tried(result), noise)
 
 
 def _gravity(result: Identification, target: IdentificationTarget) -> Doubt | None:
@@ -323,7 +331,9 @@ _TOLERATED = 0.10  # of the torque: the tolerance of a verdict, which the next l
 _USEFUL = 0.8  # of the error: a designed motion that does not gain more is not proposed
 
 
-def few_data(logs: int, expected: ExpectedError, method: str, excess: float = 0.0) -> Doubt | None:
+def few_data(
+    logs: int, expected: ExpectedError, method: str, excess: float = 0.0, *, tried: str | None = None
+) -> Doubt | None:
     """Warning where predictions on other motions are expected to fail by the noise of the logs alone, or did fail."""
     if not max(expected.logs, excess) > _TOLERATED:
         return None
@@ -338,13 +348,13 @@ def few_data(logs: int, expected: ExpectedError, method: str, excess: float = 0.
             f"{what} too little",
             f"blocks of time that were left out are predicted by least squares with errors of {100 * excess:.2g} % of "
             f"the torque beyond those of the rows identified from, and {kept}",
-            _cure(expected, method),
+            _cure(expected, tried or method),
         )
     return Doubt(
         f"{what} too little",
         f"{noise} alone leaves errors of about {100 * expected.logs:.2g} % of the torque on other motions of the same "
         f"ranges and speeds, and {kept}",
-        _cure(expected, method),
+        _cure(expected, tried or method),
     )
 
 

@@ -55,7 +55,9 @@ def _dual(c: Array) -> Array:
     return np.tensordot(np.linalg.solve(np.einsum("kij,lij->kl", units, units), c.T).T, units, axes=1)
 
 
-def impossible_parameters(estimate: Estimate, base: Base, shares: Array, noise: NoisyDerivatives) -> Doubt | None:
+def impossible_parameters(
+    estimate: Estimate, base: Base, shares: Array, noise: NoisyDerivatives, tried: str = ""
+) -> Doubt | None:
     """Doubt where the sign of base parameters is beyond their intervals that of no body and no drive.
 
     The intervals hold for all tested parameters at once with 99 % (Bonferroni). Parameters that make less than 1 % of
@@ -81,7 +83,8 @@ def impossible_parameters(estimate: Estimate, base: Base, shares: Array, noise: 
     return Doubt(
         what,
         _cause(kinds),
-        "check the signs and units in the mapping, or admit only possible parameters with `estimator='physical'`",
+        "check the signs and units in the mapping"
+        + ", or admit only possible parameters with `estimator='physical'`" * (tried != "physical"),
     )
 
 
