@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import platform
 import sys
 import time
@@ -70,7 +71,8 @@ def _print_text(
     details: Callable[[], None] | None = None,
 ) -> None:
     out = console()
-    width = min(out.width, _COLUMNS) if sys.stdout.isatty() else _COLUMNS
+    told = sys.stdout.isatty() or "COLUMNS" in os.environ
+    width = min(out.width, _COLUMNS) if told else _COLUMNS
     verdict = _wrapped(view.verdict, width, "")
     for line in verdict:
         style = _CAUTION if view.caution and view.holds is not False else _OF_VERDICT[view.holds]

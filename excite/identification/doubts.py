@@ -98,11 +98,14 @@ def _known(result: Identification) -> str:
     text = f"parameters: {known} of {len(result.names)} have a standard deviation below {100 * WELL:g} % of their value"
     with np.errstate(invalid="ignore"):
         vague = [n for n, d in zip(result.names, estimate.relative_deviation, strict=True) if np.isfinite(d) and d > 1]
-    if estimate.unseen:
-        text += f"; not identifiable from these logs: {listed_names(estimate.unseen, _NAMED)}"
     if vague:
-        text += f"; less than their uncertainty: {listed_names(vague, _NAMED)}"
-    return text + "; a designed motion would show more of them" * bool(estimate.unseen or vague)
+        text += f"; too small for these logs, if not zero: {listed_names(vague, _NAMED)}"
+    if estimate.unseen:
+        text += (
+            f"; not identifiable from these logs: {listed_names(estimate.unseen, _NAMED)}, which a motion designed for "
+            "them or values known beforehand would show"
+        )
+    return text
 
 
 def _tried(result: Identification) -> str:

@@ -175,6 +175,9 @@ def _doubted(result: Identification, replay: Replay | None) -> tuple[str, ...]:
 
 def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
     """Whether the torques of the log are predicted, and within what."""
+    within = f"torques: within {100 * whole.relative:.2g} % of what was measured, without noise"
+    if not (judged.contradicted or judged.undecided):
+        return f"{within}; each is confirmed"
     parts = [
         f"{verb} {', '.join(names)}"
         for verb, names in (
@@ -184,7 +187,7 @@ def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
         )
         if names
     ]
-    return f"torques: within {100 * whole.relative:.2g} % without noise; {'; '.join(parts)}"
+    return f"{within}; {'; '.join(parts)}"
 
 
 def _motion_remarks(replay: Replay | None, length: float | None, asked: float) -> tuple[str, ...]:

@@ -122,13 +122,17 @@ def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
     """The parameters with the widest intervals beside their size."""
     estimate = result.estimate
     sized = np.where(np.isfinite(estimate.relative_deviation), estimate.relative_deviation, -1.0)
-    columns = headed("*least certain:text, *value:4, *99 %:text, *unit:unit, *std. dev.:%")
+    columns = headed("*least certain:text, *value:4, *99 %:text, *unit:unit, *std. dev.:text")
     rows = tuple(
-        (estimate.names[k], estimate.values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], sized[k])
+        (estimate.names[k], estimate.values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], _size(sized[k]))
         for k in np.argsort(-sized, kind="stable")[:_SHOWN]
         if sized[k] >= 0.0
     )
     return (ViewTable("least-certain", "Parameters that are least certain", columns, rows),) if rows else ()
+
+
+def _size(relative: float) -> str:
+    return f"{100 * relative:.2g} %" if relative <= 1 else "over 100 %"
 
 
 def _logs(result: Identification) -> ViewTable:
