@@ -1,6 +1,6 @@
-"""Faults of a log that explain why the model does not: what each does to torques or positions, and what mends it.
+"""The fault of a log that explains why the model does not explain the measurements, if one explains it best by far.
 
-Every fault is undone and the model fitted again, by weighted least squares at some instants of the log. With
+Every fault of `excite.identification.log_faults` is undone and the model fitted again, by weighted least squares at some instants of the log. With
 ``X_j = [W_j, Y]``, the rows of equation j beside all torque columns, a fault of the torques changes only which
 combination of columns of Y is the right-hand side, so that the fit needs ``X_j' X_j`` alone; a fault of the positions
 changes W. Friction, rotors and other parameters of one sign keep it, and the described robot is believed a little, so
@@ -12,13 +12,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 import scipy.optimize
+from numpy.typing import NDArray
 
 from excite.identification.impossible_parameters import signs_of_bodies
 from excite.identification.large_residual import Doubt
+from excite.identification.log_faults import (
+    NO_FAULT,
+    ODD_GAIN,
+    Fault,
+    delay_fault,
+    gain_fault,
+    obvious_faults,
+    position_faults,
+    torque_faults,
+    zero_fault,
+)
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.event import within
@@ -27,38 +38,19 @@ from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
 from regressors.robot.plausibility import implausible_inertias
 from regressors.samples import Array, Index, Samples
 
-INSTANTS = 800  # more name no other fault
-_BELIEF = (
-    0.01  # weight of the described torques beside the measured ones: a departure of 100 % counts as an error of 10 %
-)
+Flags = NDArray[np.bool_]
+
+INSTANTS = 600  # more name no other fault
+_BELIEF = 0.01  # weight of the described torques beside the measured ones: off by 100 % counts as an error of 10 %
 _ROUNDS = 4  # of weights by the residuals
 _LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
-_RIDGE = 1e-9  # of the scaled normal equations
-GAIN = 0.7  # in the logarithm of the errors of all joints together that a fault must win on none
-MARGIN = 0.3  # and on the next fault
-_ONE_JOINT = 1.5  # factor by which the error of one joint at least must fall
-_NOISY, _SMALL = 2.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
-_ODD_GAIN = 1.25  # a gain nearer to one is not a fault
+_RIDGE, _NOTHING = 1e-9, 1e-9  # of the scaled normal equations; of the largest
+GAIN = 0.4  # in the logarithm of the errors of all joints together that a fault must win on none
+MARGIN = 0.25  # and on the next fault
+_ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
+_NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A fault of a log, which is undone by ``torques`` or by ``positions``."""
-
-    kind: str
-    joints: tuple[str, ...]  # whose columns are concerned
-    what: str  # the sentence
-    cure: str
-    torques: Array | None = None  # (n, n): right-hand sides ``torques @ y``
-    late: Index | None = None  # (n,) steps
-    positions: tuple[Array, Array] | None = None  # ``A (n, n), b (n,)``: true positions ``A q + b``
-
-    @property
-    def label(self) -> tuple[str, tuple[str, ...]]:
-        """What tells it from other faults."""
-        return self.kind, self.joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +69,6 @@ class Fit:
     def percent(self) -> str:
         """Root mean square of the errors over the joints."""
         return f"{100 * np.sqrt(np.mean(self.errors**2)):.2g} %"
-
-
-NO_FAULT = Fault("none", (), "", "")
 
 
 def spoilt_log(target: IdentificationTarget, parts: tuple[PreparedLog, ...], *, doubtful: bool) -> Doubt | None:
@@ -198,7 +187,7 @@ class Search:
             lambda x: fit(x).size, bounds=(best - 0.6, best + 0.6), method="bounded", options={"xatol": 0.01}
         )
         gain = float(np.exp(refined.x))
-        if 1 / _ODD_GAIN < gain < _ODD_GAIN:
+        if 1 / ODD_GAIN < gain < ODD_GAIN:
             return None
         return self.plain.fit(gain_fault(names, j, gain))
 
@@ -312,29 +301,36 @@ class Equations:
         belief = _BELIEF * self.believed
         normal = WW + np.sqrt(belief)[:, None] * WW * np.sqrt(belief)
         right_all = right + belief * Wd
-        square = size
+        square, bound = size, np.zeros(b, dtype=bool)
         for _ in range(_ROUNDS):
             weight = 1 / np.maximum(square, _LEAST_ERROR**2 * size)
-            x = _of_one_sign(np.tensordot(weight, normal, 1), weight @ right_all, self.signs)
+            x = _of_one_sign(np.tensordot(weight, normal, 1), weight @ right_all, self.signs, bound)
             square = np.einsum("b,jbc,c->j", x, normal, x) - 2 * right_all @ x + size
             square = np.maximum(square + _BELIEF * dd * np.any(self.believed), 0.0)
         return Fit(fault, np.sqrt(square / size))
 
 
-def _of_one_sign(A: Array, right: Array, signs: Array) -> Array:
-    """Solution of normal equations; parameters whose sign is wrong are taken out one set after the other."""
+_EXCHANGES, _AT_ONCE = 60, 6
+
+
+def _of_one_sign(A: Array, right: Array, signs: Array, bound: Flags) -> Array:
+    """Solution of normal equations in which parameters keep their sign, by exchanging those at their bound of zero.
+
+    All that violate the conditions of optimality at once, later the last one alone [Portugal, Judice and Vicente 1994].
+    ``bound`` holds those at zero, and is changed.
+    """
     scale = np.sqrt(np.diag(A))
-    free = scale > 1e-9 * scale.max(initial=0.0)
+    present = scale > _NOTHING * scale.max(initial=0.0)
     x = np.zeros(right.size)
-    for _ in range(8):
-        k = np.flatnonzero(free)
-        M = A[np.ix_(k, k)] / np.outer(scale[k], scale[k])
+    for k in range(_EXCHANGES):
+        free = np.flatnonzero(present & ~bound)
+        M = A[np.ix_(free, free)] / np.outer(scale[free], scale[free])
         x[:] = 0.0
-        x[k] = np.linalg.solve(M + _RIDGE * np.eye(k.size), right[k] / scale[k]) / scale[k]
-        wrong = free & (signs * x < 0)
+        x[free] = np.linalg.solve(M + _RIDGE * np.eye(free.size), right[free] / scale[free]) / scale[free]
+        wrong = np.where(bound, present & (signs * (right - A @ x) > _NOTHING * np.abs(right)), signs * x < 0)
         if not wrong.any():
             break
-        free &= ~wrong
+        bound ^= wrong if k < _AT_ONCE else np.arange(x.size) == np.flatnonzero(wrong)[-1]
     return x
 
 
@@ -351,146 +347,3 @@ def _added_columns(kinds: set[str], samples: Samples) -> tuple[Array, Array]:
         parts, signs = [*parts, np.ones_like(samples.q)], [*signs, *[0.0] * n]
     columns = [part[:, :, None] * np.eye(n) for part in parts]
     return np.concatenate([*columns, np.zeros((len(samples.q), n, 0))], axis=2), np.array(signs)
-
-
-# ---------------------------------------------------------------- the library
-
-
-def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> Iterator[Fault]:
-    """Faults that the torques show without a model: magnitudes."""
-    for part in parts:
-        y, dq = part.log.effort, part.samples.dq
-        if y is None:
-            continue
-        both_ways = np.minimum(np.mean(dq > 0, axis=0), np.mean(dq < 0, axis=0)) > 0.2
-        if np.all(y >= 0) and np.any(y > 0) and both_ways.all() and len(names) > 1:
-            yield Fault(
-                "magnitudes",
-                names,
-                "the torques of all joints are never negative although all of them move both ways: they are magnitudes",
-                "record torques with their signs, or map the columns of the signed currents (`current`)",
-            )
-
-
-def torque_faults(names: tuple[str, ...]) -> Iterator[Fault]:
-    """Faults of torque columns that have no value of their own."""
-    n = len(names)
-    for a, b in combinations(range(n), 2):
-        yield Fault(
-            "torques swapped",
-            (names[a], names[b]),
-            f"the torque columns of {names[a]} and {names[b]} are exchanged",
-            f"exchange these two `columns` of the torques in the mapping{_order(names, _exchanged(n, a, b))}",
-            torques=np.eye(n)[_exchanged(n, a, b)],
-        )
-    for shift in (1, -1) if n > 2 else ():
-        order = [(k + shift) % n for k in range(n)]
-        yield Fault(
-            "torques shifted",
-            names,
-            f"the torque columns are shifted: that of {names[0]} is what stands for {names[shift % n]}",
-            f"shift the `columns` of the torques in the mapping by one{_order(names, order)}",
-            torques=np.eye(n)[order],
-        )
-    for j, name in enumerate(names):
-        yield Fault(
-            "torque sign",
-            (name,),
-            f"the torques of {name} have the opposite sign",
-            f"use `{_each('sign', n, j, '-1')}` for the torques in the mapping",
-            torques=np.diag(np.where(np.arange(n) == j, -1.0, 1.0)),
-        )
-
-
-def position_faults(names: tuple[str, ...]) -> Iterator[Fault]:
-    """Faults of position columns that have no value of their own."""
-    n = len(names)
-    for a, b in combinations(range(n), 2):
-        order = _exchanged(n, a, b)
-        yield Fault(
-            "positions swapped",
-            (names[a], names[b]),
-            f"the position columns of {names[a]} and {names[b]} are exchanged",
-            f"exchange these two `columns` of the positions in the mapping{_order(names, order)}",
-            positions=(np.eye(n)[order], np.zeros(n)),
-        )
-    for j, name in enumerate(names):
-        yield Fault(
-            "position sign",
-            (name,),
-            f"the positions of {name} have the opposite sign",
-            f"use `{_each('sign', n, j, '-1')}` for the positions and velocities in the mapping",
-            positions=(np.diag(np.where(np.arange(n) == j, -1.0, 1.0)), np.zeros(n)),
-        )
-
-
-_UNITS = {1e3: ("kNm", "Nm"), 1e-3: ("mNm", "Nm")}  # of factors: what was recorded, and taken for
-
-
-def gain_fault(names: tuple[str, ...], j: int, gain: float) -> Fault:
-    """True torques of a joint are ``gain`` times those in the log."""
-    n = len(names)
-    torques = np.diag(np.where(np.arange(n) == j, gain, 1.0))
-    for factor, (unit, taken) in _UNITS.items():
-        if abs(np.log(gain / factor)) < np.log(_ODD_GAIN):
-            what = f"the torques of {names[j]} are in {unit}, not in {taken}"
-            cure = f"use `{_each('unit', n, j, unit, taken)}` for the torques in the mapping"
-            return Fault("torque gain", (names[j],), what, cure, torques)
-    return Fault(
-        "torque gain",
-        (names[j],),
-        f"the torques of {names[j]} are {1 / gain:.2g} times what the other joints say of it",
-        f"check its torque constant and ratio, or use `{_each('gain', n, j, f'{gain:.3g}')}` for the torques in "
-        "the mapping, or that factor of the gain that is there",
-        torques,
-    )
-
-
-def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
-    """Torques that were recorded later than the positions."""
-    concerned = tuple(name for name, d in zip(names, late, strict=True) if d)
-    delay = step * float(late[np.argmax(np.abs(late))])
-    how = "later" if delay > 0 else "earlier"
-    if len(concerned) == len(names):
-        return Fault(
-            "late",
-            names,
-            f"all torques are {1e3 * abs(delay):.3g} ms {how} than the positions",
-            f"use `delay={delay:.3g}`",
-            late=late,
-        )
-    return Fault(
-        "channel late",
-        concerned,
-        f"the torques of {', '.join(concerned)} are {1e3 * abs(delay):.3g} ms {how} than those of the other joints",
-        "shift its column in time before you give the log: a mapping has no delay of one joint",
-        late=late,
-    )
-
-
-def zero_fault(names: tuple[str, ...], j: int, zero: float) -> Fault:
-    """True positions of a joint are ``zero`` more than those in the log."""
-    n, degrees = len(names), float(np.rad2deg(zero))
-    return Fault(
-        "zero",
-        (names[j],),
-        f"the zero of {names[j]} is off by {degrees:.3g} degrees",
-        f"use `{_each('offset', n, j, f'{-degrees:.3g}', '0')}` for the positions in the mapping where their "
-        f"unit is deg, or {-zero:.3g} in rad",
-        positions=(np.eye(n), np.where(np.arange(n) == j, zero, 0.0)),
-    )
-
-
-def _exchanged(n: int, a: int, b: int) -> list[int]:
-    order = list(range(n))
-    order[a], order[b] = b, a
-    return order
-
-
-def _each(key: str, n: int, j: int, value: str, other: str = "1") -> str:
-    """Line of a mapping with a value for each joint."""
-    return f"{key}: [{', '.join(value if k == j else other for k in range(n))}]"
-
-
-def _order(names: tuple[str, ...], order: list[int]) -> str:
-    return f": the columns that now stand for {', '.join(names[k] for k in order)}, in this order"

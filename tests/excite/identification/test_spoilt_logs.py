@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, found, noisy, played, three_joints
 
-from excite.identification.spoilt_log import GAIN, NO_FAULT, Search, named
+from excite.identification.log_faults import NO_FAULT
+from excite.identification.spoilt_log import GAIN, Search, named
 from excite.logs.log import Log
 from regressors.samples import Array
 
