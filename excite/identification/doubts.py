@@ -27,12 +27,12 @@ from excite.identification.large_residual import (
     left_out_rows,
     missing_terms,
     noisy_derivatives,
-    wrong_factors,
 )
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
 from excite.identification.preparation import PreparedLog
+from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import listed_names
@@ -57,7 +57,9 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
         checks.append(
             impossible_parameters(result.estimate, result.target.base, _shares(result), noise, _tried(result))
         )
-    return tuple(doubt for doubt in checks if doubt is not None)
+    found = tuple(doubt for doubt in checks if doubt is not None)
+    spoilt = spoilt_log(target, result.prepared, doubtful=bool(found))
+    return found if spoilt is None else (spoilt,)  # the others follow from it
 
 
 def warnings_of(result: Identification) -> tuple[Doubt, ...]:
@@ -188,7 +190,7 @@ def _noise(parts: list[LogPrediction], above: float) -> float:
 def _causes(
     result: Identification, target: IdentificationTarget, parts: list[LogPrediction], noise: NoisyDerivatives
 ) -> ResidualCauses:
-    observations, equations = result.observations, target.model.torque_equations()
+    equations = target.model.torque_equations()
     residual = np.concatenate([p.measured - p.predicted for p in parts])
     terms, per_joint = dict.fromkeys(("friction", "rotor", "offset"), 0.0), np.zeros(residual.shape[1])
     if equations is not None:
@@ -203,7 +205,6 @@ def _causes(
         terms, per_joint = missing_terms(residual, speed, acceleration)
     return ResidualCauses(
         tuple(name for name, _ in target.model.row_labels),
-        wrong_factors(observations),
         noise,
         terms,
         tuple(per_joint.tolist()),

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import scipy.linalg
 import scipy.signal
 
 from excite.identification.observations import Observations, rows_of_groups
@@ -44,7 +43,6 @@ def left_out_rows(source: str, share: float) -> Doubt | None:
 
 
 LARGEST = 0.30  # residual over measurement
-_ODD = 1.3  # factor from which on a measurement counts as scaled
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,6 @@ class ResidualCauses:
     """What is known of a large residual."""
 
     names: tuple[str, ...]  # of the equations
-    factors: WrongFactors
     noisy: NoisyDerivatives
     # share that ``friction``, ``rotor`` and ``offset`` explain, which the model may have or not
     terms: dict[str, float]
@@ -75,10 +72,8 @@ def _cause(causes: ResidualCauses) -> tuple[str, str]:
     term = max(causes.terms, key=lambda name: causes.terms[name])
     if causes.noisy.cause is not None:
         return causes.noisy.cause
-    if causes.terms[term] > MOST:  # before factors, which also fit what the model lacks
+    if causes.terms[term] > MOST:
         return _term(causes, term)
-    if causes.factors.explained > MOST and (odd := _odd(causes)):
-        return _factor(odd, causes.factors.explained)
     return (
         "no single cause explains it",
         "check in the mapping the units, the signs and the order of the joints, that positions and torques belong to "
@@ -106,82 +101,9 @@ def _term(causes: ResidualCauses, term: str) -> tuple[str, str]:
 _TERMS = {"friction": "friction", "rotor": "an inertia of its own", "offset": "a constant torque"}
 
 
-def _odd(causes: ResidualCauses) -> dict[str, float]:
-    """Equations whose factor differs from the others'."""
-    pairs = zip(causes.names, causes.factors.factors, strict=True)
-    return {name: s for name, s in pairs if not 1 / _ODD < s < _ODD}
-
-
-def _factor(odd: dict[str, float], explained: float) -> tuple[str, str]:
-    shown = ", ".join(f"{name} times {s:.3g}" for name, s in odd.items())
-    return (
-        f"the measurements fit each other only with {shown}, which explains {100 * explained:.0f} % of it (squared)",
-        "check sign, unit, gain and ratio of these joints in the mapping",
-    )
-
-
 MOST = 0.5  # share of the squared residual that makes a cause the cause
-_MOST_ROWS = 30000  # for factors, which need no more
 _FEWEST = 50  # rows of a spectrum
 _STRETCH = 2**16  # rows of a long one
-
-
-@dataclass(frozen=True)
-class WrongFactors:
-    """Factors of the measurements with which the equations hold best."""
-
-    explained: float  # share of the squared residual, relative to what was measured, that they explain
-    factors: tuple[float, ...]  # of each equation, their median being one
-
-
-def wrong_factors(observations: Observations) -> WrongFactors:
-    """Factors of single equations' measurements with which the model explains them better.
-
-    With ``Y = diag(s) y`` and Q an orthonormal basis of W's columns, ``||(1 - QQ') Y||^2 / ||Y||^2`` is a ratio of
-    quadratic forms of s, r x r. One equation after the other gets the factor that lowers it most, as long as that
-    halves it. A factor far from one, or negative, is a unit, a ratio or a sign that does not fit the others.
-    """
-    r = len(observations.equations)
-    if observations.y.size > _MOST_ROWS:
-        rng = np.random.default_rng(0)
-        observations = observations.rows(np.sort(rng.choice(observations.y.size, _MOST_ROWS, replace=False)))
-    Y = np.zeros((observations.y.size, r))
-    Y[np.arange(observations.y.size), observations.equation] = observations.y
-    left = Y - _projected(observations.matrix, Y)
-    A, size = left.T @ left, np.sum(Y**2, axis=0)
-    s = np.ones(r)
-    plain = best = _unexplained(A, size, s)
-    for _ in range(r - 1):
-        trials = [_with_factor(A, size, s, j) for j in range(r)]
-        j = int(np.argmin([_unexplained(A, size, trial) for trial in trials]))
-        if not _unexplained(A, size, trials[j]) < best / 2:
-            break
-        s, best = trials[j], _unexplained(A, size, trials[j])
-    return WrongFactors(1 - best / plain if plain > 0 else 0.0, tuple(s.tolist()))
-
-
-def _unexplained(A: Array, size: Array, s: Array) -> float:
-    total = float(size @ s**2)
-    return float(s @ A @ s) / total if total > 0 else 0.0
-
-
-def _with_factor(A: Array, size: Array, s: Array, j: int) -> Array:
-    """The factors, that of equation j being the best: stationary points of a ratio of two parabolas in it."""
-    others = np.where(np.arange(s.size) == j, 0.0, s)
-    a, b, c = A[j, j], 2 * float(A[j] @ others), float(others @ A @ others)
-    d, e = size[j], float(size @ others**2)
-    points = np.roots([-b * d, 2 * (a * e - c * d), b * e])  # of (a x^2 + b x + c) / (d x^2 + e)
-    trials = [np.where(np.arange(s.size) == j, x, s) for x in points[np.isreal(points)].real]
-    return min(trials, key=lambda trial: _unexplained(A, size, trial), default=s)
-
-
-def _projected(W: Array, Y: Array) -> Array:
-    """Projection of Y onto the columns of W."""
-    sizes = np.linalg.norm(W, axis=0)
-    Q, R, _ = scipy.linalg.qr(W / np.where(sizes > 0, sizes, 1.0), mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    Q = Q[:, diagonal > 1e-10 * diagonal.max(initial=0.0)]
-    return np.asarray(Q @ (Q.T @ Y))
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from excite.identification.impossible_parameters import (
     LeastInertia,
     allowed_poses,
     heavier_than_described,
+    impossible_parameters,
     mass_matrix_check,
     mass_matrix_regressor,
     signs_of_bodies,
@@ -27,12 +28,10 @@ from excite.identification.impossible_parameters import (
 from excite.identification.large_residual import (
     NoisyDerivatives,
     ResidualCauses,
-    WrongFactors,
     large_residual,
     left_out_rows,
     missing_terms,
     noisy_derivatives,
-    wrong_factors,
 )
 from excite.identification.recipe import Recipe
 from excite.information.target import target_of
@@ -160,8 +159,11 @@ def test_signs_are_those_of_random_bodies() -> None:
 def test_a_wrong_sign_of_friction_is_doubted() -> None:
     log = played(three_joints(), 3)
     braked = replace(log, effort=log.effort - 80.0 * np.sign(log.dq) * np.array([1.0, 0.0, 0.0]))
-    doubts = found(TASK, noisy(braked, 0.1, 0.0, 1), recipe=EXACT).doubts
-    (doubt,) = (doubt for doubt in doubts if "no body and no drive has" in doubt.what)
+    result = found(TASK, noisy(braked, 0.1, 0.0, 1), recipe=EXACT)
+    (doubt,) = result.doubts
+    assert "the torques of q1 have the opposite sign" in doubt.what
+    doubt = impossible_parameters(result.estimate, result.target.base, np.ones(len(result.names)), QUIET)
+    assert "no body and no drive has" in doubt.what
     assert "F1c" in doubt.what
     assert "wrong sign" in doubt.cause
 
@@ -187,19 +189,6 @@ def test_too_many_rows_left_out_are_doubted() -> None:
 # ---------------------------------------------------------------- the residual
 
 
-def test_a_wrong_factor_is_found_and_none_in_plain_noise() -> None:
-    for factor in (-1.0, 10.0, 0.01):
-        rng = np.random.default_rng(0)
-        W, beta = rng.normal(size=(900, 4)), rng.normal(size=4)
-        scale = np.tile([1.0, factor, 1.0], 300)
-        causes = wrong_factors(observations_of(W, scale * (W @ beta) + 1e-4 * rng.normal(size=900), 3))
-        assert causes.factors[1] == pytest.approx(1 / factor, rel=0.05)
-        assert (causes.factors[0], causes.factors[2]) == (1.0, 1.0)
-        assert causes.explained > 0.95
-    causes = wrong_factors(observations_of(W, W @ rng.normal(size=4) + rng.normal(size=900), 3))
-    assert (causes.factors, causes.explained) == ((1.0, 1.0, 1.0), 0.0)
-
-
 def test_terms_that_a_model_lacks_are_found() -> None:
     t = np.arange(1000) / 100.0
     v, a = np.sin(t)[:, None], np.cos(t)[:, None]
@@ -218,14 +207,13 @@ def test_noise_of_derivatives_is_found() -> None:
 
 def causes_of(**known: object) -> ResidualCauses:
     quiet = {"friction": 0.0, "rotor": 0.0, "offset": 0.0}
-    given = {"factors": WrongFactors(0.0, (1.0, 1.0)), "noisy": QUIET, "terms": quiet, "without_curve": ()} | known
+    given = {"noisy": QUIET, "terms": quiet, "without_curve": ()} | known
     return ResidualCauses(names=("q1", "q2"), per_joint=(0.9, 0.0), **given)
 
 
 TERMS = {"friction": 0.8, "rotor": 0.1, "offset": 0.0}
 RESIDUALS = [
     ({}, "no single cause", "check in the mapping the units"),
-    ({"factors": WrongFactors(0.9, (1.0, -1.0))}, "only with q2 times -1", "check sign, unit, gain and ratio"),
     ({"noisy": NoisyDerivatives(0.8, 4.0)}, "mostly noise above 4 Hz", "`cutoff=4`"),
     ({"terms": TERMS}, "friction of q1 explains 80 %", "`friction=True`"),
     (

@@ -1,0 +1,135 @@
+"""Simulated logs of four robots, and what spoils them: columns of the log are changed, by no code of the search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from excite.design.formulation import formulate
+from excite.design.initial_guesses import random_motion
+from excite.logs.log import Log
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate_motion
+from excite.tasks.task import Task
+from excite.trajectories import Trajectory
+from regressors.readers.library import load_robot
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.locked_joints import with_joint_rotors
+from regressors.robot.robot import Robot
+
+ROBOTS = ("irp6", "ur10e", "panda", "iiwa7")
+COULOMB, VISCOUS, ROTOR = 0.02, 0.02, 0.002  # of the torque limit: Nm, Nm s/rad, kg m^2
+NOISE = 0.02  # of the root mean square of each joint's torque
+KINDS = (
+    "torques swapped", "torques shifted", "torque sign", "positions swapped", "position sign",
+    "torque gain, 0.6 or 1.6",
+    "torque gain, 1000", "magnitudes", "late", "channel late", "zero, 90 degrees", "zero, 5 degrees", "clipped",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Spoilt:
+    """A log and the fault that it has."""
+
+    log: Log
+    kind: str
+    joints: tuple[str, ...]
+
+
+def true_robot(name: str, seed: int) -> Robot:
+    """The built-in robot with friction and rotors, whose bodies differ from the description by up to 15 %."""
+    robot, rng = load_robot(name), np.random.default_rng([seed, 1])
+    links = tuple(
+        replace(link, theta=_body(rng) if link.theta is None else link.theta * rng.uniform(0.85, 1.15))
+        for link in robot.links
+    )
+    robot = robot.replace(links=links)
+    if robot.transmission is not None:
+        return robot
+    geared = with_joint_rotors(robot)
+    assert geared.transmission is not None
+    drives = tuple(
+        replace(drive, rotor_inertia=ROTOR * limit, coulomb=COULOMB * limit, viscous=VISCOUS * limit)
+        for drive, limit in zip(geared.transmission.drives, robot.limits.torque.tolist(), strict=True)
+    )
+    return geared.replace(transmission=replace(geared.transmission, drives=drives))
+
+
+def _body(rng: np.random.Generator) -> np.ndarray:
+    """A body where the description states none: 2 to 4 kg about a point up to 10 cm off."""
+    m, c = rng.uniform(2.0, 4.0), rng.uniform(-0.1, 0.1, 3)
+    inertia = m * (0.06**2 * np.eye(3) + (c @ c) * np.eye(3) - np.outer(c, c))
+    return np.array([m, *(m * c), *inertia[np.triu_indices(3)]])
+
+
+@cache
+def clean_log(name: str, seed: int) -> Log:
+    """A random Fourier motion of 10 s within the limits, at 200 Hz, with noise of 2 % of each torque."""
+    robot, task = true_robot(name, seed), Task(name, harmonics=5, period=10.0)
+    problem = formulate(load_robot(name), task).problem
+    x = random_motion(problem, np.random.default_rng(seed))
+    settings = SimulationSettings(rate=200.0, seed=seed, position_step=(1e-5,))
+    found = simulate_motion(
+        robot, task, Trajectory(problem.family, x), settings, friction=FrictionCurves.of_robot(robot)
+    )
+    rng = np.random.default_rng([seed, 2])
+    effort = found.log.effort
+    size = np.sqrt(np.mean(effort**2, axis=0))
+    effort = effort + NOISE * size * rng.standard_normal(effort.shape)
+    label = f"{name} {seed}"
+    return replace(found.log, dq=None, effort=effort, truth=None, saturated=(), source=label, sha256=label)
+
+
+def _columns(x: np.ndarray, order: list[int]) -> np.ndarray:
+    return np.ascontiguousarray(x[:, order])
+
+
+def spoilt(log: Log, kind: str, rng: np.random.Generator, joint: int | None = None) -> Spoilt:
+    """The log with a fault of some joint."""
+    n = len(log.joints)
+    a = int(rng.integers(n)) if joint is None else joint
+    b = int((a + 1 + rng.integers(n - 1)) % n)
+    names, q, y = (log.joints[a],), log.q.copy(), log.effort.copy()
+    dq = None if log.dq is None else log.dq.copy()
+    swap = list(range(n))
+    swap[a], swap[b] = b, a
+    pair = (log.joints[min(a, b)], log.joints[max(a, b)])
+    step = log.duration / (log.count - 1)
+    match kind:
+        case "torques swapped":
+            y, names = _columns(y, swap), pair
+        case "torques shifted":
+            y, names = np.roll(y, 1, axis=1), log.joints
+        case "torque sign":
+            y[:, a] *= -1
+        case "positions swapped":
+            q, dq, names = _columns(q, swap), None if dq is None else _columns(dq, swap), pair
+        case "position sign":
+            q[:, a] *= -1
+            if dq is not None:
+                dq[:, a] *= -1
+        case "torque gain, 0.6 or 1.6":
+            y[:, a] *= rng.choice([0.6, 1.6])
+        case "torque gain, 1000":
+            y[:, a] *= rng.choice([1000.0, 0.001])
+        case "magnitudes":
+            y, names = np.abs(y), log.joints
+        case "late":
+            rows = round(rng.uniform(0.005, 0.04) / step)
+            y, names = np.vstack([np.repeat(y[:1], rows, axis=0), y[: len(y) - rows]]), log.joints
+        case "channel late":
+            rows = round(0.1 / step)
+            y[:, a] = np.concatenate([np.repeat(y[0, a], rows), y[: len(y) - rows, a]])
+        case "zero, 90 degrees":
+            q[:, a] += rng.choice([-1, 1]) * np.pi / 2
+        case "zero, 5 degrees":
+            q[:, a] += rng.choice([-1, 1]) * np.deg2rad(5.0)
+        case "clipped":
+            level = 0.6 * np.abs(y[:, a]).max()
+            y[:, a] = np.clip(y[:, a], -level, level)
+        case "clean":
+            names = ()
+    label = f"{log.source} {kind} {a}"
+    return Spoilt(replace(log, q=q, dq=dq, effort=y, source=label, sha256=label), kind.split(",")[0], names)

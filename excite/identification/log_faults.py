@@ -1,0 +1,196 @@
+"""Library of the faults of logs: what each does to torques or positions, and the line of the mapping that mends it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from excite.identification.preparation import PreparedLog
+from regressors.samples import Array, Index
+
+ODD_GAIN = 1.25  # a gain nearer to one is not a fault
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault of a log, which is undone by ``torques`` or by ``positions``."""
+
+    kind: str
+    joints: tuple[str, ...]  # whose columns are concerned
+    what: str  # the sentence
+    cure: str
+    torques: Array | None = None  # (n, n): right-hand sides ``torques @ y``
+    late: Index | None = None  # (n,) steps
+    positions: tuple[Array, Array] | None = None  # ``A (n, n), b (n,)``: true positions ``A q + b``
+
+    @property
+    def label(self) -> tuple[str, tuple[str, ...]]:
+        """What tells it from other faults."""
+        return self.kind, self.joints
+
+
+NO_FAULT = Fault("none", (), "", "")
+
+
+def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> Iterator[Fault]:
+    """Faults that the torques show without a model: magnitudes, and values that are cut off."""
+    for part in parts:
+        y, dq = part.log.effort, part.samples.dq
+        if y is None:
+            continue
+        yield from _clipped(names, y)
+        both_ways = np.minimum(np.mean(dq > 0, axis=0), np.mean(dq < 0, axis=0)) > 0.2
+        if np.all(y >= 0) and np.any(y > 0) and both_ways.all() and len(names) > 1:
+            yield Fault(
+                "magnitudes",
+                names,
+                "the torques of all joints are never negative although all of them move both ways: they are magnitudes",
+                "record torques with their signs, or map the columns of the signed currents (`current`)",
+            )
+
+
+_CLIPPED = 10  # rows in succession, and 1 % of all
+
+
+def _clipped(names: tuple[str, ...], y: Array) -> Iterator[Fault]:
+    """Joints whose largest torque is held exactly, as no noisy value is."""
+    for name, column in zip(names, y.T, strict=True):
+        for level in (column.max(), column.min()):
+            at = np.flatnonzero(column == level)
+            longest = max((run.size for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)), default=0)
+            if longest >= _CLIPPED and at.size > 0.01 * column.size and np.unique(column).size > 0.2 * column.size:
+                yield Fault(
+                    "clipped",
+                    (name,),
+                    f"the torques of {name} are cut off at {level:.4g} in {at.size} rows, {longest} of them in "
+                    "succession",
+                    "record them over their whole range, or leave these rows out (`rows`)",
+                )
+                break
+
+
+def torque_faults(names: tuple[str, ...]) -> Iterator[Fault]:
+    """Faults of torque columns that have no value of their own."""
+    n = len(names)
+    for a, b in combinations(range(n), 2):
+        yield Fault(
+            "torques swapped",
+            (names[a], names[b]),
+            f"the torque columns of {names[a]} and {names[b]} are exchanged",
+            f"exchange these two `columns` of the torques in the mapping{_order(names, _exchanged(n, a, b))}",
+            torques=np.eye(n)[_exchanged(n, a, b)],
+        )
+    for shift in (1, -1) if n > 2 else ():
+        order = [(k + shift) % n for k in range(n)]
+        yield Fault(
+            "torques shifted",
+            names,
+            f"the torque columns are shifted: that of {names[0]} is what stands for {names[shift % n]}",
+            f"shift the `columns` of the torques in the mapping by one{_order(names, order)}",
+            torques=np.eye(n)[order],
+        )
+    for j, name in enumerate(names):
+        yield Fault(
+            "torque sign",
+            (name,),
+            f"the torques of {name} have the opposite sign",
+            f"use `{_each('sign', n, j, '-1')}` for the torques in the mapping",
+            torques=np.diag(np.where(np.arange(n) == j, -1.0, 1.0)),
+        )
+
+
+def position_faults(names: tuple[str, ...]) -> Iterator[Fault]:
+    """Faults of position columns that have no value of their own."""
+    n = len(names)
+    for a, b in combinations(range(n), 2):
+        order = _exchanged(n, a, b)
+        yield Fault(
+            "positions swapped",
+            (names[a], names[b]),
+            f"the position columns of {names[a]} and {names[b]} are exchanged",
+            f"exchange these two `columns` of the positions in the mapping{_order(names, order)}",
+            positions=(np.eye(n)[order], np.zeros(n)),
+        )
+    for j, name in enumerate(names):
+        yield Fault(
+            "position sign",
+            (name,),
+            f"the positions of {name} have the opposite sign",
+            f"use `{_each('sign', n, j, '-1')}` for the positions and velocities in the mapping",
+            positions=(np.diag(np.where(np.arange(n) == j, -1.0, 1.0)), np.zeros(n)),
+        )
+
+
+_UNITS = {1e3: ("kNm", "Nm"), 1e-3: ("mNm", "Nm")}  # of factors: what was recorded, and taken for
+
+
+def gain_fault(names: tuple[str, ...], j: int, gain: float) -> Fault:
+    """True torques of a joint are ``gain`` times those in the log."""
+    n = len(names)
+    torques = np.diag(np.where(np.arange(n) == j, gain, 1.0))
+    for factor, (unit, taken) in _UNITS.items():
+        if abs(np.log(gain / factor)) < np.log(ODD_GAIN):
+            what = f"the torques of {names[j]} are in {unit}, not in {taken}"
+            cure = f"use `{_each('unit', n, j, unit, taken)}` for the torques in the mapping"
+            return Fault("torque gain", (names[j],), what, cure, torques)
+    return Fault(
+        "torque gain",
+        (names[j],),
+        f"the torques of {names[j]} are {1 / gain:.2g} times what the other joints say of it",
+        f"check its torque constant and ratio, or use `{_each('gain', n, j, f'{gain:.3g}')}` for the torques in "
+        "the mapping, or that factor of the gain that is there",
+        torques,
+    )
+
+
+def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
+    """Torques that were recorded later than the positions."""
+    concerned = tuple(name for name, d in zip(names, late, strict=True) if d)
+    delay = step * float(late[np.argmax(np.abs(late))])
+    how = "later" if delay > 0 else "earlier"
+    if len(concerned) == len(names):
+        return Fault(
+            "late",
+            names,
+            f"all torques are {1e3 * abs(delay):.3g} ms {how} than the positions",
+            f"use `delay={delay:.3g}`",
+            late=late,
+        )
+    return Fault(
+        "channel late",
+        concerned,
+        f"the torques of {', '.join(concerned)} are {1e3 * abs(delay):.3g} ms {how} than those of the other joints",
+        "shift its column in time before you give the log: a mapping has no delay of one joint",
+        late=late,
+    )
+
+
+def zero_fault(names: tuple[str, ...], j: int, zero: float) -> Fault:
+    """True positions of a joint are ``zero`` more than those in the log."""
+    n, degrees = len(names), float(np.rad2deg(zero))
+    return Fault(
+        "zero",
+        (names[j],),
+        f"the zero of {names[j]} is off by {degrees:.3g} degrees",
+        f"use `{_each('offset', n, j, f'{-degrees:.3g}', '0')}` for the positions in the mapping where their "
+        f"unit is deg, or {-zero:.3g} in rad",
+        positions=(np.eye(n), np.where(np.arange(n) == j, zero, 0.0)),
+    )
+
+
+def _exchanged(n: int, a: int, b: int) -> list[int]:
+    order = list(range(n))
+    order[a], order[b] = b, a
+    return order
+
+
+def _each(key: str, n: int, j: int, value: str, other: str = "1") -> str:
+    """Line of a mapping with a value for each joint."""
+    return f"{key}: [{', '.join(value if k == j else other for k in range(n))}]"
+
+
+def _order(names: tuple[str, ...], order: list[int]) -> str:
+    return f": the columns that now stand for {', '.join(names[k] for k in order)}, in this order"

@@ -1,0 +1,350 @@
+"""The fault of a log that explains why the model does not explain the measurements, if one explains it best by far.
+
+Every fault of `excite.identification.log_faults` is undone and the model fitted again, by weighted least squares at
+some instants of the log. With ``X_j = [W_j, Y]``, the rows of equation j beside all torque columns, a fault of the
+torques changes only which combination of columns of Y is the right-hand side, so that the fit needs ``X_j' X_j`` alone; a fault of the positions
+changes W. Friction, rotors and other parameters of one sign keep it, and the described robot is believed a little, so
+that a fault that the parameters of one joint could take up shows all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+
+from excite.identification.impossible_parameters import signs_of_bodies
+from excite.identification.large_residual import Doubt
+from excite.identification.log_faults import (
+    NO_FAULT,
+    ODD_GAIN,
+    Fault,
+    delay_fault,
+    gain_fault,
+    obvious_faults,
+    position_faults,
+    torque_faults,
+    zero_fault,
+)
+from excite.identification.preparation import PreparedLog
+from excite.information.target import IdentificationTarget
+from excite.logs.event import within
+from regressors.models.nominal import parameter_values, standard_values
+from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
+from regressors.robot.plausibility import implausible_inertias
+from regressors.samples import Array, Index, Samples
+
+Flags = NDArray[np.bool_]
+
+INSTANTS = 600  # more name no other fault
+_BELIEF = 0.01  # weight of the described torques beside the measured ones: off by 100 % counts as an error of 10 %
+_ROUNDS = 4  # of weights by the residuals
+_LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
+_RIDGE, _NOTHING = 1e-9, 1e-9  # of the scaled normal equations; of the largest
+GAIN = 0.4  # in the logarithm of the errors of all joints together that a fault must win on none
+MARGIN = 0.25  # and on the next fault
+_ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
+_NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
+_DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
+_ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """How well the equations hold with a fault undone."""
+
+    fault: Fault
+    errors: Array  # (n,) of each equation, over its torque
+
+    @property
+    def size(self) -> float:
+        """Sum of the logarithms of the errors, which is the likelihood with the noise of each equation unknown."""
+        return float(np.sum(np.log(np.maximum(self.errors, _LEAST_ERROR))))
+
+    @property
+    def percent(self) -> str:
+        """Root mean square of the errors over the joints."""
+        return f"{100 * np.sqrt(np.mean(self.errors**2)):.2g} %"
+
+
+def spoilt_log(target: IdentificationTarget, parts: tuple[PreparedLog, ...], *, doubtful: bool) -> Doubt | None:
+    """Doubt that names the fault of a log, if one explains clearly more than none and than any other.
+
+    All faults are tried where the result is doubtful already or the residual is more than the noise.
+    """
+    equations = target.model.torque_equations()
+    if equations is None or not equations.every_joint or not target.motion.complete:
+        return None
+    for fault in obvious_faults(target.robot.joint_names, parts):
+        return Doubt(f"{_SPOILT} {fault.what}", "no robot measures such torques", fault.cure, about="torques")
+    search = Search.of(target, parts)
+    none = search.plain.fit(NO_FAULT)
+    if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
+        return None
+    return named(none, search.fits())
+
+
+def named(none: Fit, fits: list[Fit]) -> Doubt | None:
+    """Doubt of the best fault, or of the best two if they concern the same joint and explain the same."""
+    ranked = sorted(fits, key=lambda fit: fit.size)
+    best = ranked[0]
+    close = [fit for fit in ranked if fit.size - best.size <= MARGIN and fit.fault.label != best.fault.label]
+    alike = [best.fault, *(fit.fault for fit in close if _alike(fit.fault, best.fault))]
+    falls = float(np.max(none.errors / np.maximum(best.errors, _LEAST_ERROR)))
+    if not (none.size - best.size > GAIN and falls > _ONE_JOINT) or not len(close) < len(alike) <= 2:
+        return None
+    return Doubt(
+        f"{_SPOILT} {', or '.join(fault.what for fault in alike)}",
+        f"without this fault the error of the joints is {best.percent} instead of {none.percent}",
+        ", or ".join(fault.cure for fault in alike),
+        about="torques",
+    )
+
+
+def _alike(one: Fault, other: Fault) -> bool:
+    """Whether two faults are of one joint, or of the gains of two, of which a log may show the ratio only."""
+    return one.joints == other.joints or one.kind == other.kind == "torque gain"
+
+
+_SPOILT = "the log is spoilt:"
+
+
+# ---------------------------------------------------------------- the fit
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Faults tried on some instants of the logs."""
+
+    target: IdentificationTarget
+    samples: Samples  # (N,)
+    step: float  # [s]
+    # those measured some steps later than the instants, (n,) -> (N, n): whole steps, since noise between two measured
+    # values is less than in each
+    torques: Callable[[Index], Array]
+    noise: Array  # (n,) white noise of the torques, over them
+    described: Array | None  # (b,) base parameters of the description
+    signs: Array  # (b,) of the base parameters of real bodies and drives
+
+    @staticmethod
+    def of(target: IdentificationTarget, parts: tuple[PreparedLog, ...]) -> Search:
+        """The search of some logs, at instants evenly spread over the rows that make equations."""
+        chosen = [_chosen(part, INSTANTS // len(parts)) for part in parts]
+        samples = [part.samples.rows(rows) for part, rows in zip(parts, chosen, strict=True)]
+        joined = Samples(
+            *(np.concatenate([getattr(s, name) for s in samples]) for name in ("time", "q", "dq", "ddq", "dddq"))
+        )
+        uniform = [_on_grid(part) for part in parts]
+
+        def torques(late: Index) -> Array:
+            pairs = zip(uniform, chosen, strict=True)
+            return np.concatenate([_later(y, rows, late) for y, rows in pairs])
+
+        described = None if implausible_inertias(target.robot) else _described(target)
+        step = float(np.median(np.diff(parts[0].samples.time)))
+        return Search(target, joined, step, torques, _noise(uniform), described, signs_of_bodies(target.base))
+
+    @cached_property
+    def plain(self) -> Equations:
+        """The equations as the log has them."""
+        return self._equations(self.samples, self.torques(np.zeros(self.samples.q.shape[1], dtype=int)))
+
+    def fits(self) -> list[Fit]:
+        """Fits with each fault undone."""
+        names = self.target.robot.joint_names
+        fits = [self.plain.fit(fault) for fault in torque_faults(names)]
+        fits += [self._fit(fault) for fault in position_faults(names)]
+        fits += [fit for j in range(len(names)) if (fit := self._with_gain(j)) is not None]
+        return [*fits, *self._delayed(), *self._zeros()]
+
+    def _equations(self, samples: Samples, measured: Array) -> Equations:
+        return Equations.of(self, samples, measured)
+
+    def _fit(self, fault: Fault) -> Fit:
+        """Fit with a fault of positions or of times undone."""
+        samples, n = self.samples, len(self.target.robot.joint_names)
+        if fault.positions is not None:
+            A, b = fault.positions
+            q, dq, ddq = samples.q @ A.T + b, samples.dq @ A.T, samples.ddq @ A.T
+            samples = replace(samples, q=q, dq=dq, ddq=ddq)
+        return self._equations(samples, self.torques(np.zeros(n, dtype=int) if fault.late is None else fault.late)).fit(
+            fault
+        )
+
+    def _with_gain(self, j: int) -> Fit | None:
+        """The best gain of one joint."""
+        names = self.target.robot.joint_names
+
+        def fit(log_gain: float) -> Fit:
+            return self.plain.fit(gain_fault(names, j, float(np.exp(log_gain))))
+
+        trials = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
+        best = trials[int(np.argmin([fit(x).size for x in trials]))]
+        refined = scipy.optimize.minimize_scalar(
+            lambda x: fit(x).size, bounds=(best - 0.6, best + 0.6), method="bounded", options={"xatol": 0.01}
+        )
+        gain = float(np.exp(refined.x))
+        if 1 / ODD_GAIN < gain < ODD_GAIN:
+            return None
+        return self.plain.fit(gain_fault(names, j, gain))
+
+    def _delayed(self) -> Iterator[Fit]:
+        """All torques late, and those of one joint."""
+        names, n = self.target.robot.joint_names, len(self.target.robot.joint_names)
+        grid = np.unique(np.round(_DELAYS / self.step).astype(int))
+        for which in (np.ones(n, dtype=int), *np.eye(n, dtype=int)):
+            sizes = {0: np.inf}
+
+            def size(steps: int, which: Index = which, sizes: dict[int, float] = sizes) -> float:
+                if steps not in sizes:
+                    sizes[steps] = self._fit(delay_fault(names, steps * which, self.step)).size
+                return sizes[steps]
+
+            best, stride = min(grid.tolist(), key=size), max(1, round(0.01 / self.step))
+            while stride:
+                best = min((best - stride, best, best + stride), key=size)
+                stride //= 2
+            yield self._fit(delay_fault(names, best * which, self.step))
+
+    def _zeros(self) -> Iterator[Fit]:
+        """The zero of one joint."""
+        names = self.target.robot.joint_names
+        for j in range(len(names)):
+
+            def fit(zero: float, j: int = j) -> Fit:
+                return self._fit(zero_fault(names, j, zero))
+
+            best = _ZEROS[int(np.argmin([fit(z).size for z in _ZEROS]))]
+            refined = scipy.optimize.minimize_scalar(
+                lambda z, fit=fit: fit(z).size,
+                bounds=(best - 0.14, best + 0.14),
+                method="bounded",
+                options={"maxiter": 7},
+            )
+            yield fit(float(refined.x))
+
+
+def _chosen(part: PreparedLog, most: int) -> Index:
+    """Rows of some instants that make equations."""
+    kept = np.flatnonzero(~within(part.samples.time, part.left_out))
+    kept = kept if kept.size else np.arange(part.samples.time.size)
+    return np.asarray(kept[np.unique(np.linspace(0, kept.size - 1, most).astype(int))])
+
+
+def _on_grid(part: PreparedLog) -> Array:
+    """Torques as recorded, at the instants of the motion, shape (N, n)."""
+    assert part.log.effort is not None
+    return np.column_stack([np.interp(part.samples.time, part.log.time, y) for y in part.log.effort.T])
+
+
+def _described(target: IdentificationTarget) -> Array | None:
+    """Base parameters of the described robot, unknown friction and rotors as zero; None where a body is unknown."""
+    drives = {c.name: 0.0 for c in target.model.standard_columns if c.kind not in BODY_KINDS}
+    values = parameter_values(target.model, target.base, drives | standard_values(target.robot))
+    return values if np.isfinite(values).all() else None
+
+
+def _noise(logs: list[Array]) -> Array:
+    """White noise of the torques by their third differences, jumps of friction apart, over their size, shape (n,)."""
+    third = np.concatenate([np.diff(y, 3, axis=0) for y in logs])
+    size = np.sqrt(np.mean(np.concatenate(logs) ** 2, axis=0))
+    return np.asarray(1.4826 * np.median(np.abs(third), axis=0) / np.sqrt(20) / np.where(size > 0, size, 1.0))
+
+
+def _later(y: Array, rows: Index, late: Index) -> Array:
+    """Each column some rows later, shape (k, n)."""
+    places = np.clip(rows[:, None] + late, 0, len(y) - 1)
+    return np.asarray(np.take_along_axis(y, places, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Products of the columns of each equation, ``[W, Y, described torque]``."""
+
+    products: Array  # (n, k, k) with k = b + n + 1
+    signs: Array  # (b,)
+    believed: Array  # (b,) 1 for the parameters that the description states
+
+    @staticmethod
+    def of(search: Search, samples: Samples, measured: Array) -> Equations:
+        """The equations along a motion."""
+        base, model = search.target.base, search.target.model
+        n = measured.shape[1]
+        W = model.selected(samples, base.index).reshape(-1, n, base.rank)
+        inertial = np.array([base.columns[j].group == "inertial" for j in base.index])
+        added, added_signs = _added_columns({base.columns[j].kind for j in base.index}, samples)
+        described = (
+            np.zeros(W.shape[:2]) if search.described is None else W[:, :, inertial] @ search.described[inertial]
+        )
+        believed = inertial.astype(float) * (search.described is not None)
+        Y = np.broadcast_to(measured[:, None, :], (len(measured), n, n))
+        X = np.concatenate([W, added, Y, described[:, :, None]], axis=2)
+        products = np.array([X[:, j].T @ X[:, j] for j in range(n)])
+        return Equations(
+            products,
+            np.concatenate([search.signs, added_signs]),
+            np.concatenate([believed, np.zeros(added.shape[2])]),
+        )
+
+    def fit(self, fault: Fault) -> Fit:
+        """Fit by least squares that weights each equation by its own residual."""
+        n = len(self.products)
+        b = self.signs.size
+        T = np.eye(n) if fault.torques is None else fault.torques
+        WW, WY, YY = self.products[:, :b, :b], self.products[:, :b, b : b + n], self.products[:, b : b + n, b : b + n]
+        Wd, dd = self.products[:, :b, -1], self.products[:, -1, -1]
+        right, size = np.einsum("jbn,jn->jb", WY, T), np.einsum("jn,jnm,jm->j", T, YY, T)
+        size = np.where(size > 0, size, 1.0)
+        belief = _BELIEF * self.believed
+        normal = WW + np.sqrt(belief)[:, None] * WW * np.sqrt(belief)
+        right_all = right + belief * Wd
+        square, bound = size, np.zeros(b, dtype=bool)
+        for _ in range(_ROUNDS):
+            weight = 1 / np.maximum(square, _LEAST_ERROR**2 * size)
+            x = _of_one_sign(np.tensordot(weight, normal, 1), weight @ right_all, self.signs, bound)
+            square = np.einsum("b,jbc,c->j", x, normal, x) - 2 * right_all @ x + size
+            square = np.maximum(square + _BELIEF * dd * np.any(self.believed), 0.0)
+        return Fit(fault, np.sqrt(square / size))
+
+
+_EXCHANGES, _AT_ONCE = 60, 6
+
+
+def _of_one_sign(A: Array, right: Array, signs: Array, bound: Flags) -> Array:
+    """Solution of normal equations in which parameters keep their sign, by exchanging those at their bound of zero.
+
+    All that violate the conditions of optimality at once, later the last one alone [Portugal, Judice and Vicente 1994].
+    ``bound`` holds those at zero, and is changed.
+    """
+    scale = np.sqrt(np.diag(A))
+    present = scale > _NOTHING * scale.max(initial=0.0)
+    x = np.zeros(right.size)
+    for k in range(_EXCHANGES):
+        free = np.flatnonzero(present & ~bound)
+        M = A[np.ix_(free, free)] / np.outer(scale[free], scale[free])
+        x[:] = 0.0
+        x[free] = np.linalg.solve(M + _RIDGE * np.eye(free.size), right[free] / scale[free]) / scale[free]
+        wrong = np.where(bound, present & (signs * (right - A @ x) > _NOTHING * np.abs(right)), signs * x < 0)
+        if not wrong.any():
+            break
+        bound ^= wrong if k < _AT_ONCE else np.arange(x.size) == np.flatnonzero(wrong)[-1]
+    return x
+
+
+def _added_columns(kinds: set[str], samples: Samples) -> tuple[Array, Array]:
+    """What drives have and a model may lack, in the equation of each joint, shape (N, n, k), with the signs."""
+    n = samples.q.shape[1]
+    parts: list[Array] = []
+    signs: list[float] = []
+    if COULOMB not in kinds:
+        parts, signs = [*parts, np.sign(samples.dq), samples.dq], [*signs, *[1.0] * (2 * n)]
+    if ROTOR not in kinds:
+        parts, signs = [*parts, samples.ddq], [*signs, *[1.0] * n]
+    if OFFSET not in kinds:
+        parts, signs = [*parts, np.ones_like(samples.q)], [*signs, *[0.0] * n]
+    columns = [part[:, :, None] * np.eye(n) for part in parts]
+    return np.concatenate([*columns, np.zeros((len(samples.q), n, 0))], axis=2), np.array(signs)
