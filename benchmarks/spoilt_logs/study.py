@@ -1,6 +1,6 @@
 """How often the fault of a spoilt log is named right, and how often a sound log is accused.
 
-.venv/bin/python benchmarks/spoilt_logs/study.py [--seeds 3] [--robots irp6,ur10e,panda,iiwa7] [--real FOLDER] [--choose]
+.venv/bin/python benchmarks/spoilt_logs/study.py [--seeds 3] [--robots NAMES] [--real FOLDER] [--choose]
 """
 
 from __future__ import annotations
