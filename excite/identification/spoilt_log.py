@@ -151,7 +151,19 @@ class Search:
     @cached_property
     def plain(self) -> Equations:
         """The equations as the log has them."""
-        return self._equations(self.samples, self.torques(np.zeros(self.samples.q.shape[1], dtype=int)))
+        return Equations.of(
+            self, self.samples, self.columns, self.torques(np.zeros(self.samples.q.shape[1], dtype=int))
+        )
+
+    @cached_property
+    def columns(self) -> Array:
+        """Rows of W at the instants as the log has them, shape (N, n, b)."""
+        return self.columns_of(self.samples)
+
+    def columns_of(self, samples: Samples) -> Array:
+        """Rows of W at some instants, shape (N, n, b)."""
+        base, n = self.target.base, samples.q.shape[1]
+        return self.target.model.selected(samples, base.index).reshape(-1, n, base.rank)
 
     def fits(self) -> list[Fit]:
         """Fits with each fault undone."""
@@ -161,19 +173,15 @@ class Search:
         fits += [fit for j in range(len(names)) if (fit := self._with_gain(j)) is not None]
         return [*fits, *self._delayed(), *self._zeros()]
 
-    def _equations(self, samples: Samples, measured: Array) -> Equations:
-        return Equations.of(self, samples, measured)
-
     def _fit(self, fault: Fault) -> Fit:
         """Fit with a fault of positions or of times undone."""
-        samples, n = self.samples, len(self.target.robot.joint_names)
-        if fault.positions is not None:
-            A, b = fault.positions
-            q, dq, ddq = samples.q @ A.T + b, samples.dq @ A.T, samples.ddq @ A.T
-            samples = replace(samples, q=q, dq=dq, ddq=ddq)
-        return self._equations(samples, self.torques(np.zeros(n, dtype=int) if fault.late is None else fault.late)).fit(
-            fault
-        )
+        late = np.zeros(len(self.target.robot.joint_names), dtype=int) if fault.late is None else fault.late
+        if fault.positions is None:
+            return Equations.of(self, self.samples, self.columns, self.torques(late)).fit(fault)
+        A, b = fault.positions
+        s = self.samples
+        samples = replace(s, q=s.q @ A.T + b, dq=s.dq @ A.T, ddq=s.ddq @ A.T)
+        return Equations.of(self, samples, self.columns_of(samples), self.torques(late)).fit(fault)
 
     def _with_gain(self, j: int) -> Fit | None:
         """The best gain of one joint."""
@@ -270,11 +278,9 @@ class Equations:
     believed: Array  # (b,) 1 for the parameters that the description states
 
     @staticmethod
-    def of(search: Search, samples: Samples, measured: Array) -> Equations:
+    def of(search: Search, samples: Samples, W: Array, measured: Array) -> Equations:
         """The equations along a motion."""
-        base, model = search.target.base, search.target.model
-        n = measured.shape[1]
-        W = model.selected(samples, base.index).reshape(-1, n, base.rank)
+        base, n = search.target.base, measured.shape[1]
         inertial = np.array([base.columns[j].group == "inertial" for j in base.index])
         added, added_signs = _added_columns({base.columns[j].kind for j in base.index}, samples)
         described = (
