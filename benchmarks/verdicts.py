@@ -29,6 +29,7 @@ from excite.verification.verify import verify
 from regressors.errors import InputError
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
 
 ROBOTS = ("irp6", "ur10e", "panda", "iiwa7")
 NOISE = 0.02  # of the root mean square of each torque, of a robot as it is; ten times as much on a noisy one
@@ -127,7 +128,8 @@ def exact_log(robot: str, seed: int, locked: bool, loaded: bool) -> Log:
     if described.transmission is not None:
         return simulate(design, rate=200, load=load).log
     task = Task(robot, friction=False)
-    carrying = described if load is None else load.on(described, sensor_of(task))
+    bodied = with_bodies(described)
+    carrying = bodied if load is None else load.on(bodied, sensor_of(task))
     samples = design.trajectory.samples(np.arange(round((10.0 - 2 * seed) * RATE) + 1) / RATE)
     target = target_of(carrying, task)
     known = parameter_values(target.model, target.base, standard_values(carrying))
@@ -135,6 +137,12 @@ def exact_log(robot: str, seed: int, locked: bool, loaded: bool) -> Log:
     effort += described.limits.torque * (COULOMB * np.sign(samples.dq) + VISCOUS * samples.dq)
     name = f"{robot} {seed} {locked} {loaded}"
     return Log(f"{robot}.csv", name, described.joint_names, samples.time, samples.q, None, effort)
+
+
+def with_bodies(robot: Robot) -> Robot:
+    """The robot with a ball of 3 kg, 3 cm off the axis, for each link whose body is not described."""
+    ball = np.array([3.0, 0.09, 0.0, 0.0, 0.02, 0.0, 0.0, 0.02, 0.0, 0.02])
+    return robot.replace(links=tuple(replace(k, theta=ball) if k.theta is None else k for k in robot.links))
 
 
 def log_of(robot: str, seed: int, case: Case, locked: bool, loaded: bool) -> Log:
