@@ -1,17 +1,20 @@
 """How often the fault of a spoilt log is named right, and how often a sound log is accused.
 
-.venv/bin/python benchmarks/spoilt_logs/study.py [--seeds 3] [--robots NAMES] [--real FOLDER] [--choose]
+.venv/bin/python benchmarks/spoilt_logs/study.py [--seeds 2] [--robots NAMES] [--real FOLDER] [--choose]
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import numpy as np
+import record
 from real_logs import real_logs
 from spoilt import KINDS, ROBOTS, Spoilt, clean_log, spoilt
 
@@ -19,7 +22,7 @@ import excite
 from excite.logs.log import Log
 from regressors.errors import InputError
 
-RESULTS = Path(__file__).parent / "results"
+HERE = Path(__file__).resolve().parent
 SHOWS = 1.2  # a fault shows where the residual of a joint is that many times the sound log's
 WORDS = {  # of each kind, what its sentence says of the joints a and b
     "torques swapped": "torque columns of {a} and {b} are exchanged",
@@ -92,32 +95,55 @@ def run(
     return own, e
 
 
+def text_of(outcomes: list[Outcome]) -> str:
+    """How many logs of each kind are named right."""
+    kinds = ("named", "one of two", "wrong", "not named", "refused")
+    rows = []
+    for kind in dict.fromkeys(o.kind for o in outcomes):
+        own = [o for o in outcomes if o.kind == kind]
+        rows.append([kind, len(own), *(sum(o.outcome == k for o in own) for k in kinds), sum(o.shows for o in own)])
+    cases = [o for o in outcomes if o.kind != "clean"]
+    right = sum(o.outcome in ("named", "one of two") for o in cases)
+    accused = sum(o.outcome == "wrong" for o in outcomes if o.kind == "clean")
+    head = ["fault", "logs", "named", "one of two", "wrong", "not named", "refused with exit status 2", "shows"]
+    return (
+        f"{right} of {len(cases)} spoilt logs are named right, joint and kind; {accused} of "
+        f"{len(outcomes) - len(cases)} sound ones are accused.\n\n{record.table(head, rows)}"
+    )
+
+
+LIMITATIONS = (
+    "One fault at a time. Simulated robots differ from their descriptions by up to 15 % of each body, with Coulomb and "
+    "viscous friction and white noise of 2 % of each torque; a random Fourier motion of 10 s at 200 Hz each.",
+    "`one of two`: the sentence names two faults that the log cannot tell apart, and the right one is among them. "
+    "`shows`: the residual of a joint is 1.2 times that of the sound log, or the torques show it by themselves.",
+    "Named without the choice of settings (`choose=False`), which takes most of the time of an identification.",
+)
+
+
 def main() -> None:
     """Run all cases and write them."""
+    before = record.load()
     parser = argparse.ArgumentParser()
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--robots", default=",".join(ROBOTS))
     parser.add_argument("--kinds", default=";".join(KINDS))
     parser.add_argument("--real", type=Path, help="folder of the real logs of a UR10e, which are used instead")
     parser.add_argument("--choose", action="store_true", help="choose the settings, as by default")
-    parser.add_argument("--out", type=Path, default=RESULTS / "cases.json")
     a = parser.parse_args()
     if a.real:
         logs = [("ur10e", k, log) for k, log in enumerate(real_logs(a.real))]
     else:
-        logs = [(r, s, clean_log(r, s)) for r in a.robots.split(",") for s in range(a.first, a.first + a.seeds)]
+        logs = [(r, s, clean_log(r, s)) for r in a.robots.split(",") for s in range(a.seeds)]
     outcomes = []
     for robot, seed, log in logs:
         clean, sound = run(robot, seed, log, "clean", None, a.choose)
         outcomes.append(clean)
-        print(robot, seed, clean.kind, clean.outcome, clean.said, f"{clean.seconds:.1f} s", flush=True)
         for kind in a.kinds.split(";"):
-            one, _ = run(robot, seed, log, kind, sound, a.choose)
-            outcomes.append(one)
-            print(robot, seed, kind, ",".join(one.joints[:2]), one.outcome, one.shows, one.said[:220], flush=True)
-        a.out.parent.mkdir(exist_ok=True)
-        a.out.write_text(json.dumps([asdict(o) for o in outcomes], indent=1) + "\n", encoding="utf-8")
+            outcomes.append(run(robot, seed, log, kind, sound, a.choose)[0])
+            print(robot, seed, kind, outcomes[-1].outcome, outcomes[-1].said[:160], flush=True)
+    name = "real" if a.real else "simulated"
+    record.save(name, before, {"cases": [asdict(o) for o in outcomes]}, text_of(outcomes), LIMITATIONS, HERE)
 
 
 if __name__ == "__main__":
