@@ -22,8 +22,7 @@ import scipy.stats
 
 from excite.identification.estimators.possible_set import PossibleSet
 from excite.identification.identification import torque_target
-from excite.study import chains as chains
-from excite.study import chains as reflected_paths
+from excite.study import chains as chains, chains as reflected_paths
 from excite.study.chains import PosteriorCoordinates, coordinates_inside, inner_point
 from excite.study.sample_posterior import PRIOR, effective_draws, posterior_of, split_deviation
 from regressors.samples import Array

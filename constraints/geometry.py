@@ -15,10 +15,7 @@ import scipy
 from regressors.errors import InputError, UnknownName
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
-from regressors.robot.shapes import Capsule as Capsule
-from regressors.robot.shapes import Part as Part
-from regressors.robot.shapes import Vector as Vector
-from regressors.robot.shapes import check_finite
+from regressors.robot.shapes import Capsule as Capsule, Part as Part, Vector as Vector, check_finite
 from regressors.samples import Array
 
 _DEEP = 1e-3  # m: a base deeper inside an obstacle than this is an error, not a robot mounted on it

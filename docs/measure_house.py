@@ -107,10 +107,8 @@ def _imported(tree: ast.Module) -> Iterator[str]:
 
 def _public_names() -> int:
     tree = ast.parse((ROOT / "excite" / "__init__.py").read_text(encoding="utf-8"))
-    listed = next(
-        node.value for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
-    )
-    return len(ast.literal_eval(listed))
+    assigned = {ast.unparse(node.targets[0]): node.value for node in tree.body if isinstance(node, ast.Assign)}
+    return sum(len(names.split()) for names in ast.literal_eval(assigned["_NAMES"]).values())
 
 
 def main() -> None:

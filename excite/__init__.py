@@ -18,195 +18,184 @@ from excite.own_packages import check_packages
 
 if TYPE_CHECKING:
     from constraints.collision_limits import Collisions as Collisions
-    from constraints.nonlinear import Limit, NonlinearConstraint
-    from constraints.power import ToolBox as ToolBox
-    from constraints.power import ToolSpeed as ToolSpeed
-    from constraints.torque import PlausibleTorqueLimit as PlausibleTorqueLimit
-    from constraints.torque import TorqueLimit as TorqueLimit
-    from constraints.world_file import read_world
-    from excite.design.campaign import plan_campaign
-    from excite.design.comparison import compare
-    from excite.design.design import Design
-    from excite.design.design_json import load_design
-    from excite.design.friction_runs.plan_friction import plan_friction
-    from excite.design.friction_runs.schedule import Schedule
-    from excite.design.optimisation import design_trajectory
-    from excite.design.solvers.solver import Solver
-    from excite.design.sweeps.run_sweep import run_sweep
-    from excite.design.sweeps.sweep_table import SweepTable
-    from excite.export.models.export_ensemble import export_ensemble
-    from excite.export.models.export_model import ModelFormat, export_model
-    from excite.export.motions.export_motion import export_motion
-    from excite.export.motions.motion_format import MotionFormat
-    from excite.friction.constant_speed_windows import FitSettings
-    from excite.friction.fit_friction import fit_friction
-    from excite.identification.estimator import Estimate, Estimator
-    from excite.identification.identification import Identification
-    from excite.identification.identify import identify
-    from excite.identification.recipe import Recipe
-    from excite.identification.result_json import load_result
-    from excite.logs.guess.log_guess import guess_mapping
-    from excite.logs.log import Log
-    from excite.logs.log_reading import read_log
-    from excite.logs.mapping import read_mapping
-    from excite.logs.recordings.formats import read_recording
-    from excite.optimality.design_bound import DesignBound, bound
-    from excite.payload.calibrate_gains import CalibratedGains, calibrate_gains
-    from excite.payload.identify_payload import identify_payload
-    from excite.payload.known_gains import KnownGains
-    from excite.payload.load_rows import LogChoice
-    from excite.payload.payload_motion import PayloadMotion, design_payload_motion
-    from excite.payload.payload_result import PayloadResult
-    from excite.simulation.settings import ImpactPulse, SimulationSettings
-    from excite.simulation.simulate import simulate
-    from excite.simulation.simulation import Simulation
-    from excite.study.design_for_precision import design_for_precision
-    from excite.study.next_motion import NextMotion, PrecisionInHand, next_motion
-    from excite.study.posterior_samples import PosteriorSamples
-    from excite.study.predict_accuracy import AccuracyPrediction, predict_accuracy
-    from excite.study.rehearsal import TorqueNoise, measured_noise
-    from excite.study.sample_posterior import sample_posterior
-    from excite.study.study_over_time import study_over_time
-    from excite.study.time_study import TimeCourse, TimeStudy
-    from excite.tasks.criteria import Criterion, SpectralCriterion
-    from excite.tasks.friction_file import read_friction
-    from excite.tasks.installation import Installation
-    from excite.tasks.limit_choice import LimitChoice
-    from excite.tasks.model_choice import ModelChoice
-    from excite.tasks.objective import Belief, Objective
-    from excite.tasks.payload import Payload
-    from excite.tasks.precision_target import PrecisionTarget, TaskTorques
-    from excite.tasks.search import Output, Search
-    from excite.tasks.stored_files import EarlierInformation, TaskMotion
-    from excite.tasks.task import Task
-    from excite.tasks.trajectory_choice import TrajectoryChoice
+    from constraints.nonlinear import Limit as Limit, NonlinearConstraint as NonlinearConstraint
+    from constraints.power import ToolBox as ToolBox, ToolSpeed as ToolSpeed
+    from constraints.torque import PlausibleTorqueLimit as PlausibleTorqueLimit, TorqueLimit as TorqueLimit
+    from constraints.world_file import read_world as read_world
+    from excite.design.campaign import plan_campaign as plan_campaign
+    from excite.design.comparison import compare as compare
+    from excite.design.design import Design as Design
+    from excite.design.design_json import load_design as load_design
+    from excite.design.friction_runs.plan_friction import plan_friction as plan_friction
+    from excite.design.friction_runs.schedule import Schedule as Schedule
+    from excite.design.optimisation import design_trajectory as design_trajectory
+    from excite.design.solvers.solver import Solver as Solver
+    from excite.design.sweeps.run_sweep import run_sweep as run_sweep
+    from excite.design.sweeps.sweep_table import SweepTable as SweepTable
+    from excite.export.models.export_ensemble import export_ensemble as export_ensemble
+    from excite.export.models.export_model import ModelFormat as ModelFormat, export_model as export_model
+    from excite.export.motions.export_motion import export_motion as export_motion
+    from excite.export.motions.motion_format import MotionFormat as MotionFormat
+    from excite.friction.constant_speed_windows import FitSettings as FitSettings
+    from excite.friction.fit_friction import fit_friction as fit_friction
+    from excite.identification.estimator import Estimate as Estimate, Estimator as Estimator
+    from excite.identification.identification import Identification as Identification
+    from excite.identification.identify import identify as identify
+    from excite.identification.recipe import Recipe as Recipe
+    from excite.identification.result_json import load_result as load_result
+    from excite.logs.guess.log_guess import guess_mapping as guess_mapping
+    from excite.logs.log import Log as Log
+    from excite.logs.log_reading import read_log as read_log
+    from excite.logs.mapping import read_mapping as read_mapping
+    from excite.logs.recordings.formats import read_recording as read_recording
+    from excite.optimality.design_bound import DesignBound as DesignBound, bound as bound
+    from excite.payload.calibrate_gains import CalibratedGains as CalibratedGains, calibrate_gains as calibrate_gains
+    from excite.payload.identify_payload import identify_payload as identify_payload
+    from excite.payload.known_gains import KnownGains as KnownGains
+    from excite.payload.load_rows import LogChoice as LogChoice
+    from excite.payload.payload_motion import (
+        PayloadMotion as PayloadMotion,
+        design_payload_motion as design_payload_motion,
+    )
+    from excite.payload.payload_result import PayloadResult as PayloadResult
+    from excite.simulation.settings import ImpactPulse as ImpactPulse, SimulationSettings as SimulationSettings
+    from excite.simulation.simulate import simulate as simulate
+    from excite.simulation.simulation import Simulation as Simulation
+    from excite.study.design_for_precision import design_for_precision as design_for_precision
+    from excite.study.next_motion import (
+        NextMotion as NextMotion,
+        PrecisionInHand as PrecisionInHand,
+        next_motion as next_motion,
+    )
+    from excite.study.posterior_samples import PosteriorSamples as PosteriorSamples
+    from excite.study.predict_accuracy import (
+        AccuracyPrediction as AccuracyPrediction,
+        predict_accuracy as predict_accuracy,
+    )
+    from excite.study.rehearsal import TorqueNoise as TorqueNoise, measured_noise as measured_noise
+    from excite.study.sample_posterior import sample_posterior as sample_posterior
+    from excite.study.study_over_time import study_over_time as study_over_time
+    from excite.study.time_study import TimeCourse as TimeCourse, TimeStudy as TimeStudy
+    from excite.tasks.criteria import Criterion as Criterion, SpectralCriterion as SpectralCriterion
+    from excite.tasks.friction_file import read_friction as read_friction
+    from excite.tasks.installation import Installation as Installation
+    from excite.tasks.limit_choice import LimitChoice as LimitChoice
+    from excite.tasks.model_choice import ModelChoice as ModelChoice
+    from excite.tasks.objective import Belief as Belief, Objective as Objective
+    from excite.tasks.payload import Payload as Payload
+    from excite.tasks.precision_target import PrecisionTarget as PrecisionTarget, TaskTorques as TaskTorques
+    from excite.tasks.search import Output as Output, Search as Search
+    from excite.tasks.stored_files import EarlierInformation as EarlierInformation, TaskMotion as TaskMotion
+    from excite.tasks.task import Task as Task
+    from excite.tasks.trajectory_choice import TrajectoryChoice as TrajectoryChoice
     from excite.trajectories.bspline import BSpline as BSpline
-    from excite.trajectories.family import Family
-    from excite.trajectories.fourier import Cosine as Cosine
-    from excite.trajectories.fourier import Fourier as Fourier
-    from excite.trajectories.fourier import FourierQuintic as FourierQuintic
-    from excite.trajectories.linear import LinearFamily
+    from excite.trajectories.family import Family as Family
+    from excite.trajectories.fourier import Cosine as Cosine, Fourier as Fourier, FourierQuintic as FourierQuintic
+    from excite.trajectories.linear import LinearFamily as LinearFamily
     from excite.trajectories.sines import Sines as Sines
     from excite.trajectories.waypoints import Waypoints as Waypoints
-    from excite.verification.tolerances import Tolerances
-    from excite.verification.verification import Verification
-    from excite.verification.verify import verify
-    from excite.views.figures import draw, write_figures
-    from excite.views.subjects import load
-    from excite.views.write_report import write_report
-    from regressors.errors import ExciteError, InputError, NumericalError
-    from regressors.models.base import base_parameters
+    from excite.verification.tolerances import Tolerances as Tolerances
+    from excite.verification.verification import Verification as Verification
+    from excite.verification.verify import verify as verify
+    from excite.views.figures import draw as draw, write_figures as write_figures
+    from excite.views.subjects import load as load
+    from excite.views.write_report import write_report as write_report
+    from regressors.errors import ExciteError as ExciteError, InputError as InputError, NumericalError as NumericalError
+    from regressors.models.base import base_parameters as base_parameters
     from regressors.models.differential import DifferentialModel as DifferentialModel
     from regressors.models.energy import EnergyModel as EnergyModel
-    from regressors.models.load import LoadIntegralModel as LoadIntegralModel
-    from regressors.models.load import LoadModel as LoadModel
-    from regressors.models.load import PayloadModel as PayloadModel
-    from regressors.models.load import Sensor
-    from regressors.models.model import RegressorModel
-    from regressors.readers.library import built_in_names, load_robot
-    from regressors.robot.columns import Column
-    from regressors.robot.robot import Robot
-    from regressors.samples import Samples
+    from regressors.models.load import (
+        LoadIntegralModel as LoadIntegralModel,
+        LoadModel as LoadModel,
+        PayloadModel as PayloadModel,
+        Sensor as Sensor,
+    )
+    from regressors.models.model import RegressorModel as RegressorModel
+    from regressors.readers.library import built_in_names as built_in_names, load_robot as load_robot
+    from regressors.robot.columns import Column as Column
+    from regressors.robot.robot import Robot as Robot
+    from regressors.samples import Samples as Samples
 
 check_packages()
 
-_PLACES = {
-    "Column": "regressors.robot.columns",
-    "AccuracyPrediction": "excite.study.predict_accuracy",
-    "Belief": "excite.tasks.objective",
-    "SweepTable": "excite.design.sweeps.sweep_table",
-    "Criterion": "excite.tasks.criteria",
-    "Design": "excite.design.design",
-    "DesignBound": "excite.optimality.design_bound",
-    "EarlierInformation": "excite.tasks.stored_files",
-    "Estimate": "excite.identification.estimator",
-    "Estimator": "excite.identification.estimator",
-    "ExciteError": "regressors.errors",
-    "Family": "excite.trajectories.family",
-    "FitSettings": "excite.friction.constant_speed_windows",
-    "Identification": "excite.identification.identification",
-    "ImpactPulse": "excite.simulation.settings",
-    "InputError": "regressors.errors",
-    "Limit": "constraints.nonlinear",
-    "Installation": "excite.tasks.installation",
-    "LimitChoice": "excite.tasks.limit_choice",
-    "LinearFamily": "excite.trajectories.linear",
-    "Log": "excite.logs.log",
-    "ModelChoice": "excite.tasks.model_choice",
-    "ModelFormat": "excite.export.models.export_model",
-    "MotionFormat": "excite.export.motions.motion_format",
-    "NextMotion": "excite.study.next_motion",
-    "NonlinearConstraint": "constraints.nonlinear",
-    "NumericalError": "regressors.errors",
-    "Objective": "excite.tasks.objective",
-    "Output": "excite.tasks.search",
-    "PrecisionInHand": "excite.study.next_motion",
-    "Payload": "excite.tasks.payload",
-    "PrecisionTarget": "excite.tasks.precision_target",
-    "PosteriorSamples": "excite.study.posterior_samples",
-    "Recipe": "excite.identification.recipe",
-    "RegressorModel": "regressors.models.model",
-    "Robot": "regressors.robot.robot",
-    "Samples": "regressors.samples",
-    "Schedule": "excite.design.friction_runs.schedule",
-    "Search": "excite.tasks.search",
-    "Sensor": "regressors.models.load",
-    "Simulation": "excite.simulation.simulation",
-    "SimulationSettings": "excite.simulation.settings",
-    "Solver": "excite.design.solvers.solver",
-    "SpectralCriterion": "excite.tasks.criteria",
-    "Task": "excite.tasks.task",
-    "TaskMotion": "excite.tasks.stored_files",
-    "TaskTorques": "excite.tasks.precision_target",
-    "TimeCourse": "excite.study.time_study",
-    "TimeStudy": "excite.study.time_study",
-    "Tolerances": "excite.verification.tolerances",
-    "TorqueNoise": "excite.study.rehearsal",
-    "TrajectoryChoice": "excite.tasks.trajectory_choice",
-    "Verification": "excite.verification.verification",
-    "base_parameters": "regressors.models.base",
-    "built_in_names": "regressors.robots",
-    "bound": "excite.optimality.design_bound",
-    "compare": "excite.design.comparison",
-    "design_for_precision": "excite.study.design_for_precision",
-    "design_trajectory": "excite.design.optimisation",
-    "draw": "excite.views.figures",
-    "export_ensemble": "excite.export.models.export_ensemble",
-    "export_model": "excite.export.models.export_model",
-    "export_motion": "excite.export.motions.export_motion",
-    "fit_friction": "excite.friction.fit_friction",
-    "guess_mapping": "excite.logs.guess.log_guess",
-    "identify": "excite.identification.identify",
-    "load": "excite.views.subjects",
-    "load_design": "excite.design.design_json",
-    "load_result": "excite.identification.result_json",
-    "load_robot": "regressors.readers.library",
-    "next_motion": "excite.study.next_motion",
-    "measured_noise": "excite.study.rehearsal",
-    "plan_campaign": "excite.design.campaign",
-    "plan_friction": "excite.design.friction_runs.plan_friction",
-    "predict_accuracy": "excite.study.predict_accuracy",
-    "read_friction": "excite.tasks.friction_file",
-    "read_log": "excite.logs.log_reading",
-    "read_mapping": "excite.logs.mapping",
-    "read_recording": "excite.logs.recordings.formats",
-    "read_world": "constraints.world_file",
-    "run_sweep": "excite.design.sweeps.run_sweep",
-    "sample_posterior": "excite.study.sample_posterior",
-    "simulate": "excite.simulation.simulate",
-    "study_over_time": "excite.study.study_over_time",
-    "verify": "excite.verification.verify",
-    "write_figures": "excite.views.figures",
-    "CalibratedGains": "excite.payload.calibrate_gains",
-    "KnownGains": "excite.payload.known_gains",
-    "LogChoice": "excite.payload.load_rows",
-    "PayloadMotion": "excite.payload.payload_motion",
-    "PayloadResult": "excite.payload.payload_result",
-    "calibrate_gains": "excite.payload.calibrate_gains",
-    "design_payload_motion": "excite.payload.payload_motion",
-    "identify_payload": "excite.payload.identify_payload",
-    "write_report": "excite.views.write_report",
+_NAMES = {
+    "constraints.nonlinear": "Limit NonlinearConstraint",
+    "constraints.world_file": "read_world",
+    "excite.design.campaign": "plan_campaign",
+    "excite.design.comparison": "compare",
+    "excite.design.design": "Design",
+    "excite.design.design_json": "load_design",
+    "excite.design.friction_runs.plan_friction": "plan_friction",
+    "excite.design.friction_runs.schedule": "Schedule",
+    "excite.design.optimisation": "design_trajectory",
+    "excite.design.solvers.solver": "Solver",
+    "excite.design.sweeps.run_sweep": "run_sweep",
+    "excite.design.sweeps.sweep_table": "SweepTable",
+    "excite.export.models.export_ensemble": "export_ensemble",
+    "excite.export.models.export_model": "ModelFormat export_model",
+    "excite.export.motions.export_motion": "export_motion",
+    "excite.export.motions.motion_format": "MotionFormat",
+    "excite.friction.constant_speed_windows": "FitSettings",
+    "excite.friction.fit_friction": "fit_friction",
+    "excite.identification.estimator": "Estimate Estimator",
+    "excite.identification.identification": "Identification",
+    "excite.identification.identify": "identify",
+    "excite.identification.recipe": "Recipe",
+    "excite.identification.result_json": "load_result",
+    "excite.logs.guess.log_guess": "guess_mapping",
+    "excite.logs.log": "Log",
+    "excite.logs.log_reading": "read_log",
+    "excite.logs.mapping": "read_mapping",
+    "excite.logs.recordings.formats": "read_recording",
+    "excite.optimality.design_bound": "DesignBound bound",
+    "excite.payload.calibrate_gains": "CalibratedGains calibrate_gains",
+    "excite.payload.identify_payload": "identify_payload",
+    "excite.payload.known_gains": "KnownGains",
+    "excite.payload.load_rows": "LogChoice",
+    "excite.payload.payload_motion": "PayloadMotion design_payload_motion",
+    "excite.payload.payload_result": "PayloadResult",
+    "excite.simulation.settings": "ImpactPulse SimulationSettings",
+    "excite.simulation.simulate": "simulate",
+    "excite.simulation.simulation": "Simulation",
+    "excite.study.design_for_precision": "design_for_precision",
+    "excite.study.next_motion": "NextMotion PrecisionInHand next_motion",
+    "excite.study.posterior_samples": "PosteriorSamples",
+    "excite.study.predict_accuracy": "AccuracyPrediction predict_accuracy",
+    "excite.study.rehearsal": "TorqueNoise measured_noise",
+    "excite.study.sample_posterior": "sample_posterior",
+    "excite.study.study_over_time": "study_over_time",
+    "excite.study.time_study": "TimeCourse TimeStudy",
+    "excite.tasks.criteria": "Criterion SpectralCriterion",
+    "excite.tasks.friction_file": "read_friction",
+    "excite.tasks.installation": "Installation",
+    "excite.tasks.limit_choice": "LimitChoice",
+    "excite.tasks.model_choice": "ModelChoice",
+    "excite.tasks.objective": "Belief Objective",
+    "excite.tasks.payload": "Payload",
+    "excite.tasks.precision_target": "PrecisionTarget TaskTorques",
+    "excite.tasks.search": "Output Search",
+    "excite.tasks.stored_files": "EarlierInformation TaskMotion",
+    "excite.tasks.task": "Task",
+    "excite.tasks.trajectory_choice": "TrajectoryChoice",
+    "excite.trajectories.family": "Family",
+    "excite.trajectories.linear": "LinearFamily",
+    "excite.verification.tolerances": "Tolerances",
+    "excite.verification.verification": "Verification",
+    "excite.verification.verify": "verify",
+    "excite.views.figures": "draw write_figures",
+    "excite.views.subjects": "load",
+    "excite.views.write_report": "write_report",
+    "regressors.errors": "ExciteError InputError NumericalError",
+    "regressors.models.base": "base_parameters",
+    "regressors.models.load": "Sensor",
+    "regressors.models.model": "RegressorModel",
+    "regressors.readers.library": "load_robot",
+    "regressors.robot.columns": "Column",
+    "regressors.robot.robot": "Robot",
+    "regressors.robots": "built_in_names",
+    "regressors.samples": "Samples",
 }
+_PLACES = {name: module for module, names in _NAMES.items() for name in names.split()}
 # deprecated names, with what they are called now; docs/development.md says when they go
 _RENAMED = {
     **dict.fromkeys(("BrokenLimitError", "ConicSolverError", "LostMotionError"), "in excite.errors"),
@@ -227,103 +216,7 @@ _RENAMED = {
     "verified": "verify",
 }
 
-__all__ = [
-    "AccuracyPrediction",
-    "Belief",
-    "CalibratedGains",
-    "Column",
-    "Criterion",
-    "Design",
-    "DesignBound",
-    "EarlierInformation",
-    "Estimate",
-    "Estimator",
-    "ExciteError",
-    "Family",
-    "FitSettings",
-    "Identification",
-    "ImpactPulse",
-    "InputError",
-    "Installation",
-    "KnownGains",
-    "Limit",
-    "LimitChoice",
-    "LinearFamily",
-    "Log",
-    "LogChoice",
-    "ModelChoice",
-    "ModelFormat",
-    "MotionFormat",
-    "NextMotion",
-    "NonlinearConstraint",
-    "NumericalError",
-    "Objective",
-    "Output",
-    "Payload",
-    "PayloadMotion",
-    "PayloadResult",
-    "PosteriorSamples",
-    "PrecisionInHand",
-    "PrecisionTarget",
-    "Recipe",
-    "RegressorModel",
-    "Robot",
-    "Samples",
-    "Schedule",
-    "Search",
-    "Sensor",
-    "Simulation",
-    "SimulationSettings",
-    "Solver",
-    "SpectralCriterion",
-    "SweepTable",
-    "Task",
-    "TaskMotion",
-    "TaskTorques",
-    "TimeCourse",
-    "TimeStudy",
-    "Tolerances",
-    "TorqueNoise",
-    "TrajectoryChoice",
-    "Verification",
-    "base_parameters",
-    "bound",
-    "built_in_names",
-    "calibrate_gains",
-    "compare",
-    "design_for_precision",
-    "design_payload_motion",
-    "design_trajectory",
-    "draw",
-    "export_ensemble",
-    "export_model",
-    "export_motion",
-    "fit_friction",
-    "guess_mapping",
-    "identify",
-    "identify_payload",
-    "load",
-    "load_design",
-    "load_result",
-    "load_robot",
-    "measured_noise",
-    "next_motion",
-    "plan_campaign",
-    "plan_friction",
-    "predict_accuracy",
-    "read_friction",
-    "read_log",
-    "read_mapping",
-    "read_recording",
-    "read_world",
-    "run_sweep",
-    "sample_posterior",
-    "simulate",
-    "study_over_time",
-    "verify",
-    "write_figures",
-    "write_report",
-]
+__all__ = sorted(_PLACES)
 
 
 def _built_in_parts() -> dict[str, str]:

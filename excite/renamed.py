@@ -9,8 +9,7 @@ from typing import Any
 from excite.design.design import Design
 from excite.design.design_json import load_design as read_design
 from excite.design.sweeps.run_sweep import run_sweep as run_campaign
-from excite.design.sweeps.sweep_table import SweepTable as CampaignTable
-from excite.design.sweeps.sweep_table import load_sweep
+from excite.design.sweeps.sweep_table import SweepTable as CampaignTable, load_sweep
 from excite.errors import BrokenLimitError, ConicSolverError, LostMotionError, LostWorkersError, NoFeasibleMotionError
 from excite.export.exported import Exported
 from excite.identification.identification import Identification

@@ -16,9 +16,7 @@ from excite.simulation.simulate import simulate
 from excite.tasks.task import Task
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import built_in
-from regressors.robot.columns import BODY_KINDS
-from regressors.robot.columns import COULOMB as COULOMB_KIND
-from regressors.robot.columns import VISCOUS as VISCOUS_KIND
+from regressors.robot.columns import BODY_KINDS, COULOMB as COULOMB_KIND, VISCOUS as VISCOUS_KIND
 from regressors.robot.friction.curve import Side, Stribeck
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
-from judge import Array
-from judge import Motion as Series
+from judge import Array, Motion as Series
 from scipy.interpolate import PPoly
 
 

@@ -16,8 +16,7 @@ from excite.cli.progress import one_interrupt
 from excite.cli.streams import in_options, remark, tell
 from excite.cli.summary import console, print_view, show
 from excite.design.design_folder import check_no_design, shown_content
-from excite.design.friction_runs.friction_plan import FIGURE as RUNS
-from excite.design.friction_runs.friction_plan import check_no_plan
+from excite.design.friction_runs.friction_plan import FIGURE as RUNS, check_no_plan
 from excite.design.friction_runs.schedule import Schedule
 from excite.friction.constant_speed_windows import FitSettings
 from excite.friction.friction_fit import FIGURE, FRICTION, check_no_fit

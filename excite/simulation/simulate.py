@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
-from dataclasses import replace as with_truth
+from dataclasses import replace, replace as with_truth
 from pathlib import Path
 from typing import Any
 

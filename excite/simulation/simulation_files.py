@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from excite.design.design import Design
-from excite.design.design_folder import DESIGN, TRAJECTORY
-from excite.design.design_folder import KIND as OF_DESIGN
+from excite.design.design_folder import DESIGN, KIND as OF_DESIGN, TRAJECTORY
 from excite.design.design_json import load_design
-from excite.design.friction_runs.friction_plan import KIND as OF_PLAN
-from excite.design.friction_runs.friction_plan import PLAN, load_friction_plan
+from excite.design.friction_runs.friction_plan import KIND as OF_PLAN, PLAN, load_friction_plan
 from excite.logs.log_reading import KIND, LOG, log_entry, sidecar_path, write_log
 from excite.simulation.simulation import SimulatedLog, Simulation
 from excite.storage.atomic import Destination, read_json, write_json

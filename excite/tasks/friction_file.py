@@ -16,8 +16,7 @@ from excite.storage.atomic import Destination, replacing
 from excite.storage.commit import settle
 from regressors.arguments import checked
 from regressors.errors import InputError, NumericalError
-from regressors.quantities import fault as fault_of
-from regressors.quantities import shown
+from regressors.quantities import fault as fault_of, shown
 from regressors.readers.documents import (
     Celsius,
     Document,

@@ -11,9 +11,7 @@ import numpy as np
 from excite.design.friction_runs.friction_plan import FIGURE, KIND, ORDER, UNITS, CoordinatePlan, FrictionPlan
 from excite.design.friction_runs.schedule import LONGEST, Schedule
 from excite.friction.constant_speed_windows import FitSettings
-from excite.friction.friction_fit import FIGURE as FRICTION_FIGURE
-from excite.friction.friction_fit import KIND as FRICTION_FIT
-from excite.friction.friction_fit import Characteristic, FrictionFit
+from excite.friction.friction_fit import FIGURE as FRICTION_FIGURE, KIND as FRICTION_FIT, Characteristic, FrictionFit
 from excite.views.view import Column, Drawing, View, ViewTable, headed, numbers
 
 _LONG = 600.0  # total duration that counts as long [s]

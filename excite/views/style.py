@@ -17,8 +17,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib import rc_params_from_file
-from matplotlib import style as matplotlib_style
+from matplotlib import rc_params_from_file, style as matplotlib_style
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis, YAxis

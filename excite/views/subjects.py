@@ -12,21 +12,15 @@ from excite.design import design_folder
 from excite.design.campaign import Campaign
 from excite.design.design import Design
 from excite.design.design_json import load_design
-from excite.design.friction_runs.friction_plan import KIND as FRICTION_PLAN
-from excite.design.friction_runs.friction_plan import PLAN, FrictionPlan, load_friction_plan
-from excite.design.sweeps.sweep_table import JSON as CAMPAIGN_TABLE
-from excite.design.sweeps.sweep_table import KIND as CAMPAIGN
-from excite.design.sweeps.sweep_table import SweepTable, load_sweep
-from excite.friction.friction_fit import FIT, FrictionFit, load_friction_fit
-from excite.friction.friction_fit import KIND as FRICTION_FIT
+from excite.design.friction_runs.friction_plan import KIND as FRICTION_PLAN, PLAN, FrictionPlan, load_friction_plan
+from excite.design.sweeps.sweep_table import JSON as CAMPAIGN_TABLE, KIND as CAMPAIGN, SweepTable, load_sweep
+from excite.friction.friction_fit import FIT, KIND as FRICTION_FIT, FrictionFit, load_friction_fit
 from excite.identification import result_json
 from excite.identification.identification import Identification
 from excite.identification.result_json import load_result
 from excite.logs.log_reading import KIND as LOG
-from excite.optimality.design_bound import KIND as BOUND
-from excite.optimality.design_bound import DesignBound
-from excite.payload.payload_result import KIND as PAYLOAD_KIND
-from excite.payload.payload_result import PAYLOAD, PayloadResult, load_payload
+from excite.optimality.design_bound import KIND as BOUND, DesignBound
+from excite.payload.payload_result import KIND as PAYLOAD_KIND, PAYLOAD, PayloadResult, load_payload
 from excite.simulation.simulation import SimulatedLog
 from excite.simulation.simulation_files import load_simulated_log
 from excite.storage.atomic import Destination, read_json
@@ -35,12 +29,9 @@ from excite.storage.commit import settle
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import read_record
 from excite.study.posterior_samples import load_posterior
-from excite.study.predict_accuracy import KIND as ACCURACY
-from excite.study.predict_accuracy import AccuracyPrediction, load_accuracy
-from excite.study.time_study import KIND as STUDY
-from excite.study.time_study import TimeStudy, load_time_study
-from excite.verification.verification import KIND as VERIFICATION
-from excite.verification.verification import Verification, load_verification
+from excite.study.predict_accuracy import KIND as ACCURACY, AccuracyPrediction, load_accuracy
+from excite.study.time_study import KIND as STUDY, TimeStudy, load_time_study
+from excite.verification.verification import KIND as VERIFICATION, Verification, load_verification
 from regressors.arguments import checked, fit, rule_of
 from regressors.errors import InputError
 

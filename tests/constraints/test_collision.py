@@ -10,10 +10,8 @@ import casadi as ca
 import coal_distances
 import numpy as np
 import pytest
-from coal_distances import clearance
-from coal_distances import link_poses as placed_links
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from coal_distances import clearance, link_poses as placed_links
+from hypothesis import given, settings, strategies as st
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon

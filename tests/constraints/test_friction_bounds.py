@@ -8,8 +8,7 @@ import itertools
 import numpy as np
 import pytest
 from friction_curves import TUSTIN
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from pinocchio_chains import drive_torques, joint_torques
 from slow_dynamics import random_chain
 

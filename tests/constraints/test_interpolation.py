@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.interpolate import BPoly, CubicSpline, PPoly, interp1d, make_interp_spline
 
 from constraints.enclosure import hulled_extrema, piecewise_extrema

@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from public_arms import ARMS, Arm
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, enclosing_capsule, enclosing_cylinder

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import content_of, files_below, table_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from constraints.linear import linear_limits
 from excite.design.design import Design

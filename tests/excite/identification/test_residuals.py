@@ -8,8 +8,7 @@ from math import erfc
 import numpy as np
 import pytest
 import scipy.signal
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from observed import noise_of, observations_of, random_problem
 
 from excite.identification.covariance import _bartlett, bandwidth, robust_covariance

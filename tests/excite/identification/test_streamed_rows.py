@@ -8,8 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from played import TASK, found, noisy, played, three_joints
 
 from excite.identification import equations, observations, streamed_rows

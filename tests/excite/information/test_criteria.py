@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from criterion_laws import check_gradient, information_matrix
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import excite
 from excite.design.formulation import formulate

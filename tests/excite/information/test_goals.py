@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from criterion_laws import check_design_pays, check_gradient, information_matrix
-from criterion_laws import regressor as regressor_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from criterion_laws import check_design_pays, check_gradient, information_matrix, regressor as regressor_of
+from hypothesis import given, settings, strategies as st
 from pinocchio_chains import chain_model, inertia
 
 import excite

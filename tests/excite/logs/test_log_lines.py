@@ -8,11 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from excite.logs import table, text
-from excite.logs import text as lines
+from excite.logs import table, text, text as lines
 from excite.logs.layout import MOST_COLUMNS, house_layout, twice
 from excite.logs.log_reading import read_log
 from excite.logs.text import text_of

@@ -13,8 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from excite.logs.log import Log
 from excite.logs.log_reading import write_log

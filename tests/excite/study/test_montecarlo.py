@@ -22,8 +22,7 @@ from excite.identification.estimators.robust import instrumental
 from excite.identification.observations import Observations
 from excite.logs.signals.filters import Differences, SavitzkyGolay, kept_rows, low_passed
 from excite.logs.signals.series import FourierFit, SmoothingSpline
-from excite.study import experiment as chain_file
-from excite.study import moments
+from excite.study import experiment as chain_file, moments
 from excite.study.experiment import Experiment, Noise, drawn
 from excite.study.repetitions import Repetitions, experiment_prediction, repeat_experiment
 from regressors.errors import InputError, TooLargeError

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import Here
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from motion_families import LINEAR, NONLINEAR, motion
 from scipy.interpolate import BPoly
 

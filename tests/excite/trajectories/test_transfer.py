@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import Here, content_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from recordings import log_of
 from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 

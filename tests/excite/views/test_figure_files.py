@@ -16,8 +16,7 @@ import matplotlib
 import numpy as np
 import pytest
 from commands import ENVIRONMENT
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image

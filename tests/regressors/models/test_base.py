@@ -8,8 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from public_arms import ARMS, Arm, reference
 from slow_dynamics import general, three_axes
 

@@ -12,8 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from held_motions import assert_explained, held_motion, moving_part, subset
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from refused import refusal
 from slow_dynamics import random_body, random_chain
 

@@ -8,8 +8,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
 from slow_dynamics import driven_chain, random_body, random_chain, torques
 

@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from motions import Polynomials, Sines, gauss, order_of, path_of_polynomial, random_sines
 from pinocchio_chains import chain_model
 from public_arms import ARMS, Arm, reference

@@ -8,8 +8,7 @@ from decimal import ROUND_DOWN, ROUND_HALF_UP, Decimal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from regressors.readers.angles import cosine_and_sine, in_words, multiple_of, nearly
 from regressors.readers.urdf import parse_urdf

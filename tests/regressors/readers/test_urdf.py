@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, Reference, reference, robots_folder
 from refused import refusal
 

@@ -8,8 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from held_motions import assert_explained, held_motion, moving_part, subset
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
 from slow_dynamics import mass_matrix_of_body, poses, random_chain, thetas_of
 

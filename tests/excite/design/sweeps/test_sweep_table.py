@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from designed import copies
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import excite
 from excite.cli.design_run import show_sweep

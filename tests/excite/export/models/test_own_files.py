@@ -10,8 +10,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from identified import predicted, relative, result_of
 from public_arms import ARMS, Arm
 from reloaded import by_mujoco, by_pinocchio

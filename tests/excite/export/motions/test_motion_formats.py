@@ -14,8 +14,7 @@ import pytest
 import scipy.io
 import yaml
 from designed import irp6, panda, ur10e
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 from robot_programs import krl_program, rapid_moves, ur_program
 
 import excite

@@ -15,8 +15,7 @@ from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
 
 import excite
 from excite.errors import ConicSolverError
-from excite.identification.choices import all_choices as choose
-from excite.identification.choices import scoring as trial
+from excite.identification.choices import all_choices as choose, scoring as trial
 from excite.identification.choices.all_choices import free_settings
 from excite.identification.choices.friction_terms import TERM_SETTINGS
 from excite.identification.estimators.physical import Physical

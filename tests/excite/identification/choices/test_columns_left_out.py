@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from observed import random_blocks, slow_squares, statistics_of
 
 from excite.identification.choices.friction_terms import Group, choose_columns

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from played import irp6, noisy, played, three_joints
 
 from excite.identification.choices.cutoff_and_timing import choose_cutoff, choose_delay, cutoff_candidates

@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.optimize
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from observed import noise_of, observations_of, random_problem
 
 from excite.identification import observations as observations_file

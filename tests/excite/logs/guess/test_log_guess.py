@@ -19,8 +19,7 @@ from foreign_logs import (
     write_rtde,
     write_table,
 )
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 import excite
 from excite.logs.guess.log_guess import mapping_text

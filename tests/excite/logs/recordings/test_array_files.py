@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 import scipy.io
 from array_files import ROWS, Matlab73, motion, read_all, write_hdf5, write_lerobot, write_parquet
-from hypothesis import given
-from hypothesis import settings as examples
-from hypothesis import strategies as st
+from hypothesis import given, settings as examples, strategies as st
 
 from excite.logs.recordings.formats import format_of
 from regressors.errors import InputError

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from array_files import read_all
-from hypothesis import given
-from hypothesis import settings as examples
-from hypothesis import strategies as st
+from hypothesis import given, settings as examples, strategies as st
 from ros_bags import (
     STATE_POINTS,
     STATE_TYPE,

@@ -6,8 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 import excite
 from excite.logs.recordings.recording import ColumnName, is_clock, parsed_name

@@ -11,8 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from friction_curves import TUSTIN
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from excite.tasks.friction_file import friction_of, read_friction, write_friction
 from regressors.errors import InputError

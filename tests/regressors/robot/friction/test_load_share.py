@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from friction_curves import TUSTIN
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from played import EXACT, TASK, described, found, irp6, mixed, periodic, played, three_joints
 
 from excite.identification.prediction import prediction, relative_error

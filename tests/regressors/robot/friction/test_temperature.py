@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from friction_curves import TUSTIN
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from played import irp6
 
 from regressors.errors import InputError, UnknownName

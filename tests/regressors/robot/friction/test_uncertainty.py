@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import scipy.stats
 from friction_curves import CURVES, KNOWN, TUSTIN, uncertain
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from excite.friction.curve_fit import curve_uncertainty, fit
 from excite.friction.friction_equations import Form

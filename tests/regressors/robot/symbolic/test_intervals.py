@@ -9,8 +9,7 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from regressors.robot.symbolic.intervals import IntervalFunction
 from regressors.samples import Array

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from regressors.robot.symbolic import machine_code, vectorised
 from regressors.robot.symbolic.vectorised import VectorisedFunction
