@@ -58,7 +58,8 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
             impossible_parameters(result.estimate, result.target.base, _shares(result), noise, _tried(result))
         )
     found = tuple(doubt for doubt in checks if doubt is not None)
-    spoilt = spoilt_log(target, result.prepared, doubtful=bool(found))
+    timed = any(choice.name == "delay" for choice in result.choices)
+    spoilt = spoilt_log(target, result.prepared, result.friction, doubtful=bool(found), timed=timed)
     return found if spoilt is None else (spoilt,)  # the others follow from it
 
 

@@ -24,6 +24,7 @@ class Fault:
     cure: str
     torques: Array | None = None  # (n, n): right-hand sides ``torques @ y``
     late: Index | None = None  # (n,) steps
+    longest: float = 0.0  # of them [s]
     positions: tuple[Array, Array] | None = None  # ``A (n, n), b (n,)``: true positions ``A q + b``
 
     @property
@@ -158,6 +159,7 @@ def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
             f"all torques are {1e3 * abs(delay):.3g} ms {how} than the positions",
             f"use `delay={delay:.3g}`",
             late=late,
+            longest=abs(delay),
         )
     return Fault(
         "channel late",

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from excite.identification.choices.cutoff_and_timing import LONGEST
 from excite.identification.impossible_parameters import signs_of_bodies
 from excite.identification.large_residual import Doubt
 from excite.identification.log_faults import (
@@ -35,6 +36,8 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
+from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_and_temperature import drives_with_friction, moving_drive_numbers
 from regressors.robot.plausibility import implausible_inertias
 from regressors.samples import Array, Index, Samples
 
@@ -45,9 +48,13 @@ _BELIEF = 0.01  # weight of the described torques beside the measured ones: off 
 _ROUNDS = 4  # of weights by the residuals
 _LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
 _RIDGE, _NOTHING = 1e-9, 1e-9  # of the scaled normal equations; of the largest
-GAIN = 0.4  # in the logarithm of the errors of all joints together that a fault must win on none
+GAIN = 0.4  # in the logarithm of the errors of all joints together that a fault must win on none, and for each joint
+_GAIN_EACH = 0.15  # that it concerns: what a model lacks of friction gains up to a third of it by a delay
 MARGIN = 0.25  # and on the next fault
 _ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
+_EXPLAINED = (
+    0.5  # a larger error of the joints explains nothing, as where noisy accelerations are larger than real ones
+)
 _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
@@ -66,26 +73,35 @@ class Fit:
         return float(np.sum(np.log(np.maximum(self.errors, _LEAST_ERROR))))
 
     @property
-    def percent(self) -> str:
+    def error(self) -> float:
         """Root mean square of the errors over the joints."""
-        return f"{100 * np.sqrt(np.mean(self.errors**2)):.2g} %"
+        return float(np.sqrt(np.mean(self.errors**2)))
 
 
-def spoilt_log(target: IdentificationTarget, parts: tuple[PreparedLog, ...], *, doubtful: bool) -> Doubt | None:
+def spoilt_log(
+    target: IdentificationTarget,
+    parts: tuple[PreparedLog, ...],
+    friction: FrictionCurves | None,
+    *,
+    doubtful: bool,
+    timed: bool,
+) -> Doubt | None:
     """Doubt that names the fault of a log, if one explains clearly more than none and than any other.
 
-    All faults are tried where the result is doubtful already or the residual is more than the noise.
+    All faults are tried where the result is doubtful already or the residual is more than the noise; a delay of all
+    torques that left-out torques have decided on (``timed``) is not judged again.
     """
     equations = target.model.torque_equations()
     if equations is None or not equations.every_joint or not target.motion.complete:
         return None
     for fault in obvious_faults(target.robot.joint_names, parts):
         return Doubt(f"{_SPOILT} {fault.what}", "no robot measures such torques", fault.cure, about="torques")
-    search = Search.of(target, parts)
+    search = FaultSearch.of(target, parts, friction)
     none = search.plain.fit(NO_FAULT)
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
         return None
-    return named(none, search.fits())
+    fits = search.fits()
+    return named(none, [fit for fit in fits if not timed or fit.fault.kind != "late" or fit.fault.longest > LONGEST])
 
 
 def named(none: Fit, fits: list[Fit]) -> Doubt | None:
@@ -95,11 +111,14 @@ def named(none: Fit, fits: list[Fit]) -> Doubt | None:
     close = [fit for fit in ranked if fit.size - best.size <= MARGIN and fit.fault.label != best.fault.label]
     alike = [best.fault, *(fit.fault for fit in close if _alike(fit.fault, best.fault))]
     falls = float(np.max(none.errors / np.maximum(best.errors, _LEAST_ERROR)))
-    if not (none.size - best.size > GAIN and falls > _ONE_JOINT) or not len(close) < len(alike) <= 2:
+    needed = max(GAIN, _GAIN_EACH * len(best.fault.joints))
+    if not (none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED):
+        return None
+    if not len(close) < len(alike) <= 2:
         return None
     return Doubt(
         f"{_SPOILT} {', or '.join(fault.what for fault in alike)}",
-        f"without this fault the error of the joints is {best.percent} instead of {none.percent}",
+        f"without this fault the error of the joints is {100 * best.error:.2g} % instead of {100 * none.error:.2g} %",
         ", or ".join(fault.cure for fault in alike),
         about="torques",
     )
@@ -117,7 +136,7 @@ _SPOILT = "the log is spoilt:"
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class FaultSearch:
     """Faults tried on some instants of the logs."""
 
     target: IdentificationTarget
@@ -129,9 +148,12 @@ class Search:
     noise: Array  # (n,) white noise of the torques, over them
     described: Array | None  # (b,) base parameters of the description
     signs: Array  # (b,) of the base parameters of real bodies and drives
+    friction: FrictionCurves | None  # what is known of it
 
     @staticmethod
-    def of(target: IdentificationTarget, parts: tuple[PreparedLog, ...]) -> Search:
+    def of(
+        target: IdentificationTarget, parts: tuple[PreparedLog, ...], friction: FrictionCurves | None
+    ) -> FaultSearch:
         """The search of some logs, at instants evenly spread over the rows that make equations."""
         chosen = [_chosen(part, INSTANTS // len(parts)) for part in parts]
         samples = [part.samples.rows(rows) for part, rows in zip(parts, chosen, strict=True)]
@@ -146,7 +168,8 @@ class Search:
 
         described = None if implausible_inertias(target.robot) else _described(target)
         step = float(np.median(np.diff(parts[0].samples.time)))
-        return Search(target, joined, step, torques, _noise(uniform), described, signs_of_bodies(target.base))
+        signs = signs_of_bodies(target.base)
+        return FaultSearch(target, joined, step, torques, _noise(uniform), described, signs, friction)
 
     @cached_property
     def plain(self) -> Equations:
@@ -278,11 +301,11 @@ class Equations:
     believed: Array  # (b,) 1 for the parameters that the description states
 
     @staticmethod
-    def of(search: Search, samples: Samples, W: Array, measured: Array) -> Equations:
+    def of(search: FaultSearch, samples: Samples, W: Array, measured: Array) -> Equations:
         """The equations along a motion."""
         base, n = search.target.base, measured.shape[1]
         inertial = np.array([base.columns[j].group == "inertial" for j in base.index])
-        added, added_signs = _added_columns({base.columns[j].kind for j in base.index}, samples)
+        added, added_signs = _added_columns(search.target, search.friction, samples)
         described = (
             np.zeros(W.shape[:2]) if search.described is None else W[:, :, inertial] @ search.described[inertial]
         )
@@ -341,16 +364,25 @@ def _of_one_sign(A: Array, right: Array, signs: Array, bound: Flags) -> Array:
     return x
 
 
-def _added_columns(kinds: set[str], samples: Samples) -> tuple[Array, Array]:
+def _added_columns(
+    target: IdentificationTarget, friction: FrictionCurves | None, samples: Samples
+) -> tuple[Array, Array]:
     """What drives have and a model may lack, in the equation of each joint, shape (N, n, k), with the signs."""
     n = samples.q.shape[1]
-    parts: list[Array] = []
+    modelled = {(target.base.columns[j].kind, target.base.columns[j].owner) for j in target.base.index}
+    kinds = {kind for kind, _ in modelled}
+    numbers = moving_drive_numbers(target.robot)
+    columns = [np.zeros((len(samples.q), n, 0))]
     signs: list[float] = []
-    if COULOMB not in kinds:
-        parts, signs = [*parts, np.sign(samples.dq), samples.dq], [*signs, *[1.0] * (2 * n)]
-    if ROTOR not in kinds:
-        parts, signs = [*parts, samples.ddq], [*signs, *[1.0] * n]
-    if OFFSET not in kinds:
-        parts, signs = [*parts, np.ones_like(samples.q)], [*signs, *[0.0] * n]
-    columns = [part[:, :, None] * np.eye(n) for part in parts]
-    return np.concatenate([*columns, np.zeros((len(samples.q), n, 0))], axis=2), np.array(signs)
+    for name, row in drives_with_friction(target.robot):
+        speed = samples.dq @ row
+        known = None if friction is None else friction.curve(name)
+        torques = [np.sign(speed), speed] if known is None else [known.torque(speed)]
+        if (COULOMB, numbers[name]) not in modelled:
+            columns += [(torque[:, None] * row)[:, :, None] for torque in torques]
+            signs += [1.0] * len(torques)
+    for kind, values, sign in ((ROTOR, samples.ddq, 1.0), (OFFSET, np.ones_like(samples.q), 0.0)):
+        if kind not in kinds:
+            columns.append(values[:, :, None] * np.eye(n))
+            signs += [sign] * n
+    return np.concatenate(columns, axis=2), np.array(signs)

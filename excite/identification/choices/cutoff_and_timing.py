@@ -56,6 +56,7 @@ _STEP = 2.0  # between the cutoffs that are tried first
 PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.logs.signals.filters.edge`
 _CUT = 0.05  # largest share of a log that may be cut from each end
 _HIGHEST = 0.35  # of the sample rate
+_PLATEAU = 0.001  # of the score: a gain that counts as none
 
 
 def cutoff_candidates(duration: float, rate: float) -> list[float]:
@@ -72,9 +73,10 @@ def cutoff_candidates(duration: float, rate: float) -> list[float]:
 
 
 def choose_cutoff(candidates: Sequence[float], scored: Scored) -> tuple[float, Choice]:
-    """Cutoff whose motion predicts left-out torques best: by octaves, then between the neighbours of the best.
+    """Highest cutoff whose motion predicts left-out torques as well as the best, within the standard error.
 
     A cutoff that is too low loses motion; one that is too high lets noise through, which spoils the accelerations.
+    Candidates are tried by octaves, then between the neighbours of the best.
     """
     scores = {cutoff: scored(cutoff) for cutoff in candidates}
     for ratio in (np.sqrt(_STEP), np.sqrt(np.sqrt(_STEP))):
@@ -83,9 +85,16 @@ def choose_cutoff(candidates: Sequence[float], scored: Scored) -> tuple[float, C
             if min(scores) < near < max(scores) and not any(abs(np.log(near / c)) < 1e-6 for c in scores):
                 scores[near] = scored(near)
     best, last = best_of(scores), max(scores)
-    value = float(f"{best:.3g}")
-    reason = f"positions are low-passed at {value:g} Hz, which predicts left-out torques to {scores[best].percent}"
-    reason += "" if last == best else f" ({last:.3g} Hz: {scores[last].percent})"
+    chosen = max(cutoff for cutoff, errors in scores.items() if not scores[best].is_better(errors, _PLATEAU))
+    value = float(f"{chosen:.3g}")
+    reason = f"positions are low-passed at {value:g} Hz, which predicts left-out torques to {scores[chosen].percent}"
+    if chosen != best:
+        gain, deviation = scores[best].gain_over(scores[chosen])
+        reason += (
+            f" ({best:.3g} Hz: {scores[best].percent}, better by {100 * gain:.2g} +- {100 * deviation:.2g} % only)"
+        )
+    elif last != best:
+        reason += f" ({last:.3g} Hz: {scores[last].percent})"
     return value, Choice("cutoff", value, candidates_of(dict(sorted(scores.items()))), reason, "Hz")
 
 
@@ -159,22 +168,37 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
 
     A friction that changes its direction late looks like a delay; so each kind of presliding is tried with its own best
     delay. Presliding over a distance is preferred where it predicts as well as the best, within a standard error or 5 %
-    of the errors: only it has a direction at standstill, which exciting motions hardly show, but others do.
+    of the errors: only it has a direction at standstill, which exciting motions hardly show, but others do. No kind is
+    preferred with a larger delay than that of the best.
     """
     parts = scoring.parts(recipe)
-    timings = [_timing(scoring, tried, parts, free) for tried in _slidings(scoring, recipe, parts)]
-    scores = {number: errors for number, (_, errors, _) in enumerate(timings)}
-    best, last = best_of(scores), len(timings) - 1
-    if scores[best].score > scores[0].score - _SLIDING_WORTH:  # the exact sign
-        best = 0
-    elif timings[last][0].breakaway and not scores[best].is_better(scores[last], _HOLDING):
-        best = last
-    chosen, _, choices = timings[best]
-    if not last:
-        return chosen, choices
+    softened = cache(scoring.softened)
+
+    def scored(recipe: Recipe, delay: float) -> LeftOut:
+        one = softened(recipe)
+        return one.of(one.trial.statistics(one.target, parts, recipe, delay))
+
+    step = min(1 / part.log.rate for part in parts)
+    timings = [_timing(scored, tried, step, free) for tried in _slidings(scoring, recipe, parts)]
+    best = min(timings, key=lambda one: one[1].score)
+
+    def with_no_more_delay(one: _Timing) -> _Timing:
+        delay = best[0].delay
+        if abs(one[0].delay) <= abs(delay):
+            return one
+        return replace(one[0], delay=delay), scored(one[0], delay), best[2]
+
+    exact, last = with_no_more_delay(timings[0]), with_no_more_delay(timings[-1])
+    chosen = best
+    if best[1].score > exact[1].score - _SLIDING_WORTH:
+        chosen = exact
+    elif last[0].breakaway and not best[1].is_better(last[1], _HOLDING):
+        chosen = last
+    if len(timings) == 1:
+        return chosen[0], chosen[2]
     listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
-    words = _sliding_words(chosen)
-    return chosen, (*choices, Choice("presliding", words, listed, f"{words}, as left-out torques show"))
+    words = _sliding_words(chosen[0])
+    return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
 
 
 def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:
@@ -185,19 +209,13 @@ def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) ->
     return [replace(recipe, **vars(presliding)) for presliding, _ in found]
 
 
-def _timing(
-    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], free: frozenset[str]
-) -> tuple[Recipe, LeftOut, tuple[Choice, ...]]:
+_Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]
+
+
+def _timing(scored: Callable[[Recipe, float], LeftOut], recipe: Recipe, step: float, free: frozenset[str]) -> _Timing:
     """Best delay of a kind of presliding, and then its best size at that delay."""
-    softened = cache(scoring.softened)
-
-    def scored(recipe: Recipe, delay: float) -> LeftOut:
-        one = softened(recipe)
-        return one.of(one.trial.statistics(one.target, parts, recipe, delay))
-
     if "delay" not in free:
         return recipe, scored(recipe, 0.0), ()
-    step = min(1 / part.log.rate for part in parts)
     delay, choice = choose_delay(lambda tried: scored(recipe, tried), step)
     resized = _resized(recipe, lambda tried: scored(tried, delay)) if delay else recipe
     if resized != recipe:

@@ -10,7 +10,7 @@ import pytest
 from played import EXACT, TASK, found, noisy, played, three_joints
 
 from excite.identification.log_faults import NO_FAULT
-from excite.identification.spoilt_log import GAIN, Search, named
+from excite.identification.spoilt_log import GAIN, FaultSearch, named
 from excite.logs.log import Log
 from regressors.samples import Array
 
@@ -77,7 +77,7 @@ def test_a_fault_is_named_with_what_mends_it(case: str) -> None:
 def test_a_sound_log_is_not_accused(seed: int) -> None:
     result = found(TASK, sound(seed), recipe=EXACT)
     assert result.doubts == ()
-    search = Search.of(result.target, result.prepared)
+    search = FaultSearch.of(result.target, result.prepared, result.friction)
     none = search.plain.fit(NO_FAULT)
     fits = search.fits()
     assert named(none, fits) is None

@@ -60,9 +60,9 @@ def test_a_planted_optimum_is_found_to_a_quarter_octave(optimum: float) -> None:
 
 
 def test_an_optimum_beyond_the_candidates_is_their_end() -> None:
-    """Of equals the lowest is taken: what no error tells apart passes least noise into the accelerations."""
+    """Of equals the highest is taken, which takes least of the motion away."""
     candidates = cutoff_candidates(40.0, 1000.0)
-    for optimum, slope, end in ((1e-3, 0.5, 0), (1e5, 0.5, -1), (10.0, 0.0, 0)):
+    for optimum, slope, end in ((1e-3, 0.5, 0), (1e5, 0.5, -1), (10.0, 0.0, -1)):
         scored, asked = scored_with(optimum, slope)
         _, choice = choose_cutoff(candidates, scored)
         assert choice.value == pytest.approx(candidates[end], rel=5e-3)
@@ -71,6 +71,20 @@ def test_an_optimum_beyond_the_candidates_is_their_end() -> None:
     scored, asked = scored_with(10.0)
     assert choose_cutoff([35.0], scored)[0] == 35.0
     assert asked == [35.0]
+
+
+@pytest.mark.parametrize(("growth", "scatter", "end"), [(0.001, 0.02, -1), (0.01, 1e-4, 0)])
+def test_a_gain_within_its_standard_error_costs_no_bandwidth(growth: float, scatter: float, end: int) -> None:
+    """Errors that grow with every octave: a lower cutoff is taken only where the blocks agree that it gains."""
+    candidates, ups = cutoff_candidates(40.0, 1000.0), np.array([1.0, -1.0, 1.0, -1.0, 0.0])
+
+    def scored(cutoff: float) -> LeftOut:
+        octaves = np.log2(cutoff / candidates[0])
+        return LeftOut(0.01 * np.exp(2 * octaves * (growth + scatter * ups))[:, None], 5, np.array([5.0]))
+
+    value, choice = choose_cutoff(candidates, scored)
+    assert value == pytest.approx(candidates[end], rel=5e-3)
+    assert ("+-" in choice.reason) == (end == -1)
 
 
 TIME = np.arange(0.0, 8.0, 0.008)
