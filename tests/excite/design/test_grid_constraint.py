@@ -20,7 +20,7 @@ from excite.design.grid_limits import GridConstraint, GridJoints
 from excite.design.initial_guesses import random_motion
 from excite.design.multistart import serial
 from excite.design.problem import Problem
-from excite.design.solvers.ipopt import Ipopt
+from excite.design.solvers.library_solvers import Ipopt
 from excite.design.solvers.limit_rows import NearRows
 from excite.design.solvers.solver import Solver
 from excite.design.stated_limits import nonlinear_limits

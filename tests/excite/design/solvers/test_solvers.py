@@ -19,8 +19,7 @@ from excite.design.initial_guesses import candidates, combinations, promising_mo
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_start
 from excite.design.solvers.descent import SqpOptions
-from excite.design.solvers.ipopt import Ipopt
-from excite.design.solvers.slsqp import Slsqp, _Rows
+from excite.design.solvers.library_solvers import Ipopt, Slsqp, _Rows
 from excite.design.solvers.solver import Attempt, Solver, SolverResult, Status
 from excite.design.solvers.sqp import SequentialQuadratic
 from excite.registry import instance
