@@ -78,7 +78,6 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "physical": "excite.identification.estimators.physical:Physical",
         "recursive": "excite.identification.estimators.least_squares:Recursive",
         "ridge": "excite.identification.estimators.least_squares:Ridge",
-        "total": "excite.identification.estimators.robust:Total",
         "weighted": "excite.identification.estimators.least_squares:Weighted",
     },
     "model format": {

@@ -143,7 +143,6 @@ IDENTIFICATIONS = {
     "weighted": f"{_RUN}",
     "least-squares": f"{_RUN} --estimator least-squares --covariance white",
     "huber": f"{_RUN} --estimator huber --covariance robust",
-    "total": f"{_RUN} --estimator total --every 5",
     "recursive": f"{_RUN} --estimator recursive --every 5",
     "instrumental": f"{_RUN} --estimator instrumental",
     "physical": f"{_RUN} --estimator physical --every 5",

@@ -16,8 +16,10 @@ from played import EXACT, TASK, curves, described, found, noisy, played, three_j
 
 from excite.identification.allowances import allowing_for_curves, curve_errors
 from excite.identification.estimator import Context, Estimate
+from excite.identification.estimators.least_squares import LeastSquares
 from excite.identification.estimators.robust import huber
 from excite.identification.identification import Identification
+from excite.identification.observations import Observations
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.logs.log_reading import write_log
@@ -174,8 +176,17 @@ def test_what_is_at_a_bound_can_only_grow() -> None:
     assert any("those of z3 are taken as exact" in note for note in result.estimate.notes)
 
 
+class Own(LeastSquares):
+    """An estimator of the user's."""
+
+    name = "own"
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        return replace(super().estimate(observations, context), method=self.name)
+
+
 def test_a_method_for_which_it_is_not_known_says_so() -> None:
-    result, exact = (identified(replace(PLAIN, estimator="total"), known) for known in (OPEN, {}))
+    result, exact = (identified(replace(PLAIN, estimator=Own()), known) for known in (OPEN, {}))
     np.testing.assert_array_equal(result.estimate.covariance, exact.estimate.covariance)
     assert any("do not allow for the uncertainty of the friction curves" in note for note in result.estimate.notes)
 

@@ -8,12 +8,12 @@ from observed import noise_of, observations_of
 
 from excite.identification.estimator import Estimability, estimability
 from excite.identification.estimators.least_squares import least_squares, recursive, weighted, weighting
-from excite.identification.estimators.robust import huber, instrumental, total
+from excite.identification.estimators.robust import huber, instrumental
 from excite.identification.observations import Observations
 from regressors.samples import Array
 
 METHODS = {"least-squares": least_squares, "weighted": weighted, "huber": huber, "recursive": recursive}
-METHODS |= {"total": lambda o: total(o, ratio=0.0), "instrumental": lambda o: instrumental(o, o.W)}
+METHODS |= {"instrumental": lambda o: instrumental(o, o.W)}
 
 
 def columns(seed: int = 0, rows: int = 80, p: int = 3) -> Array:

@@ -123,7 +123,7 @@ def test_a_common_low_pass_leaves_the_truth_where_it_is() -> None:
 
 
 def test_every_estimator_finds_it(log: Log) -> None:
-    for estimator in ("huber", "least-squares", "physical", "recursive", "total", "weighted"):
+    for estimator in ("huber", "least-squares", "physical", "recursive", "weighted"):
         result = found(TASK, log, recipe=replace(EXACT, estimator=estimator))
         np.testing.assert_allclose(result.estimate.values, described(result), rtol=2e-4)
 

@@ -13,7 +13,7 @@ from observed import noise_of, observations_of, random_problem
 
 from excite.identification.covariance import _bartlett, bandwidth, robust_covariance
 from excite.identification.estimators.least_squares import least_squares, recursive, weighted
-from excite.identification.estimators.robust import huber, instrumental, total
+from excite.identification.estimators.robust import huber, instrumental
 from excite.identification.noise import autocorrelation, effective_samples, residual_diagnostics
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -178,8 +178,7 @@ def test_bad_input() -> None:
     for make, message in (
         (lambda: residual_diagnostics(weighted(GOOD), other), "has the parameters b1, b2, b3, b4"),
         (lambda: residual_diagnostics(weighted(GOOD), GOOD, lags=0), "lags must be 1 or more, given 0"),
-        (lambda: robust_covariance(total(GOOD), GOOD), "not implemented for the estimator total"),
-        (lambda: robust_covariance(instrumental(GOOD, GOOD.W), GOOD), "for the estimator instrumental"),
+        (lambda: robust_covariance(instrumental(GOOD, GOOD.W), GOOD), "not implemented for the estimator instrumental"),
         (
             lambda: robust_covariance(weighted(GOOD), GOOD, "white"),
             "no kind of robust covariance named 'white'; available: robust, newey-west, autoregressive",

@@ -220,7 +220,7 @@ def test_what_cannot_be_predicted(design: Design, rehearsal: Rehearsal) -> None:
     for options, message in (
         ({"torque_noise": 0.0}, "without noise repeats do not scatter; give `torque_noise`"),
         ({"count": 1}, "count"),
-        ({"estimator": "total"}, "estimators least-squares"),
+        ({"estimator": "instrumental"}, "estimators least-squares"),
         ({"average": True, "periods": 2}, "leave out `average`"),
         ({"cutof": 1.0}, "cutof"),
     ):

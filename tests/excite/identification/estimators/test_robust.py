@@ -1,4 +1,4 @@
-"""Huber, total least squares, instrumental variables and ridge regression: other implementations, laws, bad input."""
+"""Huber, instrumental variables and ridge regression: other implementations, laws, bad input."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from played import EXACT, TASK, found, noisy, played, three_joints
 
 import excite
 from excite.identification.estimators.least_squares import Ridge, ridge, weighted
-from excite.identification.estimators.robust import huber, instrumental, total
+from excite.identification.estimators.robust import huber, instrumental
 from excite.identification.observations import Observations
 from excite.registry import instance
 from regressors.errors import InputError, UnknownName
@@ -70,78 +70,6 @@ def test_coverage_of_huber_with_heavy_tails() -> None:
     assert inside / (3 * runs) > 0.975
 
 
-# --- total least squares ---------------------------------------------------------------------------------------------
-
-
-def noisy_columns(
-    rng: np.random.Generator, truth: Array, beta: Array, column_noise: Array, noise: float
-) -> tuple[Array, Array]:
-    W = truth + column_noise * rng.normal(size=truth.shape)
-    return W, truth @ beta + noise * rng.normal(size=len(truth))
-
-
-def test_total_is_the_smallest_distance_to_the_plane() -> None:
-    """Each row's distance from its plane in units of the errors, ``(y - w b) / sqrt(s_y^2 + sum (s_j b_j)^2)``."""
-    rng = np.random.default_rng(6)
-    truth, beta, sx = rng.normal(size=(60, 2)) * [1.0, 5.0], np.array([2.0, -0.7]), np.array([0.1, 0.3])
-    W, y = noisy_columns(rng, truth, beta, sx, 0.2)
-
-    def distances(b: Array) -> Array:
-        return np.asarray((y - W @ b) / np.sqrt(0.2**2 + np.sum((sx * b) ** 2)))
-
-    nearest = scipy.optimize.least_squares(distances, np.linalg.lstsq(W, y)[0], xtol=1e-15, gtol=1e-15, ftol=1e-15)
-    found = total(observations_of(W, y), column_noise=sx / 0.2)
-    np.testing.assert_allclose(found.values, nearest.x, rtol=1e-6)
-
-
-@pytest.mark.parametrize("ratio", [0.3, 1.0, 4.0])
-def test_total_is_the_smallest_singular_vector(ratio: float) -> None:
-    rng = np.random.default_rng(7)
-    truth, beta = rng.normal(size=(40, 3)) * [1.0, 50.0, 0.1], np.array([2.0, -0.7, 30.0])
-    W, y = noisy_columns(rng, truth, beta, 0.05 * np.array([1.0, 50.0, 0.1]), 0.5)
-    nu = ratio * np.linalg.norm(W, axis=0) / np.linalg.norm(y)
-    v = np.linalg.svd(np.column_stack([W / nu, y]))[2][-1]
-    np.testing.assert_allclose(total(observations_of(W, y), ratio=ratio).values, -v[:3] / v[3] / nu, rtol=1e-7)
-
-
-def test_exact_columns_are_left_as_they_are() -> None:
-    """Mixed problem: exact columns projected out by hand, then the singular vector."""
-    rng = np.random.default_rng(8)
-    W, y = rng.normal(size=(40, 4)), rng.normal(size=40)
-    exact, noisy = W[:, [0, 2]], W[:, [1, 3]]
-    P = np.eye(40) - exact @ np.linalg.pinv(exact)
-    v = np.linalg.svd(P @ np.column_stack([noisy, y]))[2][-1]
-    x = -v[:2] / v[2]
-    expected = np.empty(4)
-    expected[[1, 3]] = x
-    expected[[0, 2]] = np.linalg.lstsq(exact, y - noisy @ x)[0]
-    found = total(observations_of(W, y), column_noise=np.array([0.0, 1.0, 0.0, 1.0]))
-    np.testing.assert_allclose(found.values, expected, rtol=1e-8)
-
-
-def test_without_errors_in_the_columns_total_is_weighted() -> None:
-    observations, _ = random_problem(9)
-    found, expected = total(observations, ratio=0.0), weighted(observations)
-    np.testing.assert_allclose(found.values, expected.values, rtol=1e-9)
-    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-2)
-
-
-def test_total_is_unbiased_and_its_deviations_hold_where_weighted_is_biased() -> None:
-    rng, runs = np.random.default_rng(10), 120
-    truth, beta = rng.normal(size=(400, 2)), np.array([3.0, -1.0])
-    found, plain, deviations = [], [], []
-    for _ in range(runs):
-        W, y = noisy_columns(rng, truth, beta, np.array([0.3, 0.3]), 0.3)
-        estimate = total(observations_of(W, y), column_noise=np.ones(2))
-        found.append(estimate.values)
-        deviations.append(estimate.deviation)
-        plain.append(weighted(observations_of(W, y)).values)
-    spread = np.std(found, axis=0)
-    assert np.all(np.abs(np.mean(found, axis=0) - beta) < 3.5 * spread / np.sqrt(runs))
-    assert np.abs(np.mean(plain, axis=0) - beta).max() > 0.15
-    np.testing.assert_allclose(np.mean(deviations, axis=0), spread, rtol=0.12)
-
-
 # --- instrumental variables ------------------------------------------------------------------------------------------
 
 
@@ -159,12 +87,8 @@ def test_instruments_are_the_closed_form() -> None:
 # --- bad input -------------------------------------------------------------------------------------------------------
 
 GOOD = random_problem(0)[0]
-EQUAL = observations_of(np.concatenate([np.eye(2), np.zeros((2, 2))]), np.eye(4)[2], known=[1.0])  # singular values
 BAD = (
     (lambda: huber(GOOD, threshold=0.0), "threshold must be greater than zero, given 0.0"),
-    (lambda: total(GOOD, ratio=-1.0), "ratio must be zero or more, given -1.0"),
-    (lambda: total(GOOD, column_noise=np.ones(3)), r"4 numbers of zero or more, given \[1.0, 1.0, 1.0\]"),
-    (lambda: total(EQUAL, column_noise=np.ones(2)), "errors are as large as the columns"),
     (lambda: instrumental(GOOD, GOOD.W[:-1]), r"instruments have shape \(119, 4\), .* W has \(120, 4\)"),
     (lambda: instrumental(GOOD, np.full(GOOD.W.shape, np.nan)), "instruments must hold finite numbers"),
 )
