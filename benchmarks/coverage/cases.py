@@ -39,7 +39,9 @@ CASES = (
     Case("ur10e, low-frequency", UR10E, noise="slow"),
     Case("ur10e, encoder 2e-4 rad", UR10E, encoder=2e-4),
     Case("ur10e, physical, bounds active", UR10E, level=0.1, recipe=POSSIBLE),
-    Case("ur10e, physical, pulled", replace(UR10E, wrong=0.2), recipe=Recipe(estimator="physical", pull=1.0)),
+    Case(
+        "ur10e, physical, pulled", replace(UR10E, wrong=0.2), recipe=Recipe(estimator="physical", described_within=1.0)
+    ),
     Case("plain defaults, white", IRP6, plain=True),
     Case("plain defaults, autoregressive", IRP6, noise="autoregressive", plain=True),
     Case("plain defaults, encoder 2e-4 rad", IRP6, encoder=2e-4, plain=True),

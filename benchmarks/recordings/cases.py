@@ -146,7 +146,7 @@ IDENTIFICATIONS = {
     "recursive": f"{_RUN} --estimator recursive --every 5",
     "instrumental": f"{_RUN} --estimator instrumental",
     "physical": f"{_RUN} --estimator physical --every 5",
-    "pulled": f"{_RUN} --estimator physical --pull 0.1 --every 10",
+    "pulled": f"{_RUN} --estimator physical --described-within 0.3 --every 10",
     # signals
     "cutoff": f"{_RUN} --signals butterworth --cutoff 8",
     "differences": f"{_RUN} --signals differences --low-pass 5",

@@ -33,7 +33,7 @@ _OF_IDENTIFY = {
     "Logs": ("mapping", "drop", "rows", "temperature"),
     "Signals": ("signals", "cutoff", "delay", "average", "measured_velocity", "low_pass", "every"),
     "Friction in the equations": ("sign_width", "breakaway", "standstill", "friction_scale"),
-    "Estimator": ("estimator", "covariance", "pull", "described_within", "choose"),
+    "Estimator": ("estimator", "covariance", "described_within", "choose"),
     "Drive gains": ("loaded", "known_mass", "gains"),
     "Repetitions": ("each", "repeat", "seed", "executor", "workers"),
 }

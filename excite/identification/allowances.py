@@ -374,7 +374,7 @@ def allowing_for_selection(estimate: Estimate, added: Sequence[int] | Index, can
 
 def allowing_for_pull(estimate: Estimate, estimator: Estimator, observations: Observations) -> Estimate:
     """Extend the covariance of a pulled estimate by its distance from the estimate without pull."""
-    if not getattr(estimator, "pull", 0.0) and getattr(estimator, "described_within", None) is None:
+    if getattr(estimator, "described_within", None) is None:
         return estimate
     free = weighted(observations)
     seen = np.isfinite(np.diag(estimate.covariance)) & np.isfinite(free.values)

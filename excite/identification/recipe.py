@@ -22,9 +22,9 @@ Factors = tuple[tuple[str, float], ...]  # by drive
 AUTO, ALL = "auto", "all"
 _CHECKED = (
     "cutoff", "period", "harmonics", "low_pass", "every", "sign_width", "breakaway", "standstill", "temperature",
-    "pull", "described_within", "delay",
+    "described_within", "delay",
 )  # fmt: skip
-_SINGLE = ("cutoff", "period", "harmonics", "low_pass", "every", "standstill", "pull", "described_within", "delay")
+_SINGLE = ("cutoff", "period", "harmonics", "low_pass", "every", "standstill", "described_within", "delay")
 
 
 @checked
@@ -73,10 +73,8 @@ class Recipe:
     temperature : tuple of float, optional
         Of the joints in logs that have none, for known friction that depends on it: one for all, or one per moving
         joint [deg C].
-    pull : float
-        Weight of the pull of the estimator physical towards described values.
     described_within : float, optional
-        Instead: standard deviation of the described bodies in the estimator physical, in their sizes.
+        Standard deviation of the described bodies in the estimator physical, in their sizes.
     delay : float
         Of the recorded torques after the positions [s].
     signals_chosen : bool
@@ -151,11 +149,10 @@ class Recipe:
         "Temperature of logs without NAME.temperature, for friction curves that depend on it; one, or one per joint.",
         metavar="T,...",
     )
-    pull: float = option(0.0, "number", "Weight of the described bodies in the estimator physical.", metavar="W")
     described_within: float | None = option(
         None,
         "number",
-        "Instead: hold bodies within about X times their size of the description (estimator physical).",
+        "Hold bodies within about X times their size of the description (estimator physical).",
         metavar="X",
     )
     delay: float = option(
@@ -172,9 +169,8 @@ class Recipe:
         for what in _SINGLE:
             if hasattr(value := getattr(self, what), "__iter__") and not isinstance(value, str):
                 raise InputError(f"`{what}` must be one number, given {shown(value)}")
-        for what, asked in (("pull", self.pull), ("described_within", self.described_within is not None)):
-            if asked and self.estimator != "physical":
-                raise InputError(f"`{what}` is for the estimator physical, not for {name_of(self.estimator)}")
+        if self.described_within is not None and self.estimator != "physical":
+            raise InputError(f"`described_within` is for the estimator physical, not for {name_of(self.estimator)}")
         for what in ("sign_width", "breakaway"):
             object.__setattr__(self, what, _sizes(what, getattr(self, what)))
         if self.torque_factors is not None:
@@ -251,9 +247,9 @@ class Recipe:
 
     def chosen_estimator(self) -> Estimator:
         """The estimator itself."""
-        if self.pull or self.described_within is not None:
-            pulled: Estimator = built_in("estimator", "physical")(self.pull, self.described_within)
-            return pulled
+        if self.described_within is not None:
+            held: Estimator = built_in("estimator", "physical")(self.described_within)
+            return held
         chosen: Estimator = instance("estimator", self.estimator)
         return chosen
 

@@ -136,9 +136,12 @@ def _result(folder: Path, path: Path, allowed: Collection[str], own: dict[str, A
 
 
 def _recipe(content: dict[str, Any], estimator: Any, allowed: Collection[str]) -> Recipe:
-    if estimator is None and "estimator" in content:
-        estimator = stored_part("estimator", str(content["estimator"]), allowed)
-    return Recipe(**content if estimator is None else {**content, "estimator": estimator})
+    """Settings of a result, less those that only older versions had: its estimate is stored with it."""
+    kept = {name: value for name, value in content.items() if name != "pull"}
+    if estimator is None and "estimator" in kept:
+        name = str(kept["estimator"])
+        estimator = stored_part("estimator", "weighted" if name == "total" else name, allowed)
+    return Recipe(**kept if estimator is None else {**kept, "estimator": estimator})
 
 
 def _check_whole(result: Identification) -> None:

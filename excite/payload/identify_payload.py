@@ -219,9 +219,7 @@ def _of_model(
         )
     own = choice.recipe(loaded, choice.rows)
     low_pass = result.recipe.low_pass if own.low_pass is None else own.low_pass
-    recipe = replace(
-        result.recipe, rows=choice.rows, low_pass=low_pass, estimator="weighted", pull=0.0, described_within=None
-    )
+    recipe = replace(result.recipe, rows=choice.rows, low_pass=low_pass, estimator="weighted", described_within=None)
     target = instantaneous_target(robot, result.task, recipe)
     if target.model.torque_equations() is None or not target.motion.complete:
         raise InputError(f"{result.name}: a payload needs the differential model of all joints")

@@ -169,7 +169,7 @@ def _thinned(step: int) -> tuple[str, ...]:
 
 _VALUES = (
     "rows", "signals", "cutoff", "period", "harmonics", "low_pass", "every", "standstill", "estimator", "covariance",
-    "pull", "described_within", "delay", "temperature",
+    "described_within", "delay", "temperature",
 )  # fmt: skip
 _FLAGS = {"average": "--average", "measured_velocity": "--measured-velocity", "friction_scale": "--scale-friction"}
 

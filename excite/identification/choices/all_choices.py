@@ -35,7 +35,7 @@ _TOGETHER = {  # settings that decide on another one
     "cutoff": ("signals", "measured_velocity", "average"),
     "signals": ("measured_velocity", "average", "period", "harmonics"),
     "delay": ("average",),
-    "estimator": ("pull", "described_within"),
+    "estimator": ("described_within",),
 }
 
 

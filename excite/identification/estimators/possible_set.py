@@ -50,24 +50,6 @@ class Quadratic:
                 raise InputError(f"pull: the deviation of {name} must be greater than zero, given {deviation}")
 
 
-@dataclass(frozen=True)
-class Entropic:
-    """Prior knowledge of whole bodies: adds ``weight * sum_i d(J_i || J0_i)`` [Lee, Wensing, Park 2020].
-
-    ``d(J || J0) = tr(J0^-1 J) - log det(J0^-1 J) - 4`` depends neither on units nor on the frame.
-    """
-
-    values: Mapping[str, float]  # standard parameters; a body is pulled if all ten of its parameters are given
-    weight: float  # in units of half a squared standard deviation of the noise
-
-    def __post_init__(self) -> None:
-        if not self.weight > 0:
-            raise InputError(f"pull: the weight must be greater than zero, given {self.weight}")
-
-
-Pull = Quadratic | Entropic
-
-
 @dataclass(frozen=True, eq=False)
 class Body:
     """Ten of the standard parameters that belong to one rigid body."""
@@ -397,5 +379,5 @@ def possible_estimate(
     fit = np.asarray(standard.A @ theta)
     values = np.where(np.isnan(free.values), np.nan, fit)
     named = dict(zip(standard.names, theta.tolist(), strict=True))
-    notes = (*free.notes, *notes, "covariance of the estimate without constraints and pull")
+    notes = (*free.notes, *notes, "covariance of the estimate without constraints")
     return replace(free, values=values, standard=named, notes=notes, fit=fit, unconstrained=free.coefficients)

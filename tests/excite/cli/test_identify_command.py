@@ -136,7 +136,7 @@ def test_estimators_with_more_to_tell(here: Here) -> None:
     assert done(here, "run.csv", "--estimator", "recursive")["estimator"] == "recursive"
     instrumental = done(here, "run.csv", "--estimator", "instrumental", "--design", "design", out="instrumental")
     assert "instruments taken as free of the noise of the rows" in instrumental["notes"]
-    physical = done(here, "run.csv", "--estimator", "physical", "--pull", "0.1", out="physical")
+    physical = done(here, "run.csv", "--estimator", "physical", "--described-within", "0.3", out="physical")
     assert physical["standard"]["m3"] > 0.0
 
 
@@ -157,7 +157,7 @@ BAD = (
     ("run.csv --estimator instrumental", "the estimator instrumental needs the commanded motion: name the --design"),
     ("other.csv --estimator instrumental --design design", "other.csv does not follow the design's motion"),
     ("run.csv --estimator best", "Invalid value for '--estimator': 'best' is not one of"),
-    ("run.csv --pull 1", "--pull is for the estimator physical, not for weighted"),
+    ("run.csv --described-within 1", "--described-within is for the estimator physical, not for weighted"),
     ("run.csv --sign-width 0.1 --breakaway 0.1", "give --sign-width or --breakaway, not both"),
     ("run.csv --sign-width wide", "Invalid value for '--sign-width': expected auto or a number; expected numbers"),
     ("run.csv --low-pass 60", "the cutoff 60 Hz must be below half the sample rate, 50 Hz"),

@@ -159,9 +159,9 @@ def test_the_covariance_holds_the_square_of_the_distance_to_the_estimate_without
     observations, _ = random_problem(0)
     free, shift = weighted(observations), np.array([0.5, -0.2, 0.0, 1.0])
     pulled = replace(free, values=free.values + shift)
-    for by in ({"pull": 1.0}, {"pull": 0.0, "described_within": 0.3}):
+    for by in ({"described_within": 0.3}, {"described_within": 3.0}):
         wider = allowing_for_pull(pulled, SimpleNamespace(**by), observations)
         np.testing.assert_allclose(wider.covariance, free.covariance + np.outer(shift, shift))
         assert "allow for the pull" in wider.notes[-1]
-    for by in ({"pull": 0.0}, {}):
+    for by in ({"described_within": None}, {}):
         assert allowing_for_pull(free, SimpleNamespace(**by), observations) is free

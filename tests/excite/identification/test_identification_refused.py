@@ -44,8 +44,8 @@ def test_a_recipe_that_cannot_be_is_refused() -> None:
         assert message in str(refused.value)
     for name, given, message in (
         ("instrumental", {}, "needs the commanded motion: name the `design` that was played"),
-        ("weighted", {"pull": 1.0}, "`pull` is for the estimator physical, not for weighted"),
-        ("physical", {"pull": -1.0}, "`pull` must be 0 or a number from 1e-12 to 1e+12, given -1"),
+        ("weighted", {"described_within": 1.0}, "`described_within` is for the estimator physical, not for weighted"),
+        ("physical", {"described_within": -1.0}, "`described_within` must be a number from 1e-06 to 1000000, given -1"),
     ):
         with pytest.raises(InputError) as refused:
             Recipe(estimator=name, **given).chosen_estimator().check(None)

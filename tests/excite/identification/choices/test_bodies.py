@@ -149,12 +149,10 @@ def test_possible_bodies_are_nearer_to_the_description_the_smaller_the_deviation
     np.testing.assert_allclose(estimate(1e3).coefficients, plain, atol=1e-6 * np.abs(plain).max())
 
 
-def test_deviations_that_are_none_are_refused_and_one_pull_only() -> None:
+def test_deviations_that_are_none_are_refused() -> None:
     for within in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InputError, match="described_within must be a positive number"):
             Physical(described_within=within)
-    with pytest.raises(InputError, match="give one of them"):
-        Recipe(estimator="physical", pull=1.0, described_within=1.0).chosen_estimator()
     with pytest.raises(InputError, match="`described_within` is for the estimator physical, not for weighted"):
         Recipe(described_within=1.0)
 

@@ -296,7 +296,6 @@ GIVEN = {
     "average": {"signals", "cutoff", "delay"},
     "period": {"signals"},
     "harmonics": {"signals"},
-    "pull": {"estimator"},
     "described_within": {"estimator"},
 }
 
@@ -305,8 +304,7 @@ def test_settings_that_are_given_are_kept() -> None:
     assert free(recipe={"rows": "all", "low_pass": 5.0, "every": 2, "sign_width": 0.1, "covariance": "white"}) == EVERY
     for name, value in VALUES.items():
         assert free(recipe={name: value}) == EVERY - GIVEN[name]
-    for name in ("pull", "described_within"):
-        assert free(recipe={"estimator": "physical", name: 1.0}) == EVERY - {"estimator"}
+    assert free(recipe={"estimator": "physical", "described_within": 1.0}) == EVERY - {"estimator"}
     assert free(model={"joints": ("1", "2"), "reflected_rotors": False, "stribeck_speed": 0.2}) == EVERY
     for name in TERM_SETTINGS:
         assert free(model={name: True}) == EVERY - {name}
