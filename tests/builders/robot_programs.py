@@ -8,7 +8,10 @@ Programming Instructions for System Integrators, "Programming with KRL syntax". 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
 
 NUMBER = r"-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 
@@ -150,3 +153,41 @@ def rapid_moves(text: str) -> list[RapidMove]:
         axes = [float(value) for value in found[1].split(",")]
         moves.append(RapidMove(axes, float(found[2]) if found[2] else None, found[3]))
     return moves
+
+
+SECOND = 1_000_000_000
+STANDING = 1.1920929e-07  # FLT_EPSILON
+
+
+def broken_rules(trajectory: Mapping[str, Any], joints: Sequence[str]) -> list[str]:
+    """Rules of `JointTrajectoryController::validate_trajectory_msg` that a message breaks."""
+    return list(_broken_rules(trajectory["joint_names"], trajectory["points"], trajectory["header"]["stamp"], joints))
+
+
+def _broken_rules(
+    names: Sequence[str], points: Sequence[Mapping[str, Any]], stamp: Mapping[str, int], joints: Sequence[str]
+) -> Iterator[str]:
+    count = len(names)
+    if sorted(names) != sorted(joints):
+        yield f"joint_names are {', '.join(names)}, those of the controller {', '.join(joints)}"
+    if stamp["sec"] or stamp["nanosec"]:
+        yield "header.stamp is not zero: it would start then, and not at once"
+    if not points:
+        yield "there are no points"
+        return
+    if any(abs(velocity) > STANDING for velocity in points[-1].get("velocities", ())):
+        yield "the velocities of the last point are not zero"
+    times = [_nanoseconds(**point["time_from_start"]) for point in points]
+    if times[0] < 0 or any(later <= earlier for earlier, later in pairwise(times)):
+        yield "time_from_start does not increase from point to point"
+    if any(len(point["positions"]) != count for point in points):
+        yield f"a point has not {count} positions"
+    for rate in ("velocities", "accelerations"):
+        if {len(point.get(rate, ())) for point in points} not in ({count}, {0}):
+            yield f"points have not all {count} {rate}, or none"
+    if any(len(point.get("effort", ())) for point in points):
+        yield "a point has an effort, which controllers without an effort interface refuse"
+
+
+def _nanoseconds(sec: int, nanosec: int) -> int:
+    return int(sec) * SECOND + int(nanosec) if 0 <= nanosec < SECOND else -1

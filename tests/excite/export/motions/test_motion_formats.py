@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -15,13 +16,13 @@ import scipy.io
 import yaml
 from designed import irp6, panda, ur10e
 from hypothesis import example, given, strategies as st
-from robot_programs import krl_program, rapid_moves, ur_program
+from robot_programs import broken_rules, krl_program, rapid_moves, ur_program
 
 import excite
 from excite.design.design import Design
 from excite.errors import BrokenLimitError
 from excite.export.exported import Exported
-from excite.export.motions.ros2 import broken_rules, check_rules, quoted
+from excite.export.motions.ros2 import Ros2Yaml, quoted
 from excite.logs.mapping import read_mapping
 from excite.registry import MOTION_FORMATS
 from regressors.readers.documents import yaml_float
@@ -276,50 +277,11 @@ def test_names_of_folders_stay_in_comments(name: str, tmp_path: Path) -> None:
     assert yaml.safe_load(written.files[1].read_text())["rosbag2_recorder"]
 
 
-JOINTS = ("a", "b")
-
-
-def trajectory() -> dict[str, Any]:
-    def point(sec: int, q: float, v: float) -> dict[str, Any]:
-        rates = {"velocities": [v, v], "accelerations": [0.0, 0.0], "effort": []}
-        return {"positions": [q, q], **rates, "time_from_start": {"sec": sec, "nanosec": 5}}
-
-    points = [point(0, 0.0, 0.0), point(1, 1.0, 0.5), point(2, 2.0, 0.0)]
-    return {"header": {"stamp": {"sec": 0, "nanosec": 0}}, "joint_names": ["b", "a"], "points": points}
-
-
-def change(*place: Any, to: Any) -> Callable[[dict[str, Any]], None]:
-    def made(message: dict[str, Any]) -> None:
-        at: Any = message
-        for key in place[:-1]:
-            at = at[key]
-        at[place[-1]] = to
-
-    return made
-
-
-def test_each_rule_is_checked() -> None:
-    assert broken_rules(trajectory(), JOINTS) == []
-    for changed, word in (
-        (change("joint_names", to=["a"]), "joint_names"),
-        (change("joint_names", to=["a", "c"]), "joint_names"),
-        (change("points", to=[]), "no points"),
-        (change("header", "stamp", "sec", to=1), "stamp"),
-        (change("points", 2, "velocities", to=[0.0, 1.2e-7]), "last point"),
-        (change("points", 1, "time_from_start", to={"sec": 0, "nanosec": 5}), "time_from_start"),
-        (change("points", 2, "time_from_start", to={"sec": 1, "nanosec": 4}), "time_from_start"),
-        (change("points", 0, "time_from_start", to={"sec": -1, "nanosec": 0}), "time_from_start"),
-        (change("points", 1, "time_from_start", to={"sec": 0, "nanosec": 1_000_000_000}), "time_from_start"),
-        (change("points", 1, "positions", to=[1.0]), "positions"),
-        (change("points", 1, "velocities", to=[]), "velocities"),
-        (change("points", 1, "accelerations", to=[0.0]), "accelerations"),
-        (change("points", 1, "effort", to=[0.0, 0.0]), "effort"),
-    ):
-        message = trajectory()
-        changed(message)
-        assert any(word in rule for rule in broken_rules(message, JOINTS))
-        with pytest.raises(BrokenLimitError, match="joint_trajectory_controller refuses the motion"):
-            check_rules(message, JOINTS)
+@pytest.mark.parametrize(("last", "refused"), [(0.0, False), (1.1e-7, False), (-1.3e-7, True)])
+def test_a_goal_that_does_not_end_at_rest_is_refused(last: float, refused: bool) -> None:
+    motion: Any = SimpleNamespace(samples=SimpleNamespace(dq=np.array([[1.0, 1.0], [0.0, last]])))
+    with pytest.raises(BrokenLimitError, match="the velocities of the last point") if refused else nullcontext():
+        Ros2Yaml().check(motion)
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
