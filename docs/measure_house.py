@@ -18,16 +18,16 @@ PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
     "lines": 83_750,
     "lines of code": 51_450,
-    "files": 375,
-    "classes": 764,
+    "files": 374,
+    "classes": 762,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 22,
     "imports inside functions": 90,
     "look-ups of built-in parts by name": 17,
-    "lines of code of tests": 36_400,
+    "lines of code of tests": 36_320,
     "rooms": 22,
     "floors of rooms": 11,
-    "arrows between rooms": 141,
+    "arrows between rooms": 140,
 }
 _TABLE = re.compile(r"(<!-- size -->\n).*?(<!-- end of size -->)", re.DOTALL)
 

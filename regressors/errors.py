@@ -1,8 +1,10 @@
-"""Errors that a caller can act on, and text of others in their messages."""
+"""Errors that a caller can act on, text of others in their messages, and what readers notice without an error."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 
 class ExciteError(Exception):
@@ -90,3 +92,26 @@ def listed_names(names: Iterable[str], most: int = _LISTED) -> str:
     names = list(names)
     more = len(names) - most
     return ", ".join(map(cut, names[:most])) + (f" and {more} more" if more > 0 else "") if names else "none"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of a health report."""
+
+    # read as it stands; taken for granted, since the file does not say; changed to the exact value; not in the file;
+    # in the file, but hardly right
+    kind: Literal["found", "assumed", "snapped", "missing", "suspicious"]
+    where: str  # link, joint or file
+    what: str  # what was noticed, in words
+    advice: str = ""  # what to do about it; empty where nothing is to be done
+
+    def __str__(self) -> str:
+        """Whole sentence for notes and messages."""
+        return f"{self.where}: {self.what}" + (f"; {self.advice}" if self.advice else "")
+
+
+@dataclass(frozen=True)
+class MissingRange(Finding):
+    """A joint that is not continuous, but whose range is not stated."""
+
+    joint: str = ""  # its name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,3 +44,9 @@ class Samples:
     def rows(self, part: slice | Index) -> Samples:
         """Some of the instants."""
         return Samples(*(getattr(self, name)[part] for name in ("time", "q", "dq", "ddq", "dddq")))
+
+    @staticmethod
+    def joined(parts: Sequence[Samples]) -> Samples:
+        """Instants of several motions, one after the other."""
+        names = ("time", "q", "dq", "ddq", "dddq")
+        return Samples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

@@ -31,7 +31,6 @@ from excite.identification.large_residual import (
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
-from excite.identification.preparation import PreparedLog
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
@@ -68,7 +67,7 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     target = instantaneous_target(result.robot, result.task, result.recipe)
     checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
     if target.base.names == result.names and _residual_size(result) <= LARGEST:  # a larger one is no noise
-        expected = expected_error(target, result.observations, result.estimate, _travelled(result.prepared))
+        expected = expected_error(target, result.observations, result.estimate, _motions(result))
         method, tried = result.estimate.method, _tried(result)
         checks.append(few_data(len(result.prepared), expected, method, _excess(result), tried=tried))
     return tuple(warning for warning in checks if warning is not None)
@@ -124,12 +123,9 @@ def _excess(result: Identification) -> float:
     return float(np.sqrt(max(0.0, scored[0] ** 2 - _residual_size(result) ** 2))) if scored else 0.0
 
 
-def _travelled(prepared: tuple[PreparedLog, ...]) -> Samples:
+def _motions(result: Identification) -> Samples:
     """Motions of all logs, one after the other."""
-    parts = [part.samples for part in prepared]
-    if len(parts) == 1:
-        return parts[0]
-    return Samples(*(np.concatenate([getattr(s, name) for s in parts]) for name in ("time", "q", "dq", "ddq", "dddq")))
+    return Samples.joined([part.samples for part in result.prepared])
 
 
 def _shares(result: Identification) -> Array:
@@ -151,7 +147,7 @@ def _derivatives(result: Identification) -> NoisyDerivatives:
 
 
 def _mass_matrix(result: Identification, target: IdentificationTarget, noise: NoisyDerivatives) -> Doubt | None:
-    poses = allowed_poses(target.robot, _travelled(result.prepared).q)
+    poses = allowed_poses(target.robot, _motions(result).q)
     least = least_inertia(target, result.coefficients, result.estimate.covariance, poses)
     return mass_matrix_check(least, _tried(result), noise)
 
@@ -161,7 +157,7 @@ def _gravity(result: Identification, target: IdentificationTarget) -> Doubt | No
     known = described_coefficients(target.base, standard_values(target.robot))
     if known is None or target.model.torque_equations() is None or implausible_inertias(target.robot):
         return None
-    q = allowed_poses(target.robot, _travelled(result.prepared).q)
+    q = allowed_poses(target.robot, _motions(result).q)
     still = np.zeros_like(q)
     Y = target.model.instants(Samples(np.arange(len(q), dtype=float), q, still, still, still))[:, target.base.index]
     inertial = np.array([target.base.columns[j].group == "inertial" for j in target.base.index])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -73,17 +74,28 @@ def _clipped(names: tuple[str, ...], y: Array) -> Iterator[Fault]:
                 break
 
 
-def torque_faults(names: tuple[str, ...]) -> Iterator[Fault]:
-    """Faults of torque columns that have no value of their own."""
+def column_faults(names: tuple[str, ...]) -> Iterator[Fault]:
+    """Faults of columns that have no value of their own."""
     n = len(names)
-    for a, b in combinations(range(n), 2):
-        yield Fault(
-            "torques swapped",
-            (names[a], names[b]),
-            f"the torque columns of {names[a]} and {names[b]} are exchanged",
-            f"exchange these two `columns` of the torques in the mapping{_order(names, _exchanged(n, a, b))}",
-            torques=np.eye(n)[_exchanged(n, a, b)],
-        )
+    for what, signed in (("torque", "torques"), ("position", "positions and velocities")):
+        for a, b in combinations(range(n), 2):
+            order = list(range(n))
+            order[a], order[b] = b, a
+            yield Fault(
+                f"{what}s swapped",
+                (names[a], names[b]),
+                f"the {what} columns of {names[a]} and {names[b]} are exchanged",
+                f"exchange these two `columns` of the {what}s in the mapping{_order(names, order)}",
+                **_undone(what, np.eye(n)[order]),
+            )
+        for j, name in enumerate(names):
+            yield Fault(
+                f"{what} sign",
+                (name,),
+                f"the {what}s of {name} have the opposite sign",
+                f"use `{_each('sign', n, j, '-1')}` for the {signed} in the mapping",
+                **_undone(what, np.diag(np.where(np.arange(n) == j, -1.0, 1.0))),
+            )
     for shift in (1, -1) if n > 2 else ():
         order = [(k + shift) % n for k in range(n)]
         yield Fault(
@@ -93,36 +105,11 @@ def torque_faults(names: tuple[str, ...]) -> Iterator[Fault]:
             f"shift the `columns` of the torques in the mapping by one{_order(names, order)}",
             torques=np.eye(n)[order],
         )
-    for j, name in enumerate(names):
-        yield Fault(
-            "torque sign",
-            (name,),
-            f"the torques of {name} have the opposite sign",
-            f"use `{_each('sign', n, j, '-1')}` for the torques in the mapping",
-            torques=np.diag(np.where(np.arange(n) == j, -1.0, 1.0)),
-        )
 
 
-def position_faults(names: tuple[str, ...]) -> Iterator[Fault]:
-    """Faults of position columns that have no value of their own."""
-    n = len(names)
-    for a, b in combinations(range(n), 2):
-        order = _exchanged(n, a, b)
-        yield Fault(
-            "positions swapped",
-            (names[a], names[b]),
-            f"the position columns of {names[a]} and {names[b]} are exchanged",
-            f"exchange these two `columns` of the positions in the mapping{_order(names, order)}",
-            positions=(np.eye(n)[order], np.zeros(n)),
-        )
-    for j, name in enumerate(names):
-        yield Fault(
-            "position sign",
-            (name,),
-            f"the positions of {name} have the opposite sign",
-            f"use `{_each('sign', n, j, '-1')}` for the positions and velocities in the mapping",
-            positions=(np.diag(np.where(np.arange(n) == j, -1.0, 1.0)), np.zeros(n)),
-        )
+def _undone(what: str, A: Array) -> dict[str, Any]:
+    """What undoes a fault of the torques, or of the positions."""
+    return {"torques": A} if what == "torque" else {"positions": (A, np.zeros(len(A)))}
 
 
 _UNITS = {1e3: ("kNm", "Nm"), 1e-3: ("mNm", "Nm")}  # of factors: what was recorded, and taken for
@@ -152,22 +139,12 @@ def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
     concerned = tuple(name for name, d in zip(names, late, strict=True) if d)
     delay = step * float(late[np.argmax(np.abs(late))])
     how = "later" if delay > 0 else "earlier"
+    kind, cure = "channel late", "shift its column in time before you give the log: a mapping has no delay of one joint"
+    what = f"the torques of {', '.join(concerned)} are {1e3 * abs(delay):.3g} ms {how} than those of the other joints"
     if len(concerned) == len(names):
-        return Fault(
-            "late",
-            names,
-            f"all torques are {1e3 * abs(delay):.3g} ms {how} than the positions",
-            f"use `delay={delay:.3g}`",
-            late=late,
-            longest=abs(delay),
-        )
-    return Fault(
-        "channel late",
-        concerned,
-        f"the torques of {', '.join(concerned)} are {1e3 * abs(delay):.3g} ms {how} than those of the other joints",
-        "shift its column in time before you give the log: a mapping has no delay of one joint",
-        late=late,
-    )
+        kind, cure = "late", f"use `delay={delay:.3g}`"
+        what = f"all torques are {1e3 * abs(delay):.3g} ms {how} than the positions"
+    return Fault(kind, concerned, what, cure, late=late, longest=abs(delay))
 
 
 def zero_fault(names: tuple[str, ...], j: int, zero: float) -> Fault:
@@ -181,12 +158,6 @@ def zero_fault(names: tuple[str, ...], j: int, zero: float) -> Fault:
         f"unit is deg, or {-zero:.3g} in rad",
         positions=(np.eye(n), np.where(np.arange(n) == j, zero, 0.0)),
     )
-
-
-def _exchanged(n: int, a: int, b: int) -> list[int]:
-    order = list(range(n))
-    order[a], order[b] = b, a
-    return order
 
 
 def _each(key: str, n: int, j: int, value: str, other: str = "1") -> str:

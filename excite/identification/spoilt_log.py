@@ -24,11 +24,10 @@ from excite.identification.log_faults import (
     NO_FAULT,
     ODD_GAIN,
     Fault,
+    column_faults,
     delay_fault,
     gain_fault,
     obvious_faults,
-    position_faults,
-    torque_faults,
     zero_fault,
 )
 from excite.identification.preparation import PreparedLog
@@ -132,9 +131,6 @@ def _alike(one: Fault, other: Fault) -> bool:
 _SPOILT = "the log is spoilt:"
 
 
-# ---------------------------------------------------------------- the fit
-
-
 @dataclass(frozen=True, eq=False)
 class FaultSearch:
     """Faults tried on some instants of the logs."""
@@ -157,9 +153,7 @@ class FaultSearch:
         """The search of some logs, at instants evenly spread over the rows that make equations."""
         chosen = [_chosen(part, INSTANTS // len(parts)) for part in parts]
         samples = [part.samples.rows(rows) for part, rows in zip(parts, chosen, strict=True)]
-        joined = Samples(
-            *(np.concatenate([getattr(s, name) for s in samples]) for name in ("time", "q", "dq", "ddq", "dddq"))
-        )
+        joined = Samples.joined(samples)
         uniform = [_on_grid(part) for part in parts]
 
         def torques(late: Index) -> Array:
@@ -191,13 +185,14 @@ class FaultSearch:
     def fits(self) -> list[Fit]:
         """Fits with each fault undone."""
         names = self.target.robot.joint_names
-        fits = [self.plain.fit(fault) for fault in torque_faults(names)]
-        fits += [self._fit(fault) for fault in position_faults(names)]
+        fits = [self._fit(fault) for fault in column_faults(names)]
         fits += [fit for j in range(len(names)) if (fit := self._with_gain(j)) is not None]
         return [*fits, *self._delayed(), *self._zeros()]
 
     def _fit(self, fault: Fault) -> Fit:
-        """Fit with a fault of positions or of times undone."""
+        """Fit with a fault undone."""
+        if fault.positions is None and fault.late is None:
+            return self.plain.fit(fault)
         late = np.zeros(len(self.target.robot.joint_names), dtype=int) if fault.late is None else fault.late
         if fault.positions is None:
             return Equations.of(self, self.samples, self.columns, self.torques(late)).fit(fault)

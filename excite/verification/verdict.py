@@ -98,7 +98,8 @@ def verdict(
             f"more than {100 * tolerances.torque:g} %"
         )
     elif not named["confirmed"] and not against:
-        against.append(f"this log cannot judge it, since its noise is as large as the torques of {_all(torques)}")
+        names = ", ".join(t.name for t in torques)
+        against.append(f"this log cannot judge it, since its noise is as large as the torques of {names}")
     for m in motions:
         if math.isfinite(m.relative) and m.relative > tolerances.motion:
             remarks.append(
@@ -112,10 +113,6 @@ def _share_in_motion(t: TorqueError) -> float:
     """Root of the share that the slow error in motion has of all slow error."""
     slow = t.standstill + t.systematic
     return float(np.sqrt(t.systematic / slow)) if slow > 0 else 1.0
-
-
-def _all(torques: Sequence[TorqueError]) -> str:
-    return ", ".join(t.name for t in torques)
 
 
 def _of_total(

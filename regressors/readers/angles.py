@@ -13,8 +13,8 @@ from decimal import ROUND_DOWN, ROUND_HALF_EVEN, Decimal
 
 import numpy as np
 
+from regressors.errors import Finding
 from regressors.readers.urdf_elements import XmlElement
-from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array
 
 _PI = Decimal("3.14159265358979323846264338327950288419716939937510582")

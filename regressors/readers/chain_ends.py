@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import Finding, InputError, UnknownName
 from regressors.readers.description import range_of
 from regressors.readers.urdf_tree import MOVING, TreeJoint, UrdfTree, listing
-from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array
 from regressors.robot.robot import Joint, JointKind
 

@@ -13,13 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import Finding, InputError, MissingRange, UnknownName
 from regressors.input_files import read_text
 from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.readers.urdf_tree import TreeJoint
 from regressors.robot.columns import FRICTION_KINDS, ROTOR, Column, body_columns, drive_column
-from regressors.robot.finding import Finding, MissingRange
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import BASE, Aggregates, Branch, Limits, Link, Robot, Structure, Transmission
 

@@ -9,10 +9,10 @@ from functools import cached_property
 
 import numpy as np
 
+from regressors.errors import Finding
 from regressors.readers.chain_ends import Chain, carried, resting_rotation
 from regressors.readers.description import range_findings, range_of
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, listing
-from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array
 from regressors.robot.plausibility import principal_moments
 

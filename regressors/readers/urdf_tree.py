@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from regressors.errors import InputError
+from regressors.errors import Finding, InputError
 from regressors.readers.angles import AngleReader
 from regressors.readers.urdf_elements import XmlElement, check_words, robot_element
-from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array, from_centre_of_mass
 
 MOVING = ("revolute", "continuous", "prismatic")

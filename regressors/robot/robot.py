@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName, long_name
+from regressors.errors import Finding, InputError, UnknownName, long_name
 from regressors.quantities import place_of
-from regressors.robot.finding import Finding
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array
 from regressors.robot.shapes import Part

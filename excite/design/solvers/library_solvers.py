@@ -117,9 +117,6 @@ class _Rows:
         return [{"type": "ineq", "fun": lambda x: rows @ x + room, "jac": lambda _: rows}]
 
 
-# ---------------------------------------------------------------- IPOPT
-
-
 class _Objective(ca.Callback):  # type: ignore[misc]
     """Smooth objective of one stage, with its gradient as the Jacobian."""
 

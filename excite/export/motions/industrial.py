@@ -154,9 +154,6 @@ def fri_recorder(motion: SampledDesign) -> Recorder:
     )
 
 
-# ---------------------------------------------------------------- ABB
-
-
 _NO_AXES = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
 
 

@@ -30,11 +30,10 @@ from excite.views.motion_plot import motion_figure
 from excite.views.page_text import page_text
 from excite.views.player_log import Appearance
 from excite.views.sections import section_of
-from regressors.errors import InputError
+from regressors.errors import Finding, InputError
 from regressors.readers.description import parse_description
 from regressors.readers.library import built_in, built_in_names
 from regressors.robot.archive import robot_from_description
-from regressors.robot.finding import Finding
 from regressors.robot.robot import Joint, Limits, Robot
 
 SHORT = {"harmonics": 3, "period": 5.0, "rate": 50.0, "starts": 2, "executor": "serial"}

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from public_arms import ARMS, Arm
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, MissingRange, UnknownName
 from regressors.models.base import base_parameters
 from regressors.models.differential import DifferentialModel
 from regressors.readers.description import refuse_missing_ranges
@@ -18,7 +18,6 @@ from regressors.readers.health import Body, inertia_findings
 from regressors.readers.library import built_in, built_in_names
 from regressors.readers.urdf import parse_urdf, read_urdf
 from regressors.readers.urdf_elements import edits, nearest
-from regressors.robot.finding import MissingRange
 from regressors.robot.inertia import from_centre_of_mass
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
