@@ -400,6 +400,6 @@ def stated_covariance(result: Identification) -> Array | None:
 
 
 def unconstrained_estimate(result: Identification) -> Array:
-    """Base parameters by the data alone, without bounds and pull where the result has them, shape (b,)."""
+    """Base parameters by the data alone, without bounds where the result has them, shape (b,)."""
     free = result.estimate.unconstrained
     return result.coefficients if free is None else free

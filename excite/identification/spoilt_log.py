@@ -108,7 +108,9 @@ def named(none: Fit, fits: list[Fit]) -> Doubt | None:
     ranked = sorted(fits, key=lambda fit: fit.size)
     best = ranked[0]
     close = [fit for fit in ranked if fit.size - best.size <= MARGIN and fit.fault.label != best.fault.label]
-    alike = [best.fault, *(fit.fault for fit in close if _alike(fit.fault, best.fault))]
+    one_of_two = [fit.fault for fit in close if fit.fault.joints == best.fault.joints]  # a fault of the same joint, or
+    one_of_two += [fit.fault for fit in close if fit.fault.kind == best.fault.kind == "torque gain"]  # of a ratio alone
+    alike = [best.fault, *one_of_two]
     falls = float(np.max(none.errors / np.maximum(best.errors, _LEAST_ERROR)))
     needed = max(GAIN, _GAIN_EACH * len(best.fault.joints))
     if not (none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED):
@@ -121,11 +123,6 @@ def named(none: Fit, fits: list[Fit]) -> Doubt | None:
         ", or ".join(fault.cure for fault in alike),
         about="torques",
     )
-
-
-def _alike(one: Fault, other: Fault) -> bool:
-    """Whether two faults are of one joint, or of the gains of two, of which a log may show the ratio only."""
-    return one.joints == other.joints or one.kind == other.kind == "torque gain"
 
 
 _SPOILT = "the log is spoilt:"

@@ -81,7 +81,8 @@ def verdict(
     named: dict[str, list[str]] = {"confirmed": [], "contradicted": [], "undecided": []}
     poor: list[str] = []
     for t, part in zip(torques, corrected, strict=True):
-        moving = _share_in_motion(t)
+        slow = t.standstill + t.systematic
+        moving = float(np.sqrt(t.systematic / slow)) if slow > 0 else 1.0  # of the slow error
         if part.relative * moving <= tolerances.torque:
             named["confirmed"].append(t.name)
             if part.relative > 2 * tolerances.torque:
@@ -107,12 +108,6 @@ def verdict(
                 f"travel, more than {100 * tolerances.motion:g} %"
             )
     return Verdict(tuple(against), tuple(remarks), **{key: tuple(names) for key, names in named.items()})
-
-
-def _share_in_motion(t: TorqueError) -> float:
-    """Root of the share that the slow error in motion has of all slow error."""
-    slow = t.standstill + t.systematic
-    return float(np.sqrt(t.systematic / slow)) if slow > 0 else 1.0
 
 
 def _of_total(
