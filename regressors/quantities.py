@@ -132,7 +132,6 @@ QUANTITIES: Mapping[str, Quantity] = {
     "standstill": replace(SPEED, zero=True, least=1e-12),
     "torque_factors": Quantity("", 1e-6, 1e6),
     "temperature": TEMPERATURE,
-    "pull": Quantity("", 1e-12, 1e12, zero=True),
     "described_within": Quantity("", 1e-6, 1e6),
     "delay": Quantity("s", -1e4, 1e4),
     "known_mass": MASS,

@@ -27,7 +27,7 @@ from regressors.errors import InputError, UnknownName
 from regressors.samples import Array, Index
 
 _EQUAL = ("least-squares", "recursive")  # methods that weight all rows equally
-_WEIGHTED = ("weighted", "huber", "physical", "log-cholesky")
+_WEIGHTED = ("weighted", "huber", "physical")
 METHODS = (*_EQUAL, *_WEIGHTED)
 _BLOCK = 2**13  # rows that are multiplied at once
 _SHOWN = 1e-3  # share of its mean by which a stretch of rows must show a direction

@@ -39,6 +39,10 @@ RESULT, KIND = "result.json", "result"
 CURVES = curves_file(KIND)
 REPETITIONS = "repetitions"
 SO_FAR = "repetitions-so-far.npz"  # until all are computed
+_PULLED = (
+    "identified with a pull of {:g} towards the described bodies, a setting that is no longer there; described_within "
+    "serves the same"
+)
 FIGURES = ("torques", "residuals", "parameters", "estimates", REPETITIONS)
 
 
@@ -125,6 +129,7 @@ def _result(folder: Path, path: Path, allowed: Collection[str], own: dict[str, A
             "folder": path.parent,
             "task": task,
             "recipe": _recipe(content["recipe"], own.get("estimator"), allowed),
+            "notes": [*content["notes"], *([_PULLED.format(pull)] if (pull := content["recipe"].get("pull")) else [])],
             "friction": task.known_friction if friction is None else friction_of(friction["text"], friction["file"]),
             "friction_entry": friction,
         }

@@ -138,6 +138,21 @@ def test_older_files_are_read_and_written_anew(sample: str, tmp_path: Path) -> N
     assert repr(again) == repr(read)
 
 
+def test_an_older_result_says_that_it_was_identified_with_a_pull(tmp_path: Path) -> None:
+    """Read, written anew and read again: the note stands once, and the estimate is as it was."""
+    older = json.loads((SAMPLES / "result-1" / "result.json").read_text())
+    for changed, added in ({"pull": 0.5}, 1), ({"pull": 0}, 0):
+        (tmp_path / "result.json").write_text(json.dumps({**older, "recipe": {**older["recipe"], **changed}}))
+        read = load_result(tmp_path)
+        read.save(tmp_path / str(added))
+        again = load_result(tmp_path / str(added))
+        for result in (read, again):
+            notes = [note for note in result.estimate.notes if note.startswith("identified with a pull of 0.5 towards")]
+            assert (len(notes), len(result.estimate.notes)) == (added, len(older["notes"]) + added)
+            assert [p["value"] for p in plain(result)["parameters"]] == [p["value"] for p in older["parameters"]]
+            assert "pull" not in plain(result)["recipe"]
+
+
 def test_parameters_that_are_not_shown_are_null(tmp_path: Path) -> None:
     # of a motion of the second drive alone the whole model shows combinations only
     result = found(TASK, played(periodic(mixed([0.0, 1.0, -1.0]), 2), 3))
