@@ -39,10 +39,7 @@ RESULT, KIND = "result.json", "result"
 CURVES = curves_file(KIND)
 REPETITIONS = "repetitions"
 SO_FAR = "repetitions-so-far.npz"  # until all are computed
-_PULLED = (
-    "identified with a pull of {:g} towards the described bodies, a setting that is no longer there; described_within "
-    "serves the same"
-)
+_PULLED = "identified with a pull of {:g} towards the described bodies, a setting that is gone (see described_within)"
 FIGURES = ("torques", "residuals", "parameters", "estimates", REPETITIONS)
 
 

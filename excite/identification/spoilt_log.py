@@ -54,6 +54,7 @@ _ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
 _EXPLAINED = (
     0.5  # a larger error of the joints explains nothing, as where noisy accelerations are larger than real ones
 )
+_SPOILT = "the log is spoilt:"
 _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
@@ -108,9 +109,8 @@ def named(none: Fit, fits: list[Fit]) -> Doubt | None:
     ranked = sorted(fits, key=lambda fit: fit.size)
     best = ranked[0]
     close = [fit for fit in ranked if fit.size - best.size <= MARGIN and fit.fault.label != best.fault.label]
-    one_of_two = [fit.fault for fit in close if fit.fault.joints == best.fault.joints]  # a fault of the same joint, or
-    one_of_two += [fit.fault for fit in close if fit.fault.kind == best.fault.kind == "torque gain"]  # of a ratio alone
-    alike = [best.fault, *one_of_two]
+    alike = [best.fault, *(fit.fault for fit in close if fit.fault.joints == best.fault.joints)]
+    alike += [fit.fault for fit in close if fit.fault.kind == best.fault.kind == "torque gain"]  # only a ratio shows
     falls = float(np.max(none.errors / np.maximum(best.errors, _LEAST_ERROR)))
     needed = max(GAIN, _GAIN_EACH * len(best.fault.joints))
     if not (none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED):
@@ -123,9 +123,6 @@ def named(none: Fit, fits: list[Fit]) -> Doubt | None:
         ", or ".join(fault.cure for fault in alike),
         about="torques",
     )
-
-
-_SPOILT = "the log is spoilt:"
 
 
 @dataclass(frozen=True, eq=False)
