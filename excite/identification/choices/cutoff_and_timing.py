@@ -29,8 +29,8 @@ def choose_cutoff_and_timing(
 ) -> Chosen:
     """Choose the cutoff, the presliding of friction and the delay of the torques.
 
-    The errors of a delay that is not known hide what a cutoff does. So where a delay is found, the cutoff is chosen
-    again with it, and the delay again with that cutoff, until the cutoff stays.
+    The errors of a delay or a friction that is not known hide what a cutoff does. So where one is found, the cutoff is
+    chosen again with it, and the timing again with that cutoff, until the cutoff stays.
     """
     if not cutoffs:
         return choose_timing(scoring, recipe, free)
@@ -45,7 +45,7 @@ def choose_cutoff_and_timing(
         if of_timing and cutoff == known.cutoff:
             break
         known, of_timing = choose_timing(scoring, replace(recipe, cutoff=cutoff), free)
-        if known.delay == recipe.delay:
+        if known == replace(recipe, cutoff=cutoff):
             break
     return known, (choice, *of_timing)
 
@@ -56,7 +56,7 @@ _STEP = 2.0  # between the cutoffs that are tried first
 PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.logs.signals.filters.edge`
 _CUT = 0.05  # largest share of a log that may be cut from each end
 _HIGHEST = 0.35  # of the sample rate
-_PLATEAU = 0.001  # of the score: a gain that counts as none
+_PLATEAU = 0.001, 0.005  # of the score: a gain that counts as none, within its standard error up to the second
 
 
 def cutoff_candidates(duration: float, rate: float) -> list[float]:
@@ -73,10 +73,9 @@ def cutoff_candidates(duration: float, rate: float) -> list[float]:
 
 
 def choose_cutoff(candidates: Sequence[float], scored: Scored) -> tuple[float, Choice]:
-    """Highest cutoff whose motion predicts left-out torques as well as the best, within the standard error.
+    """Highest cutoff that predicts as well as the best, within the standard error: by octaves, then beside the best.
 
     A cutoff that is too low loses motion; one that is too high lets noise through, which spoils the accelerations.
-    Candidates are tried by octaves, then between the neighbours of the best.
     """
     scores = {cutoff: scored(cutoff) for cutoff in candidates}
     for ratio in (np.sqrt(_STEP), np.sqrt(np.sqrt(_STEP))):
@@ -85,11 +84,12 @@ def choose_cutoff(candidates: Sequence[float], scored: Scored) -> tuple[float, C
             if min(scores) < near < max(scores) and not any(abs(np.log(near / c)) < 1e-6 for c in scores):
                 scores[near] = scored(near)
     best, last = best_of(scores), max(scores)
-    chosen = max(cutoff for cutoff, errors in scores.items() if not scores[best].is_better(errors, _PLATEAU))
+    gains = {cutoff: scores[best].gain_over(errors) for cutoff, errors in scores.items()}
+    chosen = max(cutoff for cutoff, (gain, e) in gains.items() if gain <= min(max(e, _PLATEAU[0]), _PLATEAU[1]))
     value = float(f"{chosen:.3g}")
     reason = f"positions are low-passed at {value:g} Hz, which predicts left-out torques to {scores[chosen].percent}"
     if chosen != best:
-        gain, deviation = scores[best].gain_over(scores[chosen])
+        gain, deviation = gains[chosen]
         reason += (
             f" ({best:.3g} Hz: {scores[best].percent}, better by {100 * gain:.2g} +- {100 * deviation:.2g} % only)"
         )
@@ -194,10 +194,10 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         chosen = exact
     elif last[0].breakaway and not best[1].is_better(last[1], _HOLDING):
         chosen = last
+    words = _sliding_words(chosen[0])
     if len(timings) == 1:
         return chosen[0], chosen[2]
     listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
-    words = _sliding_words(chosen[0])
     return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
 
 
