@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import platform
 import sys
 import time
@@ -16,6 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import version
 from itertools import takewhile
 from pathlib import Path
+from shutil import get_terminal_size
 from textwrap import wrap
 from typing import Any, Literal
 
@@ -71,8 +71,7 @@ def _print_text(
     details: Callable[[], None] | None = None,
 ) -> None:
     out = console()
-    told = sys.stdout.isatty() or "COLUMNS" in os.environ
-    width = min(out.width, _COLUMNS) if told else _COLUMNS
+    width = min(get_terminal_size((_COLUMNS, _LINES)).columns, _COLUMNS)
     verdict = _wrapped(view.verdict, width, "")
     for line in verdict:
         style = _CAUTION if view.caution and view.holds is not False else _OF_VERDICT[view.holds]
