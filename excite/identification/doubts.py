@@ -96,30 +96,18 @@ def _possible(result: Identification) -> str:
 def _known(result: Identification) -> str:
     """Which parameters are known, which are not, and what would show them."""
     estimate = result.estimate
-    known, hidden = int(np.sum(estimate.relative_deviation < WELL)), not_shown(result)
+    known = int(np.sum(estimate.relative_deviation < WELL))
     text = f"parameters: {known} of {len(result.names)} have a standard deviation below {100 * WELL:g} % of their value"
     with np.errstate(invalid="ignore"):
-        vague = [n for n, d in zip(result.names, estimate.relative_deviation, strict=True) if d > 1 and n not in hidden]
+        vague = [n for n, d in zip(result.names, estimate.relative_deviation, strict=True) if np.isfinite(d) and d > 1]
     if vague:
         text += f"; too small for these logs, if not zero: {listed_names(vague, _NAMED)}"
-    if hidden:
+    if estimate.unseen:
         text += (
-            f"; not shown by these logs: {listed_names(hidden, _NAMED)}, which a motion designed for them or values "
-            "known beforehand would show"
+            f"; not identifiable from these logs: {listed_names(estimate.unseen, _NAMED)}, which a motion designed for "
+            "them or values known beforehand would show"
         )
     return text
-
-
-_BEYOND = 100.0  # times what a parameter may be
-
-
-def not_shown(result: Identification) -> tuple[str, ...]:
-    """Parameters that the logs do not show: not identified, or within an interval of 100 times what they may be."""
-    estimate, reference = result.estimate, result.reference
-    size = np.abs(estimate.values)
-    size = size if reference is None else np.fmax(size, np.abs(reference.values))
-    beyond = estimate.half_width > _BEYOND * size
-    return tuple(n for n, b in zip(result.names, beyond, strict=True) if b or n in estimate.unseen)
 
 
 def _tried(result: Identification) -> str:

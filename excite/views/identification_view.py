@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.design.task_file import task_content
 from excite.identification.between_logs import interval_scope, scatter_warning
-from excite.identification.doubts import answers, not_shown
+from excite.identification.doubts import answers
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import KIND
@@ -120,9 +120,8 @@ def _repeated(result: Identification) -> tuple[str, ...]:
 
 def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
     """The parameters with the widest intervals beside their size."""
-    estimate, hidden = result.estimate, not_shown(result)
-    shown = np.isfinite(estimate.relative_deviation) & [name not in hidden for name in estimate.names]
-    sized = np.where(shown, estimate.relative_deviation, -1.0)
+    estimate = result.estimate
+    sized = np.where(np.isfinite(estimate.relative_deviation), estimate.relative_deviation, -1.0)
     columns = headed("*least certain:text, *value:4, *99 %:text, *unit:unit, *std. dev.:text")
     rows = tuple(
         (estimate.names[k], estimate.values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], _size(sized[k]))
@@ -144,12 +143,12 @@ def _logs(result: Identification) -> ViewTable:
 
 def _parameters(result: Identification) -> ViewTable:
     """Marked: ends of the intervals that contain zero."""
-    estimate, facts, hidden = result.estimate, result.facts, not_shown(result)
+    estimate, facts = result.estimate, result.facts
     reference = result.reference
     values = np.full(len(estimate.names), np.nan) if reference is None else reference.values
     columns = (
         *headed("parameter:text"),
-        *numbers("value", missing="not shown"),
+        *numbers("value", missing="not identifiable"),
         *headed("lower, upper, unit:unit, std. dev., relative:%"),
         *((Column("truth" if reference.kind == "truth" else "described"),) if reference is not None else ()),
         *((Column("at the motor", Format.TEXT),) if facts.motor_sides else ()),
@@ -162,9 +161,8 @@ def _parameters(result: Identification) -> ViewTable:
             marked |= {(k, 2): "bad", (k, 3): "bad"}
         rows.append(
             (
-                name, math.nan if name in hidden else float(estimate.values[k]), low, high, estimate.units[k],
-                float(estimate.deviation[k]), float(estimate.relative_deviation[k]),
-                *((float(values[k]),) if reference is not None else ()),
+                name, float(estimate.values[k]), low, high, estimate.units[k], float(estimate.deviation[k]),
+                float(estimate.relative_deviation[k]), *((float(values[k]),) if reference is not None else ()),
                 *((_at_the_motor(result, k),) if facts.motor_sides else ()), facts.base.expressions[k],
             )
         )  # fmt: skip
