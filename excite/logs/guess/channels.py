@@ -15,6 +15,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 _PREFERRED = frozenset({"actual", "measured", "meas", "state", "states", "joint", "feedback", "present"})
+_OF_COPIES = frozenset({"filtered", "filter", "filt", "smoothed", "smooth", "lowpass", "lp"})
 _AXIS = re.compile(r"^(.*?)(force|torque|f|t|m)[^a-z0-9]?([xyz])$", re.IGNORECASE)
 _UNIT_BEHIND = re.compile(r"\s*[\[(][^\])]*[\])]\s*$")
 
@@ -66,8 +67,14 @@ class ChannelGroup:
 
 
 def channel_groups(contents: Contents) -> list[ChannelGroup]:
-    """All groups of columns of a recording, by definitions and by names."""
-    return [group for stream in contents.streams for find in (_defined, _wrenches, _named) for group in find(stream)]
+    """All groups of columns of a recording, by definitions and by names, without filtered copies of others."""
+    groups = [group for stream in contents.streams for find in (_defined, _wrenches, _named) for group in find(stream)]
+    own = [(g.stream, g.quantity, set(g.columns)) for g in groups if not _OF_COPIES.intersection(g.common)]
+    return [
+        group
+        for group in groups
+        if not _OF_COPIES.intersection(group.common) or (group.stream, group.quantity, set(group.columns)) not in own
+    ]
 
 
 def _defined(stream: StreamContents) -> Iterator[ChannelGroup]:

@@ -180,6 +180,20 @@ def test_columns_without_names_are_found_by_their_numbers(tmp_path: Path, moved:
     assert "columns 8 ... 10, or columns 11 ... 13" in " ".join(guess.questions)
 
 
+@pytest.mark.parametrize("copy", ["filt_{}", "{}_filtered", "{}_lp"])
+def test_a_filtered_copy_is_not_proposed_beside_its_channel(tmp_path: Path, moved: Motion, copy: str) -> None:
+    quantities = {"q": moved.q, "tau": moved.tau}
+    copies = [copy.format(f"{name}{k}") for name in quantities for k in (1, 2)]
+    own = [f"{name}{k}" for name in quantities for k in (1, 2)]
+    table = np.column_stack([values[:, k] for values in quantities.values() for k in (0, 1)])
+    rows = np.column_stack([moved.time, 0.9 * table, table])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=",".join(["t", *copies, *own]), comments="")
+    guess = excite.guess_mapping(tmp_path / "log.csv")
+    assert guess.mapping.position.columns == own[:2]
+    assert guess.mapping.effort.columns == own[2:]
+    assert not any(copy.format(name) in question for question in guess.questions for name in ("q1", "tau1"))
+
+
 def test_joints_of_a_robot_are_taken_by_name(tmp_path: Path) -> None:
     robot, six = excite.load_robot("ur10e"), motion(6)
     names = [*reversed(robot.joint_names), "finger"]
