@@ -18,7 +18,7 @@ from regressors.robot.robot import Robot
 
 Findings = Iterator[tuple[bool, str]]
 _DEGREES = 180 / np.pi
-_SLOWEST_RATE = 5.0  # [Hz]
+_SLOWEST_RATE, _FASTEST_RATE = 5.0, 1e4  # [Hz]
 _SHORTEST_PATH = 0.01  # [rad or m], of a joint that is judged
 _AGREE = 0.1
 _ALIKE = 0.8  # correlation
@@ -112,14 +112,16 @@ def _positions(case: _Case) -> Findings:
 
 
 def _speeds(case: _Case) -> Findings:
-    """The slope of the positions against the velocity limits."""
-    fastest = np.abs(case.speed).max(axis=0)
-    for k in np.flatnonzero(fastest > _TIMES_LIMIT * case.limits.velocity):
-        unit = f"{case.units[k]}/s"
+    """The slope of the positions against the velocity limits, which some descriptions have as placeholders only."""
+    fastest, q, limits = np.abs(case.speed).max(axis=0), case.log.q, case.limits
+    within = np.all((q >= limits.lower) & (q <= limits.upper), axis=0) & np.isfinite(limits.upper - limits.lower)
+    for k in np.flatnonzero(fastest > _TIMES_LIMIT * limits.velocity):
+        unit, stands = f"{case.units[k]}/s", bool(within[k]) and case.log.rate < _FASTEST_RATE
         yield (
-            True,
+            not stands,
             f"{case.log.joints[k]} moves at up to {fastest[k]:.4g} {unit} by its positions, but its limit is "
-            f"{case.limits.velocity[k]:.4g} {unit}; check the units of position (degrees?) and of time",
+            f"{limits.velocity[k]:.4g} {unit}; check the units of position (degrees?) and of time"
+            + (", or the limit, which may stand for an unknown one" if stands else ""),
         )
 
 
