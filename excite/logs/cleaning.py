@@ -70,22 +70,26 @@ def _of_whole(log: Log, kind: str, time: Array, text: str) -> Event:
 def held_rows(log: Log) -> NDArray[np.bool_]:
     """Which rows are held, shape (N,)."""
     moving = np.any(moves(log), axis=1)
-    return np.asarray(moving & ~_standstill(log) & (_held_positions(log) | _held_torques(log, moving)))
+    still, caught_up = _long_runs(log)
+    return np.asarray(caught_up | (moving & ~still & (_held_positions(log) | _held_torques(log, moving))))
 
 
 def _equal(x: Array) -> NDArray[np.bool_]:
     return np.concatenate([[False], np.all(x[1:] == x[:-1], axis=1)])
 
 
-def _standstill(log: Log) -> NDArray[np.bool_]:
-    """Rows in which all joints stand still: equal positions for three rows or more, left without a jump."""
-    still = np.zeros(log.count, dtype=bool)
-    step = np.abs(np.diff(log.q, axis=0))
+def _long_runs(log: Log) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Rows of equal positions, three or more: of a standstill, left without a jump, or of a motion that it makes up."""
+    still, caught_up = np.zeros(log.count, dtype=bool), np.zeros(log.count, dtype=bool)
+    step, least = np.abs(np.diff(log.q, axis=0)), _STEPS * _grain(log.q)
     for a, b in runs(_equal(log.q)):
         if b - a >= _STILL:
             usual = np.median(step[max(0, a - _BEFORE) : a], axis=0)
-            still[a:b] = not (b < log.count and np.any(step[b - 1] > _JUMP * usual))
-    return still
+            after = step[b - 1] if b < log.count else np.zeros_like(usual)
+            jump = after > _JUMP * usual
+            still[a:b] = not np.any(jump)
+            caught_up[a:b] = np.any(jump & (usual > 0) & (after > least))
+    return still, caught_up
 
 
 def _held_positions(log: Log) -> NDArray[np.bool_]:

@@ -101,6 +101,12 @@ def test_a_recorder_hangs_and_a_robot_at_rest_repeats_itself():
     assert not held_rows(quiet)[3100:].any()
 
 
+@pytest.mark.parametrize("length", [4, 12, 20])
+def test_a_slow_recorder_that_hangs_and_catches_up_is_seen_in_all_of_its_rows(length):
+    log, rows = recorded(seconds=10.0, rate=97.0), np.arange(400, 400 + length)
+    np.testing.assert_array_equal(np.flatnonzero(held_rows(held(log, rows))), rows)
+
+
 @pytest.mark.parametrize(("pattern", "rate"), [([1, 0], 500.0), ([1, 0, 0, 0], 250.0), ([1, 0, 1, 0, 0], 400.0)])
 def test_a_lower_rate_is_no_event(pattern, rate):
     log = recorded()
