@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from xdist.scheduler import LoadFileScheduling
 # `pytest --hypothesis-profile=default --hypothesis-seed=N` looks elsewhere.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+os.environ.pop("COLUMNS", None)  # readline, which pytest imports, states a terminal of 80 columns to worker processes
 
 
 @pytest.hookimpl(optionalhook=True)
