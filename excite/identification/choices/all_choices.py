@@ -203,7 +203,7 @@ class ChoicesInTurn:
             yield
         if "standstill" in self.free and model.torque_equations() is not None:
             own = self._own(self.tried).softened(self.tried)
-            self.tried, choices = choose_standstill(own, self.tried, rows.least, needed=rows.spoilt)
+            self.tried, choices = choose_standstill(own, self.tried, rows.least)
             self.choices += choices
             yield
         if "estimator" in self.free:

@@ -37,7 +37,6 @@ class RowChoice:
     choices: tuple[Choice, ...]
     free: frozenset[str]  # settings that are still to be chosen by these rows
     least: float = 0.0  # speed below which rows have no part in it, of the typical one
-    spoilt: bool = True  # False where rows near standstill are known to be predicted as well as the others
 
 
 def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], free: frozenset[str]) -> RowChoice:
@@ -56,7 +55,7 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     if moving is None or fast is None:
         return every
     if not _spoilt(scoring, moving, recipe):
-        return replace(every, spoilt=False)
+        return every
     tried = {_ALL: every, _MOVING: replace(_with_delay_of(fast, moving, plain, cutoffs, free), least=MOVING)}
     if _misled(fast, recipe, plain):
         tried[_FAST_DELAY] = _with_delay_of(fast, scoring, plain, cutoffs, free)
@@ -151,9 +150,7 @@ def _errors(scoring: Scoring, recipe: Recipe, judge: Scoring) -> LeftOut:
 _KEPT_WORTH = 0.01  # of the score: below that every row stays
 
 
-def choose_standstill(
-    scoring: Scoring, recipe: Recipe, least: float = 0.0, *, needed: bool = True
-) -> tuple[Recipe, tuple[Choice, ...]]:
+def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> tuple[Recipe, tuple[Choice, ...]]:
     """Choose the speed below which rows are left out, by the rows that every candidate keeps.
 
     The smallest speed is taken that is as good as the best within a standard error, and clearly better than none.
@@ -169,11 +166,11 @@ def choose_standstill(
     }
     scores = {v: scoring.of(one, statistics[candidates[-1]]) for v, one in statistics.items()}
     allowed = {v: scores[v] for share, v in zip(SPEEDS, candidates, strict=True) if share >= least}
-    best, chosen, reason = allowed[best_of(allowed)], 0.0, "rows of slow drives are kept"
-    if not needed:
-        reason += ": left-out torques are predicted as well there as in the others"
-    else:
-        chosen = next(v for v, errors in allowed.items() if not best.is_better(errors, _KEPT_WORTH))
+    best, reason = (
+        allowed[best_of(allowed)],
+        "rows of slow drives are kept: without them others are predicted no better",
+    )
+    chosen = next(v for v, errors in allowed.items() if not best.is_better(errors, _KEPT_WORTH))
     value = float(f"{chosen:.3g}")
     if chosen:
         reason = (
