@@ -24,7 +24,7 @@ BOUNDS = {
     "blocks of `TYPE_CHECKING`": 22,
     "imports inside functions": 90,
     "look-ups of built-in parts by name": 17,
-    "lines of code of tests": 36_340,
+    "lines of code of tests": 36_345,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 140,

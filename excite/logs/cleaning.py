@@ -36,6 +36,7 @@ def cleaned(log: Log, robot: Robot) -> Clean:
 
 
 _STEPS = 4.0  # of the encoder that a joint should have moved between two equal rows
+_ROUNDING = 1e-9  # of the largest step of a joint: a smaller one is none
 _SLOW = 0.05  # share of the steps that are taken for the smallest a joint makes
 _CHANGING = 0.02  # a torque that is equal in two successive rows more often is too coarse to tell
 _LEAST = 20  # held rows, or as many fresh ones, that show a rate
@@ -102,8 +103,8 @@ def _held_positions(log: Log) -> NDArray[np.bool_]:
 
 def _grain(q: Array) -> Array:
     """Smallest step that each position makes, shape (n,); of coupled encoders it is more than that of its values."""
-    steps = [np.abs(np.diff(column)) for column in q.T]
-    slow = [np.quantile(step[step > 0], _SLOW) if np.any(step > 0) else 0.0 for step in steps]
+    steps = [step[step > _ROUNDING * step.max(initial=0.0)] for step in np.abs(np.diff(q, axis=0)).T]
+    slow = [np.quantile(step, _SLOW) if step.size else 0.0 for step in steps]
     return np.maximum(quantum(q), slow)
 
 

@@ -63,12 +63,19 @@ def test_garbage_between_the_rows_takes_no_time_unless_a_row_is_lost(written_ove
     assert np.ptp(with_true_time(spoilt)[0].time - true) < 2e-4
 
 
+def coupled(q: np.ndarray) -> np.ndarray:
+    """Two encoders that mostly step together, of which one joint has the difference, rounded in its last bits."""
+    z = rounded(np.column_stack([q[:, 0], q[:, 1], q[:, 1] + 0.1 * q[:, 2]]), 1e-4)
+    return np.column_stack([z[:, 0], z[:, 1], z[:, 2] - z[:, 1]])
+
+
 RESTING = replace(recorded(), q=np.where(recorded().time[:, None] < 3, recorded().q, recorded().q[3000]))
 CLEAN = {
     "as it is": recorded(),
     "slow and coarse": replace(recorded(), q=rounded(0.01 * recorded().q, 1e-5)),
     "very coarse": replace(recorded(), q=rounded(recorded().q, 1e-3)),
     "coarse torques too": replace(recorded(), q=rounded(recorded().q, 1e-2), effort=rounded(recorded().effort, 1.0)),
+    "coupled encoders": replace(recorded(), q=coupled(0.02 * recorded().q)),
     "at rest": RESTING,
     "no noise": replace(recorded(noise=0.0), effort=None),
 }
