@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from excite.logs.log import Log
@@ -16,4 +17,4 @@ NAMES = ("ur-20_02_05-20sec_8harm", "ur-20_02_10-30sec_12harm", "ur-20_02_12-40s
 def real_logs(folder: Path) -> Iterator[Log]:
     """Recorded logs in a folder."""
     for name in NAMES:
-        yield read_log(folder / f"{name}.csv", mapping=read_mapping(MAPPING))
+        yield replace(read_log(folder / f"{name}.csv", mapping=read_mapping(MAPPING)), source=name)

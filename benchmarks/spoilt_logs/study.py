@@ -143,6 +143,7 @@ def main() -> None:
             outcomes.append(run(robot, seed, log, kind, sound, a.choose)[0])
             print(robot, seed, kind, outcomes[-1].outcome, outcomes[-1].said[:160], flush=True)
     name = "real" if a.real else "simulated"
+    sys.argv = ["FOLDER" if a.real and Path(text) == a.real else text for text in sys.argv]  # no path of this machine
     record.save(name, before, {"cases": [asdict(o) for o in outcomes]}, text_of(outcomes), LIMITATIONS, HERE)
 
 

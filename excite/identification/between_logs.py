@@ -28,7 +28,7 @@ from excite.identification.streamed_rows import StreamedRows
 from regressors.errors import ExciteError
 from regressors.samples import Array
 
-TYPICAL, FRICTION = 1.6, 3.2  # largest scatter between two logs of a real robot over stated deviations, benchmarks/real
+TYPICAL = 1.2  # largest scatter between two logs of a real robot over stated deviations, benchmarks/real
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +149,8 @@ def interval_scope(logs: int) -> str:
     if logs == 1:
         return (
             "the intervals are for this log: they state what its noise does, not what changes from log to log. On the "
-            f"real robots measured, estimates from different logs scattered up to {TYPICAL:g} times as much as such "
-            f"intervals state, coefficients of friction up to {FRICTION:g} times; identify from several logs to have "
-            "that included"
+            f"two real robots measured, estimates from different logs scattered up to {TYPICAL:g} times as much as "
+            "such intervals state; identify from several logs to have that included"
         )
     return f"the intervals hold across logs such as these {logs}: the scatter between them is included"
 

@@ -51,9 +51,7 @@ GAIN = 0.4  # in the logarithm of the errors of all joints together that a fault
 _GAIN_EACH = 0.15  # that it concerns: what a model lacks of friction gains up to a third of it by a delay
 MARGIN = 0.25  # and on the next fault
 _ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
-_EXPLAINED = (
-    0.5  # a larger error of the joints explains nothing, as where noisy accelerations are larger than real ones
-)
+_EXPLAINED = 0.5  # a larger error of the joints explains nothing, as where noise hides the accelerations
 _SPOILT = "the log is spoilt:"
 _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]

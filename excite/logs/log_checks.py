@@ -116,12 +116,12 @@ def _speeds(case: _Case) -> Findings:
     fastest, q, limits = np.abs(case.speed).max(axis=0), case.log.q, case.limits
     within = np.all((q >= limits.lower) & (q <= limits.upper), axis=0) & np.isfinite(limits.upper - limits.lower)
     for k in np.flatnonzero(fastest > _TIMES_LIMIT * limits.velocity):
-        unit, stands = f"{case.units[k]}/s", bool(within[k]) and case.log.rate < _FASTEST_RATE
+        unit, usable = f"{case.units[k]}/s", bool(within[k]) and case.log.rate < _FASTEST_RATE
         yield (
-            not stands,
+            not usable,
             f"{case.log.joints[k]} moves at up to {fastest[k]:.4g} {unit} by its positions, but its limit is "
             f"{limits.velocity[k]:.4g} {unit}; check the units of position (degrees?) and of time"
-            + (", or the limit, which may stand for an unknown one" if stands else ""),
+            + (", and whether the limit is a placeholder" if usable else ""),
         )
 
 

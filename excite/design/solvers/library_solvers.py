@@ -195,7 +195,7 @@ class Ipopt(Solver):
         """Take the best start through the criterion's stages, each from the last one's end."""
         start = min(starts, key=lambda x: problem.point(x, problem.criterion.stages[0]).value)
         keep = BestInside(problem, start, watch)
-        A, lower, upper = _every_fourth(problem)
+        A, lower, upper = _spaced_rows(problem)
         x = start.ravel()
         status = Status.CONVERGED
         for sharpness in problem.criterion.stages:
@@ -227,7 +227,7 @@ class Ipopt(Solver):
         }
 
 
-def _every_fourth(problem: Problem, spacing: int = 4) -> tuple[Array, Array, Array]:
+def _spaced_rows(problem: Problem, spacing: int = 4) -> tuple[Array, Array, Array]:
     """Every fourth instant of the grid; `BestInside` enforces the limits in between."""
     A, lower, upper = [np.zeros((0, problem.rest.size))], [], []
     for limit in problem.limits.linear_in_x:

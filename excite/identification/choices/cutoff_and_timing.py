@@ -194,9 +194,9 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         chosen = exact
     elif last[0].breakaway and not best[1].is_better(last[1], _HOLDING):
         chosen = last
-    words = _sliding_words(chosen[0])
     if len(timings) == 1:
         return chosen[0], chosen[2]
+    words = _sliding_words(chosen[0])
     listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
     return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
 

@@ -166,10 +166,8 @@ def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> t
     }
     scores = {v: scoring.of(one, statistics[candidates[-1]]) for v, one in statistics.items()}
     allowed = {v: scores[v] for share, v in zip(SPEEDS, candidates, strict=True) if share >= least}
-    best, reason = (
-        allowed[best_of(allowed)],
-        "rows of slow drives are kept: without them others are predicted no better",
-    )
+    best = allowed[best_of(allowed)]
+    reason = "rows of slow drives are kept: without them the others are predicted no better"
     chosen = next(v for v, errors in allowed.items() if not best.is_better(errors, _KEPT_WORTH))
     value = float(f"{chosen:.3g}")
     if chosen:

@@ -116,12 +116,12 @@ NOTED = (
 )
 
 
-def test_a_velocity_limit_that_stands_for_an_unknown_one_stops_no_log():
+def test_a_placeholder_of_a_velocity_limit_stops_no_log():
     robot = PANDA.replace(limits=replace(PANDA.limits, velocity=np.full(7, 0.02)))
     for log in (good(), replace(good(), dq=None)):
         notes = check_log(log, robot)
         assert len(notes) == 7
-        assert all("its limit is 0.02 rad/s" in note and "may stand for an unknown one" in note for note in notes)
+        assert all("its limit is 0.02 rad/s" in note and "whether the limit is a placeholder" in note for note in notes)
 
 
 def test_what_is_unusual_is_noted():
