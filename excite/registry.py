@@ -49,8 +49,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     "solver": {
         "sqp": "excite.design.solvers.sqp:SequentialQuadratic",
-        "ipopt": "excite.design.solvers.library_solvers:Ipopt",
-        "slsqp": "excite.design.solvers.library_solvers:Slsqp",
+        "ipopt": "excite.design.solvers.ipopt:Ipopt",
     },
     "executor": {
         "process": "excite.design.multistart:run_in_pool",

@@ -26,6 +26,7 @@ from regressors.robot.friction.curves import FrictionCurves
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 _FORMERLY = {"reflected_rotors": False}  # what files of results without these options were made with
+_REMOVED = {("solver", "slsqp"): "ipopt"}  # parts that files of results may name, and what is taken instead
 _FILES = ("world", "friction_curves", "payload", "task_motion", "begin")  # options that may be names of files
 _ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts
 
@@ -164,7 +165,7 @@ def _stored(name: str, value: Any, allowed: Collection[str]) -> Any:
     if isinstance(value, str) and name in _FILES:
         return UnopenedFile(name, value)
     if isinstance(value, str) and name in BUILT_IN:
-        return stored_part(name, value, allowed)
+        return stored_part(name, _REMOVED.get((name, value), value), allowed)
     if name == "after":
         return tuple(UnopenedFile(name, each) if isinstance(each, str) else each for each in value)
     if name == "constraints":

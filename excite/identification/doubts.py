@@ -34,7 +34,6 @@ from excite.identification.prediction import LogPrediction, instantaneous_target
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
-from regressors.errors import listed_names
 from regressors.models.nominal import standard_values
 from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.plausibility import implausible_inertias
@@ -74,7 +73,6 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
 
 
 WELL = 0.05  # relative deviation of a parameter that is well known
-_NAMED = 6
 
 
 def answers(result: Identification) -> tuple[str, str]:
@@ -101,10 +99,10 @@ def _known(result: Identification) -> str:
     with np.errstate(invalid="ignore"):
         vague = [n for n, d in zip(result.names, estimate.relative_deviation, strict=True) if np.isfinite(d) and d > 1]
     if vague:
-        text += f"; too small for these logs, if not zero: {listed_names(vague, _NAMED)}"
+        text += f"; too small for these logs, if not zero: {', '.join(vague)}"
     if estimate.unseen:
         text += (
-            f"; not identifiable from these logs: {listed_names(estimate.unseen, _NAMED)}, which a motion designed for "
+            f"; not identifiable from these logs: {', '.join(estimate.unseen)}, which a motion designed for "
             "them or values known beforehand would show"
         )
     return text

@@ -142,6 +142,19 @@ def of_seen(covariance: Array, seen: NDArray[np.bool_]) -> Array:
     return kept
 
 
+def hide_parameters(estimate: Estimate, hidden: NDArray[np.bool_]) -> Estimate:
+    """The estimate without a value of some parameters, shape (p,): NaN, as where they are not identifiable."""
+    seen = np.isfinite(estimate.values) & ~hidden
+    names = [name for name, one in zip(estimate.names, hidden, strict=True) if one]
+    return replace(
+        noted(estimate, *([f"not shown by the logs: {', '.join(names)}"] if names else [])),
+        values=np.where(seen, estimate.values, np.nan),
+        covariance=of_seen(estimate.covariance, seen),
+        unseen=(*estimate.unseen, *names),
+        fit=estimate.coefficients,
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Context:
     """Data that some estimators need besides the observations.

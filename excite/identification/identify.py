@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from excite.design.design import Design
@@ -15,8 +16,10 @@ from excite.errors import ConicSolverError
 from excite.identification.allowances import FOUND, allowing_for_selection
 from excite.identification.choices.all_choices import Chosen, choose_settings, free_settings
 from excite.identification.choices.friction_terms import TERM_SETTINGS, added_columns
-from excite.identification.estimator import Estimator
+from excite.identification.estimator import Estimator, hide_parameters
 from excite.identification.identification import Identification
+from excite.identification.impossible_parameters import beyond_plausible
+from excite.identification.prediction import instantaneous_target
 from excite.identification.procedure import LogLike, calibrated, check_given, estimate_parameters, read_logs
 from excite.identification.recipe import Recipe
 from excite.identification.result import check_played, played_design, provenance_of
@@ -37,6 +40,7 @@ from regressors.quantities import check
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.vectorised import interpreted_note
+from regressors.samples import Samples
 
 _NO_BODIES = "bodies are not held physically possible: the conic solver found none for all rows together"
 _RECIPE = frozenset(field.name for field in fields(Recipe))
@@ -156,7 +160,7 @@ def identify(
         if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
-    result = _allowing_for_terms(result, chosen)
+    result = _without_implausible(_allowing_for_terms(result, chosen))
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
@@ -196,6 +200,18 @@ def _allowing_for_terms(result: Identification, chosen: Chosen) -> Identificatio
             added = added_columns(result.target, choice.value)
             estimate = allowing_for_selection(estimate, added, len(choice.candidates) - 1)
     return replace(result, estimate=estimate)
+
+
+def _without_implausible(result: Identification) -> Identification:
+    """No value of parameters of which the logs show nothing plausible; windows do not tell, and are not judged."""
+    target, observations = instantaneous_target(result.robot, result.task, result.recipe), result.observations
+    if target.base.names != result.names or observations.equations != target.model.row_labels:
+        return result
+    y, equation = observations.y, observations.equation
+    torque = np.array([np.sqrt(np.mean(y[equation == k] ** 2)) for k in range(len(observations.equations))])
+    motion = Samples.joined([part.samples for part in result.prepared])
+    hidden = beyond_plausible(target, result.estimate, motion, torque)
+    return replace(result, estimate=hide_parameters(result.estimate, hidden)) if hidden.any() else result
 
 
 def _ends(model: object, design: Design | None, options: dict[str, Any]) -> dict[str, Any]:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 import scipy.stats
+from numpy.typing import NDArray
 
 from excite.identification.estimator import CONFIDENCE, Estimate
 from excite.identification.large_residual import Doubt, NoisyDerivatives
 from excite.information.target import IdentificationTarget
 from regressors.models.base import Base
+from regressors.models.nominal import standard_values
 from regressors.robot.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
 from regressors.robot.inertia import pseudo_inertia
 from regressors.robot.robot import Robot
@@ -116,6 +118,40 @@ def described_coefficients(base: Base, known: Mapping[str, float]) -> Array | No
     if not bodies or any(column.name not in known for column in bodies):
         return None
     return np.asarray(base.D @ np.array([known.get(column.name, 0.0) for column in base.columns]))
+
+
+_BEYOND = 100.0  # times the plausible size
+_SHARE = 0.01  # of the torque of an equation, which a parameter of plausible size makes at least
+_INSTANTS = 2000
+
+
+def beyond_plausible(
+    target: IdentificationTarget, estimate: Estimate, motion: Samples, torque: Array
+) -> NDArray[np.bool_]:
+    """Parameters whose 99 % interval reaches zero and is over 100 times as wide as they can plausibly be, shape (b,).
+
+    A parameter may be as large as it is described, or make 1 % of the torques of all equations with every joint as
+    fast as the fastest one of its unit.
+    """  # torque (r,): root mean square of each equation
+    some = motion.rows(np.unique(np.linspace(0, motion.time.size - 1, _INSTANTS).astype(int)))
+    units = np.array([joint.unit for joint in target.robot.joints])
+    faster = [_as_fast_as_the_fastest(x, units) for x in (some.dq, some.ddq)]
+    fast = replace(some, dq=some.dq * faster[0], ddq=some.ddq * faster[1])
+    rows = target.model.selected(fast, target.base.index).reshape(-1, torque.size, target.base.rank)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.sqrt(np.mean(rows**2, axis=0)) / np.where(torque > 0, torque, np.inf)[:, None]
+        plausible = _SHARE / np.linalg.norm(shares, axis=0)
+    if (described := described_coefficients(target.base, standard_values(target.robot))) is not None:
+        plausible = np.maximum(plausible, np.abs(described))
+    half = estimate.half_width
+    return np.asarray(np.isfinite(half) & (half > np.abs(estimate.values)) & (half > _BEYOND * plausible))
+
+
+def _as_fast_as_the_fastest(x: Array, units: NDArray[np.str_]) -> Array:
+    """Factor of each column, shape (n,), by which it is as large as the largest one of its unit."""
+    size = np.sqrt(np.mean(x**2, axis=0))
+    largest = np.array([size[units == unit].max() for unit in units])
+    return np.asarray(np.divide(largest, size, out=np.zeros_like(size), where=size > 0))
 
 
 POSES = 256  # a power of two, for Sobol's sequence

@@ -38,6 +38,7 @@ from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, moving_drive_numbers
 from regressors.robot.plausibility import implausible_inertias
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
 Flags = NDArray[np.bool_]
@@ -55,6 +56,7 @@ _EXPLAINED = 0.5  # a larger error of the joints explains nothing, as where nois
 _SPOILT = "the log is spoilt:"
 _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
+_IN_MOTION = 0.1  # of the root mean square speed of each drive
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
 
 
@@ -98,7 +100,7 @@ def spoilt_log(
     none = search.plain.fit(NO_FAULT)
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
         return None
-    fits = search.fits()
+    fits = [*search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
     return named(none, [fit for fit in fits if not timed or fit.fault.kind != "late" or fit.fault.longest > LONGEST])
 
 
@@ -140,10 +142,16 @@ class FaultSearch:
 
     @staticmethod
     def of(
-        target: IdentificationTarget, parts: tuple[PreparedLog, ...], friction: FrictionCurves | None
+        target: IdentificationTarget,
+        parts: tuple[PreparedLog, ...],
+        friction: FrictionCurves | None,
+        least_speed: float = 0.0,
     ) -> FaultSearch:
-        """The search of some logs, at instants evenly spread over the rows that make equations."""
-        chosen = [_chosen(part, INSTANTS // len(parts)) for part in parts]
+        """The search of some logs, at instants evenly spread over the rows that make equations.
+
+        All drives move at these instants, with ``least_speed`` times their root mean square speed.
+        """
+        chosen = [_chosen(part, target.robot, INSTANTS // len(parts), least_speed) for part in parts]
         samples = [part.samples.rows(rows) for part, rows in zip(parts, chosen, strict=True)]
         joined = Samples.joined(samples)
         uniform = [_on_grid(part) for part in parts]
@@ -179,7 +187,16 @@ class FaultSearch:
         names = self.target.robot.joint_names
         fits = [self._fit(fault) for fault in column_faults(names)]
         fits += [fit for j in range(len(names)) if (fit := self._with_gain(j)) is not None]
-        return [*fits, *self._delayed(), *self._zeros()]
+        return [*fits, self._delayed(np.ones(len(names), dtype=int)), *self._zeros()]
+
+    def late_joints(self, none: Fit) -> list[Fit]:
+        """The torques of one joint late, beside the fit ``none`` at other instants.
+
+        Friction that reverses late looks like them, so that the instants should be those in motion.
+        """
+        own = np.maximum(self.plain.fit(NO_FAULT).errors, _LEAST_ERROR)
+        fits = (self._delayed(which) for which in np.eye(len(own), dtype=int))
+        return [replace(fit, errors=np.maximum(fit.errors, _LEAST_ERROR) / own * none.errors) for fit in fits]
 
     def _fit(self, fault: Fault) -> Fit:
         """Fit with a fault undone."""
@@ -210,23 +227,22 @@ class FaultSearch:
             return None
         return self.plain.fit(gain_fault(names, j, gain))
 
-    def _delayed(self) -> Iterator[Fit]:
-        """All torques late, and those of one joint."""
-        names, n = self.target.robot.joint_names, len(self.target.robot.joint_names)
+    def _delayed(self, which: Index) -> Fit:
+        """The torques of some joints late by the best delay."""
+        names = self.target.robot.joint_names
         grid = np.unique(np.round(_DELAYS / self.step).astype(int))
-        for which in (np.ones(n, dtype=int), *np.eye(n, dtype=int)):
-            sizes = {0: np.inf}
+        sizes = {0: np.inf}
 
-            def size(steps: int, which: Index = which, sizes: dict[int, float] = sizes) -> float:
-                if steps not in sizes:
-                    sizes[steps] = self._fit(delay_fault(names, steps * which, self.step)).size
-                return sizes[steps]
+        def size(steps: int) -> float:
+            if steps not in sizes:
+                sizes[steps] = self._fit(delay_fault(names, steps * which, self.step)).size
+            return sizes[steps]
 
-            best, stride = min(grid.tolist(), key=size), max(1, round(0.01 / self.step))
-            while stride:
-                best = min((best - stride, best, best + stride), key=size)
-                stride //= 2
-            yield self._fit(delay_fault(names, best * which, self.step))
+        best, stride = min(grid.tolist(), key=size), max(1, round(0.01 / self.step))
+        while stride:
+            best = min((best - stride, best, best + stride), key=size)
+            stride //= 2
+        return self._fit(delay_fault(names, best * which, self.step))
 
     def _zeros(self) -> Iterator[Fit]:
         """The zero of one joint."""
@@ -246,10 +262,13 @@ class FaultSearch:
             yield fit(float(refined.x))
 
 
-def _chosen(part: PreparedLog, most: int) -> Index:
-    """Rows of some instants that make equations."""
-    kept = np.flatnonzero(~within(part.samples.time, part.left_out))
-    kept = kept if kept.size else np.arange(part.samples.time.size)
+def _chosen(part: PreparedLog, robot: Robot, most: int, least_speed: float) -> Index:
+    """Rows of some instants that make equations, while all drives move where there are such."""
+    rows = ~within(part.samples.time, part.left_out)
+    rows = rows if rows.any() else ~rows
+    speed = np.abs(part.samples.dq @ np.array([row for _, row in drives_with_friction(robot)]).T)
+    moving = rows & np.all(speed >= least_speed * np.sqrt(np.mean(speed**2, axis=0)), axis=1)
+    kept = np.flatnonzero(moving if np.count_nonzero(moving) > most // 4 else rows)
     return np.asarray(kept[np.unique(np.linspace(0, kept.size - 1, most).astype(int))])
 
 

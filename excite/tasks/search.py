@@ -77,7 +77,7 @@ class Search:
         metavar="KIND,...",
     )
     begin: Any = option(None, "text", "Start the search from the motion of this design, of any family.", metavar="DIR")
-    solver: Any = option("sqp", "name", "sqp is fast; ipopt, slsqp are cross-checks.", part="solver")
+    solver: Any = option("sqp", "name", "sqp is fast; ipopt is a cross-check.", part="solver")
     executor: str | Executor = option("process", "name", "Where the starts run.", part="executor")
     workers: int | None = option(None, "integer", "Number of processes.", metavar="N", unset="one per core")
 

@@ -289,8 +289,10 @@ def _joint_names(group: ChannelGroup, robot: Robot | None, ask: Ask) -> tuple[st
     numbers = all(not joint or joint.isdigit() for joint in group.joints)
     if robot is None:
         return None if numbers else group.joints
-    if _plain(group.joints) == _plain(robot.joint_names):
-        return robot.joint_names
+    known = dict(zip(_plain(robot.joint_names), robot.joint_names, strict=True))
+    own = [known.get(joint, "") for joint in _plain(group.joints)]
+    if all(own):
+        return tuple(own)
     more = len(group.joints) - 12
     listed = ", ".join(group.joints[:12]) + (f" and {more} more" if more > 0 else "")
     names = ", ".join(robot.joint_names)

@@ -1,120 +1,20 @@
-"""Solvers of libraries: SciPy's SLSQP [Kraft 1988] on the rows of the grid that come near their bounds, and IPOPT.
+"""IPOPT as shipped with CasADi, a cross-check of the solver ``sqp``.
 
-IPOPT, as shipped with CasADi, takes every fourth row of all limits, with a limited-memory Hessian. Iterates of both may
-leave the limits; each is brought back along the line to the start, and the best one is kept. Rows that a solution of
-SLSQP violates are added, and the stage is solved again from there.
+It takes every fourth row of all limits, with a limited-memory Hessian. Iterates may leave the limits; each is brought
+back along the line to the start, and the best one is kept.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
-import scipy.optimize
 
 from excite.design.problem import Problem
 from excite.design.solvers.descent import BestInside
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
-from regressors.samples import Array, Index
-
-_NEAR = 0.5  # peaks that use more than this fraction of their bound are rows from the beginning
-_BROKEN = 1.0 + 1e-9
-_STATUS = {0: Status.CONVERGED, 8: Status.NO_DESCENT, 9: Status.ITERATION_LIMIT}
-
-
-class Slsqp(Solver):
-    """SLSQP with a growing set of rows, stage after stage, as a cross-check of the other solvers.
-
-    Parameters
-    ----------
-    iterations : int
-        Limit per call of SLSQP.
-    rounds : int
-        Calls per stage, each with the rows that the previous one violated.
-    tolerance : float
-        Change of the smooth approximation of ``log`` criterion that ends a call.
-    """
-
-    name = "slsqp"
-    takes_nonlinear_limits = False
-
-    def __init__(self, iterations: int = 100, rounds: int = 6, tolerance: float = 1e-5) -> None:
-        self.iterations, self.rounds, self.tolerance = iterations, rounds, tolerance
-
-    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> SolverResult:
-        """Take the best start through the criterion's stages, each from the best point of the last one."""
-        start = min(starts, key=lambda x: problem.point(x, problem.criterion.stages[0]).value)
-        keep = BestInside(problem, start, watch)
-        rows = _Rows(problem)
-        status = Status.CONVERGED
-        for sharpness in problem.criterion.stages:
-            x = keep.best
-            rows.add(x, _NEAR)
-            for _ in range(self.rounds):
-                x, status = self._solution(problem, sharpness, x, rows, keep)
-                if status is Status.FAILED or not rows.add(x, _BROKEN):
-                    break
-            keep.offer(x)
-        return SolverResult(keep.best, keep.best_value, status, keep.history, keep.evaluations)
-
-    def _solution(
-        self, problem: Problem, sharpness: float, x: Array, rows: _Rows, keep: BestInside
-    ) -> tuple[Array, Status]:
-        """Result of one call of SLSQP; its initial point if the call fails."""
-        shape = x.shape
-
-        def objective(flat: Array) -> tuple[float, Array]:
-            keep.evaluations += 1
-            point = problem.point(flat.reshape(shape), sharpness)
-            return point.value, problem.gradient(point).ravel()
-
-        result = scipy.optimize.minimize(
-            objective,
-            x.ravel(),
-            jac=True,
-            method="SLSQP",
-            constraints=rows.constraints(),
-            callback=lambda flat: keep.offer(flat.reshape(shape)),
-            options={"maxiter": self.iterations, "ftol": self.tolerance},
-        )
-        status = _STATUS.get(result.status, Status.FAILED)
-        if status is Status.FAILED or not np.all(np.isfinite(result.x)):
-            return x, Status.FAILED
-        return result.x.reshape(shape), status
-
-
-class _Rows:
-    """Rows ``lower <= A x <= upper`` of the grid that came near their bounds or were violated."""
-
-    def __init__(self, problem: Problem) -> None:
-        self.limits = problem.limits.linear_in_x
-        self.tangents = [limit.tangent(problem.rest) for limit in self.limits]
-        self.instants = self.limits[0].values(problem.rest).shape[1]
-        self.chosen: list[Index] = [np.zeros(0, dtype=np.intp) for _ in self.limits]
-
-    def add(self, x: Array, threshold: float) -> bool:
-        """Add the peaks over time that use more than a fraction of their bound at x; return whether any is new."""
-        new = False
-        for k, limit in enumerate(self.limits):
-            use = limit.uses(limit.values(x))
-            peak = (use >= np.roll(use, 1, axis=1)) & (use >= np.roll(use, -1, axis=1)) & (use > threshold)
-            union = np.union1d(self.chosen[k], np.flatnonzero(peak))
-            new |= union.size > self.chosen[k].size
-            self.chosen[k] = union
-        return new
-
-    def constraints(self) -> list[dict[str, Any]]:
-        """Constraints for SciPy, as functions that must not be negative, relative to the scale of their limits."""
-        A, b = [], []
-        for limit, tangent, flat in zip(self.limits, self.tangents, self.chosen, strict=True):
-            function, instant = np.divmod(flat, self.instants)
-            rows = tangent.rows(function, instant) / limit.scale[function, None]
-            A += [-rows, rows]
-            b += [(limit.upper / limit.scale)[function], -(limit.lower / limit.scale)[function]]
-        rows, room = np.concatenate(A), np.concatenate(b)
-        return [{"type": "ineq", "fun": lambda x: rows @ x + room, "jac": lambda _: rows}]
+from regressors.samples import Array
 
 
 class _Objective(ca.Callback):  # type: ignore[misc]
