@@ -14,7 +14,7 @@ from excite.identification.estimator import CONFIDENCE, Estimate
 from excite.identification.large_residual import Doubt, NoisyDerivatives
 from excite.information.target import IdentificationTarget
 from regressors.models.base import Base
-from regressors.models.nominal import standard_values
+from regressors.models.nominal import parameter_values, standard_values
 from regressors.robot.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
 from regressors.robot.inertia import pseudo_inertia
 from regressors.robot.robot import Robot
@@ -141,8 +141,8 @@ def beyond_plausible(
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.sqrt(np.mean(rows**2, axis=0)) / np.where(torque > 0, torque, np.inf)[:, None]
         plausible = _SHARE / np.linalg.norm(shares, axis=0)
-    if (described := described_coefficients(target.base, standard_values(target.robot))) is not None:
-        plausible = np.maximum(plausible, np.abs(described))
+    described = parameter_values(target.model, target.base, standard_values(target.robot))
+    plausible = np.fmax(plausible, np.abs(described))
     half = estimate.half_width
     return np.asarray(np.isfinite(half) & (half > np.abs(estimate.values)) & (half > _BEYOND * plausible))
 

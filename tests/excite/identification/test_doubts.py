@@ -15,10 +15,12 @@ from recordings import REAL, real_log
 
 from excite.identification.doubts import ExpectedError, expected_error, few_data, other_motion
 from excite.identification.equations import measured_regressor
+from excite.identification.estimator import hide_parameters
 from excite.identification.identify import identify
 from excite.identification.impossible_parameters import (
     LeastInertia,
     allowed_poses,
+    beyond_plausible,
     heavier_than_described,
     impossible_parameters,
     mass_matrix_check,
@@ -53,6 +55,34 @@ QUIET = NoisyDerivatives(0.0, 5.0)
 
 
 # ---------------------------------------------------------------- what is right is not doubted
+
+
+@pytest.mark.parametrize("described", [True, False])
+@pytest.mark.parametrize(("widened", "of_value", "hidden"), [(99, 0.9, []), (101, 0.9, ["F1v"]), (101, 1.1, [])])
+def test_no_value_where_the_interval_reaches_zero_and_is_far_too_wide(
+    widened: float, of_value: float, hidden: list[str], described: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = found(TASK, noisy(played(three_joints(), 3, seconds=4.0), 0.3, 1e-5, 1))
+    (part,), estimate, j = result.prepared, result.estimate, result.names.index("F1v")
+    torque = np.sqrt(np.mean(result.observations.y.reshape(-1, 3) ** 2, axis=0))
+    speed = np.sqrt(np.mean(part.samples.dq**2, axis=0))
+    assert speed[0] < speed.max()
+    size = 0.01 * torque[0] / speed.max()
+    if described:
+        size = max(size, standard_values(built_in("irp6"))["F1v"])
+    else:
+        monkeypatch.setattr("excite.identification.impossible_parameters.standard_values", lambda _: {})
+    values, covariance = estimate.values.copy(), estimate.covariance.copy()
+    values[j] = of_value * widened * size
+    covariance[j] = covariance[:, j] = 0.0
+    covariance[j, j] = (widened * size / estimate.half_width[j] * estimate.deviation[j]) ** 2
+    wide = replace(estimate, values=values, covariance=covariance)
+    too_wide = beyond_plausible(result.target, wide, part.samples, torque)
+    shown = hide_parameters(wide, too_wide)
+    assert list(shown.unseen) == hidden
+    assert bool(np.isnan(shown.values[j])) == bool(hidden)
+    np.testing.assert_array_equal(shown.coefficients, estimate.coefficients)
+    assert [note for note in shown.notes if "not shown" in note] == [f"not shown by the logs: {n}" for n in hidden]
 
 
 def test_neither_a_good_result_nor_noise_of_the_torques_is_doubted() -> None:

@@ -201,6 +201,8 @@ def test_joints_of_a_robot_are_taken_by_name(tmp_path: Path) -> None:
     log = excite.read_log(write_plotjuggler(tmp_path / "p", seven, names, every=1), robot=robot)
     assert log.joints == robot.joint_names
     np.testing.assert_array_equal(log.q, six.q)
+    few = write_plotjuggler(tmp_path / "few", motion(3), list(robot.joint_names[3:]), every=1)
+    assert excite.read_log(few, robot=robot).joints == robot.joint_names[3:]
     other = write_plotjuggler(tmp_path / "other", six, list("abcdef"), every=1)
     with pytest.raises(InputError, match=r"Are the joints a, b, c, d, e, f .* shoulder_pan_joint"):
         excite.read_log(other, robot=robot)
