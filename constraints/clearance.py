@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, Shape, vector_of
+from regressors.errors import percent
 from regressors.robot.inertia import skew
 from regressors.robot.robot import BASE, Joint, Robot
 from regressors.robot.shapes import Capsule
@@ -190,7 +191,7 @@ def why_not_mounted(robot: Robot, parts: Sequence[Part], surface: Obstacle) -> s
         return f"at position zero {deepest} is {depth:.2g} m below the base, so the base does not stand on it"
     share = float(np.mean(np.min(list(moving.values()), axis=0)[1:] > 0.0))
     if share < _SHARE:
-        return f"the robot is above it in {100 * share:.2g} % of its poses, so the base does not stand on it"
+        return f"the robot is above it in {percent(share)} of its poses, so the base does not stand on it"
     return None
 
 

@@ -20,6 +20,7 @@ import scipy
 from constraints.certificate import Extrema, LimitUse, limit_uses, worst_of_each
 from constraints.enclosure import hulled_extrema
 from constraints.linear import LinearConstraint
+from regressors.errors import percent
 from regressors.samples import Array, Samples
 
 ALLOWED = 1e-6  # of a bound, that may be passed between samples
@@ -88,7 +89,7 @@ def curve_pieces(samples: Samples, curve: Curve, given: int = 2) -> Array:
 
 def passed_text(use: LimitUse) -> str:
     """Which limit is passed, and by how much of it, such as ``joint q2 acceleration by 0.03 %``."""
-    return f"{use.label} by {100 * (use.use - 1.0):.2g} %"
+    return f"{use.label} by {percent(use.use - 1.0)}"
 
 
 def curves_text(certified: Sequence[InterpolatedLimits]) -> str:

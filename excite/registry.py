@@ -156,6 +156,7 @@ CHOSEN = (
     "cutoff",
     "signals",
     "delay",
+    "bias",
     "friction_scale",
     "offset",
     "load_share",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -92,6 +93,16 @@ def listed_names(names: Iterable[str], most: int = _LISTED) -> str:
     names = list(names)
     more = len(names) - most
     return ", ".join(map(cut, names[:most])) + (f" and {more} more" if more > 0 else "") if names else "none"
+
+
+_MOST_SHARE = 10.0
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A share in percent: ``> 1000 %`` beyond ten times, and ``an unknown share`` where it is not a number."""
+    if math.isnan(share):
+        return "an unknown share"
+    return f"> {100 * _MOST_SHARE:g} %" if share > _MOST_SHARE else f"{float(f'{100 * share:.{digits}g}'):g} %"
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ _OF_IDENTIFY = {
     "Motion": ("design_folder", "designs", "period", "harmonics"),
     "Model": ("friction_curves",),
     "Logs": ("mapping", "drop", "rows", "temperature"),
-    "Signals": ("signals", "cutoff", "delay", "average", "measured_velocity", "low_pass", "every"),
+    "Signals": ("signals", "cutoff", "delay", "bias", "average", "measured_velocity", "low_pass", "every"),
     "Friction in the equations": ("sign_width", "breakaway", "standstill", "friction_scale"),
     "Estimator": ("estimator", "covariance", "described_within", "choose"),
     "Drive gains": ("loaded", "known_mass", "gains"),
@@ -68,17 +68,16 @@ jitter over evenly sampled rows are put right.
 Estimators:
   weighted       least squares, each joint weighted by its residual
   least-squares  the same without weights            huber          outliers count less
-  recursive      sample by sample, with its history  total          errors in the motion too
-  instrumental   unbiased if the motion is noisy; needs --design
+  recursive      sample by sample, with its history  instrumental   unbiased if the motion is noisy; needs --design
   physical       only parameters that are physically possible
   ridge          shrinks towards the described values; cross-validation chooses the weight
 
 \b
 Settings that are not given are chosen (--choose): blocks of time are left out one after the other and predicted from
 the others; what predicts their measured torques best, and clearly better than something simpler, is taken.
-  cutoff, signals (savitzky-golay, spline or fourier instead of butterworth, or measured velocities), delay,
-  friction_scale (of --friction-curves), standstill, estimator (with how near bodies are held to their description),
-  joint_rotors, and of each drive offset, load_share, root_friction, asymmetric_friction, stribeck
+  cutoff, signals (savitzky-golay, spline or fourier instead of butterworth, or measured velocities), delay, bias (of a
+  force/torque sensor), friction_scale (of --friction-curves), standstill, estimator (with how near bodies are held to
+  their description), joint_rotors, and of each drive offset, load_share, root_friction, asymmetric_friction, stribeck
 
 \b
 What is written to DIR:

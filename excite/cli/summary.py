@@ -27,7 +27,7 @@ from rich.text import Text
 
 from excite.cli.streams import has_colours, in_options, something_is_shown, verbosity
 from excite.views.view import Column, Format, View, ViewTable, number
-from regressors.errors import listed_names, one_line
+from regressors.errors import listed_names, one_line, percent
 
 _LINES, _COLUMNS = 24, 100
 _FIGURE, _ALIKE = "figure", 4
@@ -183,7 +183,7 @@ def _text(column: Column, value: Any, digits: int = _WHOLE) -> str:
         return in_options(str(value))
     if value is None or not math.isfinite(value):
         return column.missing or "-"
-    return f"{value:.{digits}g}" if column.format is Format.NUMBER else f"{100 * value:.3g} %"
+    return f"{value:.{digits}g}" if column.format is Format.NUMBER else percent(value, 3)
 
 
 def print_verdict(view: View) -> None:

@@ -61,13 +61,13 @@ from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.friction.uncertainty import changed, multiplied
 from regressors.samples import Array, Index
 
-PRESLIDING, DELAY = FOUND = ("presliding", "delay")
+PRESLIDING, DELAY, BIAS = FOUND = ("presliding", "delay", "bias")
 
 
 def with_uncertainty(
     estimate: Estimate, observations: Observations, context: Context, *, found: frozenset[str]
 ) -> Estimate:
-    """Covariance by the correlation of the residuals, and for a presliding width and a delay that were found."""
+    """Covariance by the correlation of the residuals, and for settings that were found from the logs."""
     wider, rows = estimate, observations
     for name, column in found_columns(estimate, context, found):
         wider, rows = with_nuisance(wider, rows, column, name)
@@ -80,8 +80,16 @@ def found_columns(estimate: Estimate, context: Context, found: frozenset[str]) -
     if estimate.method not in METHODS:
         return []
     of_each = {PRESLIDING: presliding_column, DELAY: delay_column}
-    columns = [(name, of_each[name](context, estimate.coefficients)) for name in FOUND if name in found]
+    columns = [(name, of_each[name](context, estimate.coefficients)) for name in of_each if name in found]
+    biases = nuisance_columns(context, constants).T if BIAS in found and context.recipe.bias else ()
+    columns += [(BIAS, column) for column in biases if np.any(column)]
     return [(name, column) for name, column in columns if column is not None]
+
+
+def constants(part: PreparedLog) -> Array:
+    """Each component of a log's measurements as one, the others as zero, shape (n, N, n)."""
+    count, n = part.measured.shape
+    return np.tile(np.eye(n)[:, None, :], (1, count, 1))
 
 
 def delay_column(context: Context, coefficients: Array) -> Array | None:

@@ -54,7 +54,7 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from excite.logs.excitation import runs
 from excite.logs.signals.method import resample
-from regressors.errors import ExciteError, InputError
+from regressors.errors import ExciteError, InputError, percent
 from regressors.samples import Array, Samples
 
 _SLOW = 0.1  # of the typical speed: rows of slower drives are compared with the others
@@ -155,7 +155,7 @@ def without_standstill(part: PreparedLog, target: IdentificationTarget, speed: f
         raise InputError("`standstill` is for models of joint torques at single instants")
     slow = least_speeds(part, target) < speed
     labels = [name for name, _ in target.model.row_labels]
-    each = ", ".join(f"{100 * share:.2g} % of {name}" for name, share in zip(labels, slow.mean(axis=0), strict=True))
+    each = ", ".join(f"{percent(share)} of {name}" for name, share in zip(labels, slow.mean(axis=0), strict=True))
     note = f"rows left out while a drive is slower than {speed:.3g} rad/s (m/s), where friction may hold it: {each}"
     time = part.samples.time
     spans = tuple(tuple((float(time[a]), float(time[b - 1])) for a, b in runs(column)) for column in slow.T)
@@ -254,7 +254,7 @@ def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context:
         return noted(estimate, "the bias by noise in the motion could not be determined")
     bias = np.where(np.isfinite(bias), bias, 0.0)
     worst, deviations = largest_share(estimate, bias)
-    share = f"{100 * abs(bias[worst] / estimate.values[worst]):.2g} % or " if estimate.values[worst] else ""
+    share = f"{percent(abs(bias[worst] / estimate.values[worst]))} or " if estimate.values[worst] else ""
     note = (
         f"noise in the motion biases {estimate.names[worst]} most, by about {share}{deviations:.2g} of its deviations; "
         "the intervals allow for that. A lower `cutoff` lessens it"

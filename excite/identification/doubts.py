@@ -34,6 +34,7 @@ from excite.identification.prediction import LogPrediction, instantaneous_target
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
+from regressors.errors import percent
 from regressors.models.nominal import standard_values
 from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.plausibility import implausible_inertias
@@ -256,8 +257,10 @@ def expected_error(
     counts = factors.count.reshape(-1, r)
     log_rows = counts.sum(axis=0)
     squares = np.where(counts > 0, noise.reshape(-1, r), 0.0) ** 2
-    per_equation = np.sqrt((counts * squares).sum(axis=0) / log_rows)
-    weight = np.tile(np.sqrt(log_rows * r / motions[0].shape[0]) / per_equation, motions[0].shape[0] // r)
+    per_equation = np.sqrt((counts * squares).sum(axis=0) / np.maximum(log_rows, 1))
+    share = np.sqrt(log_rows * r / motions[0].shape[0])  # none of an equation without rows
+    share = np.divide(share, per_equation, out=np.zeros(r), where=per_equation > 0)
+    weight = np.tile(share, motions[0].shape[0] // r)
     designed = min(_ratio(_inverse(_information(W, weight)), gram, torque) for W in motions)
     return ExpectedError(_ratio(determined, gram, torque), designed)
 
@@ -345,13 +348,13 @@ def few_data(
     if excess > expected.logs:
         return Doubt(
             f"{what} too little",
-            f"blocks of time that were left out are predicted by least squares with errors of {100 * excess:.2g} % of "
+            f"blocks of time that were left out are predicted by least squares with errors of {percent(excess)} of "
             f"the torque beyond those of the rows identified from, and {kept}",
             _cure(expected, tried or method),
         )
     return Doubt(
         f"{what} too little",
-        f"{noise} alone leaves errors of about {100 * expected.logs:.2g} % of the torque on other motions of the same "
+        f"{noise} alone leaves errors of about {percent(expected.logs)} of the torque on other motions of the same "
         f"ranges and speeds, and {kept}",
         _cure(expected, tried or method),
     )
@@ -363,6 +366,6 @@ def _cure(expected: ExpectedError, method: str) -> str:
     if gain is None or gain > _USEFUL * expected.logs:
         return f"add a log of another motion{physical}"
     return (
-        f"the noise of a designed motion of the same length, ranges and speeds leaves about {100 * gain:.2g} %, that "
-        f"of this one {100 * expected.logs:.2g} % (`design_trajectory`); or add a log of another motion{physical}"
+        f"the noise of a designed motion of the same length, ranges and speeds leaves about {percent(gain)}, that "
+        f"of this one {percent(expected.logs)} (`design_trajectory`); or add a log of another motion{physical}"
     )

@@ -27,7 +27,7 @@ from excite.information.target import IdentificationTarget
 from excite.storage.codec import INLINE, OBJECT, named
 from excite.storage.records import chosen, short
 from excite.tasks.task import Task
-from regressors.errors import InputError
+from regressors.errors import InputError, percent
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Robot
@@ -278,7 +278,7 @@ class Identification:
 
     def __repr__(self) -> str:
         """One line."""
-        error = "" if self.training_error is None else f", training error {100 * self.training_error:.3g} %"
+        error = "" if self.training_error is None else f", training error {percent(self.training_error, 3)}"
         return (
             f"<Identification of {self.robot.name}: {len(self.names)} parameters from {len(self.training)} "
             f"log(s){error}>"

@@ -207,8 +207,11 @@ def _without_implausible(result: Identification) -> Identification:
     target, observations = instantaneous_target(result.robot, result.task, result.recipe), result.observations
     if target.base.names != result.names or observations.equations != target.model.row_labels:
         return result
-    y, equation = observations.y, observations.equation
-    torque = np.array([np.sqrt(np.mean(y[equation == k] ** 2)) for k in range(len(observations.equations))])
+    count, square = (
+        np.bincount(observations.equation, weights, len(observations.equations))
+        for weights in (None, observations.y**2)
+    )
+    torque = np.sqrt(square / np.maximum(count, 1))
     motion = Samples.joined([part.samples for part in result.prepared])
     hidden = beyond_plausible(target, result.estimate, motion, torque)
     return replace(result, estimate=hide_parameters(result.estimate, hidden)) if hidden.any() else result

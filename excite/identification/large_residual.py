@@ -9,6 +9,7 @@ import numpy as np
 import scipy.signal
 
 from excite.identification.observations import Observations, rows_of_groups
+from regressors.errors import percent
 from regressors.samples import Array
 
 
@@ -35,7 +36,7 @@ def left_out_rows(source: str, share: float) -> Doubt | None:
     if not share > _MOST_LEFT_OUT:
         return None
     return Doubt(
-        f"{100 * share:.2g} % of the exciting rows of {source} are left out, more than {100 * _MOST_LEFT_OUT:g} %",
+        f"{percent(share)} of the exciting rows of {source} are left out, more than {100 * _MOST_LEFT_OUT:g} %",
         "the motion that remains is no longer the one that was played",
         "see the notes on this log for which rows and why; record it again without these events, or give the stretch "
         "that is sound (`rows`)",
@@ -62,8 +63,8 @@ def large_residual(relative: float, noise: float, causes: ResidualCauses) -> Dou
     unexplained = float(np.sqrt(max(relative**2 - noise**2, 0.0)))
     if not unexplained > LARGEST:
         return None
-    of_noise = f", of which {100 * noise:.2g} % may be noise of the measurement" if noise > 0.1 * relative else ""
-    what = f"the residual is {100 * relative:.3g} % of what was measured{of_noise}, more than {100 * LARGEST:g} %"
+    of_noise = f", of which {percent(noise)} may be noise of the measurement" if noise > 0.1 * relative else ""
+    what = f"the residual is {percent(relative, 3)} of what was measured{of_noise}, more than {100 * LARGEST:g} %"
     return Doubt(what, *_cause(causes), about="torques")
 
 

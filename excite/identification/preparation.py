@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from excite.identification.recipe import ALL, AUTO, Factors, Recipe
+from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.cleaning import cleaned
 from excite.logs.event import (
@@ -88,7 +88,7 @@ class PreparedLog:
 
 def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
     """Prepare the motion and the measurements of one log."""
-    asked = (robot, target.robot.joint_names, target.model.channel, recipe.rows, recipe.torque_factors)
+    asked = (robot, target.robot.joint_names, target.model.channel, recipe.rows, recipe.torque_factors, recipe.bias)
     if log not in _KNOWN or _KNOWN[log][0] != asked:
         _KNOWN[log] = asked, _usable_rows(log, robot, target, recipe)
     return _with_motion(_KNOWN[log][1], target, recipe)
@@ -128,7 +128,7 @@ def _usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: R
     notes = [*log.left_out, *check_log(log, robot), *notes]
     notes += _held_joints(log, robot, target)
     saturated, remarks = saturated_stretches(log, robot, target, recipe)
-    moving = corrected(moving, target.robot, recipe.torque_factors)
+    moving = corrected(moving, target.robot, recipe)
     with _errors_naming(log):
         smooth, hits = without_impacts(moving, target.robot, recipe)
         uniform = resample(smooth)
@@ -394,13 +394,15 @@ def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Arr
     return robot.joint_names, np.eye(robot.n)
 
 
-def corrected(log: Log, robot: Robot, factors: Factors | Mapping[str, float] | None) -> Log:
-    """A log of the moving joints whose torques are in corrected gains."""
-    if not factors:
-        return log
-    if log.effort is None:
-        raise InputError(f"{log.source}: `torque_factors` are for joint torques, which it does not have")
-    return replace(log, effort=log.effort @ correction(robot, dict(factors)).T)
+def corrected(log: Log, robot: Robot, recipe: Recipe) -> Log:
+    """A log of the moving joints whose torques are in corrected gains, its wrench without the bias of the sensor."""
+    factors, bias = recipe.torque_factors, recipe.bias
+    for given, channel, what in ((factors, "effort", "`torque_factors`"), (any(bias), "wrench", "`bias`")):
+        if given and getattr(log, channel) is None:
+            raise InputError(f"{log.source}: {what} are for the {channel}, which it does not have")
+    if factors and log.effort is not None:
+        log = replace(log, effort=log.effort @ correction(robot, dict(factors)).T)
+    return replace(log, wrench=log.wrench - bias) if any(bias) and log.wrench is not None else log
 
 
 def correction(robot: Robot, factors: Mapping[str, float]) -> Array:

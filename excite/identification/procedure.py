@@ -53,7 +53,7 @@ from excite.logs.mapping import LogMapping, read_mapping
 from excite.storage.result_folder import read_settled_files
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, UnknownName, percent
 from regressors.models.load import PayloadModel
 from regressors.models.nominal import standard_values
 from regressors.robot.friction.curves import FrictionCurves
@@ -276,7 +276,7 @@ def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, ki
     if np.any(blind := half > _LEAST_KNOWN * gains.factor):
         raise InputError(
             f"the load hardly acts on {', '.join(np.array(names)[blind])}: the gain would be known to "
-            f"{100 * float(np.max(half / gains.factor)):.2g} % only; move these joints more in the `loaded` logs, or "
+            f"{percent(float(np.max(half / gains.factor)))} only; move these joints more in the `loaded` logs, or "
             "give `gains='common'`"
         )
     files = tuple(LogFile(log.source, log.sha256) for log in loaded)

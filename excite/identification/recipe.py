@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+from excite.logs.log import WRENCH
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, OwnPart, built_in, check_part, instance, name_of
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.tasks.option import essential, option
@@ -77,6 +78,9 @@ class Recipe:
         Standard deviation of the described bodies in the estimator physical, in their sizes.
     delay : float
         Of the recorded torques after the positions [s].
+    bias : tuple of float
+        Constant wrench that the force/torque sensor measures beside the load's, which is subtracted: forces [N], then
+        torques [Nm]; empty for none.
     signals_chosen : bool
         The method was chosen and not given: logs to which it does not apply, such as those without velocities, or
         whose motion does not repeat itself, are low-passed at the cutoff.
@@ -158,6 +162,13 @@ class Recipe:
     delay: float = option(
         0.0, "time", "Delay of the recorded torques after the positions; 0: none.", metavar="S", unset=AUTO
     )
+    bias: tuple[float, ...] = option(
+        (),
+        "numbers",
+        "Bias of the force/torque sensor, which is subtracted: three forces [N] and three torques [Nm]; 0: none.",
+        metavar="F,...",
+        unset=AUTO,
+    )
     signals_chosen: bool = False
 
     def __post_init__(self) -> None:
@@ -171,6 +182,8 @@ class Recipe:
                 raise InputError(f"`{what}` must be one number, given {shown(value)}")
         if self.described_within is not None and self.estimator != "physical":
             raise InputError(f"`described_within` is for the estimator physical, not for {name_of(self.estimator)}")
+        if any(self.bias) and len(self.bias) != len(WRENCH):
+            raise InputError(f"`bias` must be six numbers, one for each of {', '.join(WRENCH)}, or 0 for none")
         for what in ("sign_width", "breakaway"):
             object.__setattr__(self, what, _sizes(what, getattr(self, what)))
         if self.torque_factors is not None:
@@ -237,6 +250,8 @@ class Recipe:
                 raise InputError(f"repetitions simulate single instants and positions; leave out `{what}`")
         if isinstance(self.sign_width, tuple) or isinstance(self.breakaway, tuple):
             raise InputError("repetitions take one `sign_width` or `breakaway` for all drives")
+        if self.bias:
+            raise InputError("repetitions have sensors without bias; leave out `bias`")
         if self.standstill:
             raise InputError("repetitions use every row; leave out `standstill`")
 

@@ -33,6 +33,7 @@ from excite.identification.log_faults import (
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.event import within
+from regressors.errors import percent
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
@@ -119,7 +120,7 @@ def named(none: Fit, fits: list[Fit]) -> Doubt | None:
         return None
     return Doubt(
         f"{_SPOILT} {', or '.join(fault.what for fault in alike)}",
-        f"without this fault the error of the joints is {100 * best.error:.2g} % instead of {100 * none.error:.2g} %",
+        f"without this fault the error of the joints is {percent(best.error)} instead of {percent(none.error)}",
         ", or ".join(fault.cure for fault in alike),
         about="torques",
     )

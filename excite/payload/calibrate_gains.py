@@ -23,7 +23,7 @@ from excite.payload.load_rows import (
 )
 from excite.tasks.installation import Installation
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, UnknownName, percent
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.robot.robot import Robot
@@ -153,7 +153,7 @@ def calibrate_gains(
     if half.max() > _LEAST_KNOWN:
         worst = drives[int(np.argmax(half))]
         raise InputError(
-            f"the load hardly shows the gains: that of {worst} would be known to {100 * half.max():.2g} % only; move "
+            f"the load hardly shows the gains: that of {worst} would be known to {percent(half.max())} only; move "
             "more joints against gravity in both logs, or take a heavier load"
         )
     stated = float(free.phi[0])

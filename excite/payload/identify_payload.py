@@ -39,7 +39,7 @@ from excite.payload.load_rows import (
 from excite.payload.payload_result import PayloadResult
 from excite.tasks.installation import Installation
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, percent
 from regressors.models.load import LoadModel, Sensor
 from regressors.numerical import numerical_work
 from regressors.quantities import check
@@ -291,7 +291,7 @@ def _misfit(estimate: LoadEstimate, equations: LoadEquations) -> list[str]:
     if np.median(parts) < _UNEXPLAINED:
         return []
     return [
-        f"a rigid load leaves {100 * parts[worst]:.2g} % of {name[worst][0]} unexplained: check the frame of the "
+        f"a rigid load leaves {percent(parts[worst])} of {name[worst][0]} unexplained: check the frame of the "
         "sensor, and that the log and the model are of this robot"
     ]
 

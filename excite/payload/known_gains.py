@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from excite.storage.atomic import replacing
 from excite.storage.result_folder import replace_files, result_file, settle_files
 from regressors.arguments import checked
-from regressors.errors import InputError, TakenError, UnknownName
+from regressors.errors import InputError, TakenError, UnknownName, percent
 from regressors.readers.documents import read_document, validate
 from regressors.samples import Array
 
@@ -82,7 +82,7 @@ class KnownGains:
         """
         if not self.logs or set(logs) & set(self.logs):
             return self
-        origin = f"{self.origin}, which drift by {100 * DRIFT:.1g} % (standard deviation) from log to log"
+        origin = f"{self.origin}, which drift by {percent(DRIFT, 1)} (standard deviation) from log to log"
         return replace(self, covariance=self.covariance + np.diag((DRIFT * self.factor) ** 2), origin=origin)
 
     def of(self, drives: Sequence[str]) -> KnownGains:
@@ -104,9 +104,9 @@ class KnownGains:
 def stated_gains(drives: Sequence[str], common: float = STATED_COMMON, each: float = STATED_EACH) -> KnownGains:
     """Gains as stated, which may all be off by one factor, and each by one of its own."""
     k = len(drives)
-    origin = f"the stated gains are taken as known to {100 * np.hypot(common, each):.2g} % (standard deviation)"
+    origin = f"the stated gains are taken as known to {percent(np.hypot(common, each))} (standard deviation)"
     if common:
-        origin += f", of which {100 * common:.2g} % are the same in all drives"
+        origin += f", of which {percent(common)} are the same in all drives"
     return KnownGains(tuple(drives), np.ones(k), common**2 * np.ones((k, k)) + each**2 * np.eye(k), origin)
 
 

@@ -12,6 +12,7 @@ import scipy.signal
 from excite.logs.signals.periods import MeasurementNoise
 from excite.verification.simulated_motion import MotionError
 from excite.verification.tolerances import Tolerances
+from regressors.errors import percent
 from regressors.samples import Array
 
 MORE_THAN_TRAINING = 2.0
@@ -91,7 +92,7 @@ def verdict(
             named["undecided"].append(t.name)
         else:
             named["contradicted"].append(t.name)
-            poor.append(f"{t.name} {100 * part.relative * moving:.0f} %")
+            poor.append(f"{t.name} {percent(part.relative * moving, 3)}")
     against = [*doubted, *of_total]
     if poor:
         against.append(
@@ -104,7 +105,7 @@ def verdict(
     for m in motions:
         if math.isfinite(m.relative) and m.relative > tolerances.motion:
             remarks.append(
-                f"the simulated motion of {m.name} deviates by {m.error:.3g} {m.unit}, {100 * m.relative:.0f} % of its "
+                f"the simulated motion of {m.name} deviates by {m.error:.3g} {m.unit}, {percent(m.relative, 3)} of its "
                 f"travel, more than {100 * tolerances.motion:g} %"
             )
     return Verdict(tuple(against), tuple(remarks), **{key: tuple(names) for key, names in named.items()})
@@ -117,24 +118,24 @@ def _of_total(
     against: list[str] = []
     remarks: list[str] = []
     noisy = whole.noise > 0 and whole.relative < _NOISY * total
-    without = f", {100 * whole.relative:.2g} % without the noise of the measurement" if noisy else ""
+    without = f", {percent(whole.relative)} without the noise of the measurement" if noisy else ""
     if not whole.least <= tolerances.torque:
         against.append(
-            f"predictions differ from the measurements by {100 * total:.1f} %{without}, "
+            f"predictions differ from the measurements by {percent(total, 3)}{without}, "
             f"more than {100 * tolerances.torque:g} %"
         )
     elif noisy and total > tolerances.torque:
-        within = f"within {100 * whole.relative:.2g} %"
+        within = f"within {percent(whole.relative)}"
         if whole.relative > tolerances.torque:
-            within = f"somewhere within {100 * whole.relative:.2g} %, which its noise leaves open"
+            within = f"somewhere within {percent(whole.relative)}, which its noise leaves open"
         remarks.append(
-            f"the measurements differ from the predictions by {100 * total:.0f} %, most of which is their own noise; "
+            f"the measurements differ from the predictions by {percent(total, 3)}, most of which is their own noise; "
             f"without it they are predicted {within}"
         )
     if training is not None and training > 0 and whole.least > MORE_THAN_TRAINING * training:
         text = (
-            f"the error of {100 * whole.relative:.2g} % is {whole.relative / training:.3g} times that on the logs of "
-            f"the identification ({100 * training:.2g} %)"
+            f"the error of {percent(whole.relative)} is {whole.relative / training:.3g} times that on the logs of "
+            f"the identification ({percent(training)})"
         )
         if whole.least > tolerances.torque / 2:
             against.append(f"{text}: the result does not generalise")
@@ -144,9 +145,9 @@ def _of_total(
 
 
 def _poor(t: TorqueError, part: CorrectedError) -> str:
-    without = f", {100 * part.relative:.0f} % without its noise" if part.relative < _NOISY * t.relative else ""
+    without = f", {percent(part.relative, 3)} without its noise" if part.relative < _NOISY * t.relative else ""
     return (
-        f"{t.name} is predicted within {100 * t.relative:.0f} % only ({t.error:.2g} {t.unit} of "
+        f"{t.name} is predicted within {percent(t.relative, 3)} only ({t.error:.2g} {t.unit} of "
         f"{t.measured:.2g} {t.unit}{without}), most of it from {t.limited_by}"
     )
 

@@ -18,7 +18,7 @@ from excite.storage.result_folder import result_folder
 from excite.verification.simulated_motion import MotionError
 from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import CorrectedError, TorqueError, Verdict
-from regressors.errors import InputError
+from regressors.errors import InputError, percent
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -172,7 +172,7 @@ class Verification:
 
     def __repr__(self) -> str:
         """One line."""
-        error = f"torques within {100 * self.relative_error:.3g} %"
+        error = f"torques within {percent(self.relative_error, 3)}"
         return f"<Verification on {self.log.file}: {error}, {'holds' if self.holds else 'does not hold'}>"
 
     def stored(self) -> Verification:

@@ -51,7 +51,7 @@ from excite.verification.verdict import (
 )
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
-from regressors.errors import InputError, cut
+from regressors.errors import InputError, cut, percent
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 
@@ -175,7 +175,7 @@ def _doubted(result: Identification, replay: Replay | None) -> tuple[str, ...]:
 
 def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
     """Whether the torques of the log are predicted, and within what."""
-    within = f"torques: within {100 * whole.relative:.2g} % of what was measured, without noise"
+    within = f"torques: within {percent(whole.relative)} of what was measured, without noise"
     if not (judged.contradicted or judged.undecided):
         return f"{within}; each is confirmed"
     parts = [
@@ -215,7 +215,7 @@ def _event_remarks(part: PreparedLog, predicted: LogPrediction, event_free: floa
     found = tuple(note for note in part.notes if note.startswith(LEFT_OUT))
     if not np.any(predicted.left_out):
         return found
-    return (*found, f"without these rows predictions differ by {100 * event_free:.3g} %")
+    return (*found, f"without these rows predictions differ by {percent(event_free, 3)}")
 
 
 def judging_target(result: Identification) -> IdentificationTarget:

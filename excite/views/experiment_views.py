@@ -26,7 +26,7 @@ from excite.views.view import (
     numbers,
     texts,
 )
-from regressors.errors import listed_names
+from regressors.errors import listed_names, percent
 
 
 def accuracy_view(prediction: AccuracyPrediction) -> View:
@@ -39,7 +39,7 @@ def accuracy_view(prediction: AccuracyPrediction) -> View:
         f"of {worst.value:.4g}",
         summary=(
             f"{len(prediction.parameters)} parameters of {prediction.robot}, {prediction.model} model; deviations to "
-            f"{100 * prediction.precision:.2g} % ({prediction.count} samples)",
+            f"{percent(prediction.precision)} ({prediction.count} samples)",
         ),
         remarks=prediction.notes,
         tables=(_predicted(prediction),),
@@ -154,7 +154,7 @@ def _motion(course: TimeCourse, below: float) -> tuple[Any, ...]:
 def _last(course: TimeCourse, k: int) -> str:
     """Deviation of a parameter at the end, in relation to its magnitude where it has one."""
     if np.isfinite(share := course.relative_deviation[-1, k]):
-        return f"{100 * share:.3g} %"
+        return percent(share, 3)
     if np.isfinite(deviation := course.deviation[-1, k]):
         return f"{deviation:.3g} {course.units[k]} of zero"
     return "not identified"

@@ -16,6 +16,7 @@ from excite.identification.recipe import Recipe
 from excite.identification.result_json import KIND
 from excite.study.repetitions import Repetitions
 from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, numbers, text_of
+from regressors.errors import percent
 
 _DRAWN = {
     ending: Drawing(title, ending, function)
@@ -78,7 +79,7 @@ def _verdict(result: Identification) -> str:
         return f"This result cannot be right: {result.doubts[0].what}: {result.doubts[0].cause}"
     count, error = len(result.names), result.facts.relative_error
     seen = count - len(result.estimate.unseen)
-    residual = f"; residual {100 * error:.3g} % of what was measured" if math.isfinite(error) else ""
+    residual = f"; residual {percent(error, 3)} of what was measured" if math.isfinite(error) else ""
     found = f"all {count}" if seen == count else f"{seen} of {count}"
     return f"Identified {found} base parameters of {result.robot.name}{residual}"
 
@@ -132,7 +133,7 @@ def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
 
 
 def _size(relative: float) -> str:
-    return f"{100 * relative:.2g} %" if relative <= 1 else "over 100 %"
+    return percent(relative) if relative <= 1 else "over 100 %"
 
 
 def _logs(result: Identification) -> ViewTable:

@@ -18,7 +18,7 @@ import numpy as np
 
 from excite.storage.manifest import Entry, check_files, read_manifest
 from excite.views.view import Column, Drawing, Format, View, ViewTable, text_of
-from regressors.errors import ExciteError, InputError, printable
+from regressors.errors import ExciteError, InputError, percent, printable
 from regressors.samples import Array
 
 _PAGE = Path(__file__).parent / "page"
@@ -108,7 +108,7 @@ def _cell(column: Column, value: Any, state: str) -> PageCell:
     if value is None or not math.isfinite(value):
         return PageCell(column.missing or "\N{EN DASH}", state=state)
     number = f"{value:.{_DIGITS}g}".replace("-", "\N{MINUS SIGN}")
-    return PageCell(f"{100 * value:.3g} %" if column.format is Format.PERCENT else number, repr(float(value)), state)
+    return PageCell(percent(value, 3) if column.format is Format.PERCENT else number, repr(float(value)), state)
 
 
 def raised(text: str) -> str:

@@ -8,7 +8,7 @@ from excite.views.view import (
     ViewTable,
     headed,
 )
-from regressors.errors import listed_names
+from regressors.errors import listed_names, percent
 
 _NEGLIGIBLE = 1e-4  # tracking error over the range of motion
 
@@ -44,7 +44,7 @@ def _followed(log: SimulatedLog) -> str:
     if worst.relative < _NEGLIGIBLE:
         return f" within {100 * _NEGLIGIBLE:g} % of its range of motion"
     deviation = f"{worst.joint}: {worst.error:.2g} {worst.unit}"
-    return f" within {100 * worst.relative:.2g} % of its range of motion ({deviation})"
+    return f" within {percent(worst.relative)} of its range of motion ({deviation})"
 
 
 def _torques(log: SimulatedLog) -> ViewTable:

@@ -9,6 +9,7 @@ from excite.errors import ConicSolverError
 from excite.identification.choices.cutoff_and_timing import PERIODS, choose_signals, choose_timing, cutoff_candidates
 from excite.identification.choices.friction_terms import (
     TERM_SETTINGS,
+    choose_bias,
     choose_friction_scale,
     choose_terms,
     possible_terms,
@@ -194,6 +195,10 @@ class ChoicesInTurn:
             timed = self._taken_out("delay", "presliding")
             self.choices += (*choices, *timed)
         yield
+        if "bias" in self.free and model.channel == "wrench":
+            self.tried, choice = choose_bias(self.scoring, self.tried)
+            self.choices += (choice,)
+            yield
         if "friction_scale" in self.free:
             self.tried, choices = self._scale(self.tried)
             self.choices += choices

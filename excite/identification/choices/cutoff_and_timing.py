@@ -17,7 +17,7 @@ from excite.identification.equations import listed
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import presliding_candidates, undirected_equations
 from excite.identification.recipe import Recipe
-from regressors.errors import InputError
+from regressors.errors import InputError, percent
 from regressors.samples import Array
 
 _TIMES_IN_TURN = 3
@@ -90,9 +90,7 @@ def choose_cutoff(candidates: Sequence[float], scored: Scored) -> tuple[float, C
     reason = f"positions are low-passed at {value:g} Hz, which predicts left-out torques to {scores[chosen].percent}"
     if chosen != best:
         gain, deviation = gains[chosen]
-        reason += (
-            f" ({best:.3g} Hz: {scores[best].percent}, better by {100 * gain:.2g} +- {100 * deviation:.2g} % only)"
-        )
+        reason += f" ({best:.3g} Hz: {scores[best].percent}, better by {100 * gain:.2g} +- {percent(deviation)} only)"
     elif last != best:
         reason += f" ({last:.3g} Hz: {scores[last].percent})"
     return value, Choice("cutoff", value, candidates_of(dict(sorted(scores.items()))), reason, "Hz")
@@ -131,7 +129,7 @@ def choose_delay(scored: Scored, step: float) -> tuple[float, Choice]:
     when = "before" if best > 0 else "after"
     reason = (
         f"torques are matched with the motion {1e3 * abs(best):.3g} +- {1e3 * half:.2g} ms {when} them, which lowers "
-        f"the errors of left-out torques by {100 * (1 - np.exp(-gain)):.2g} %, the mean over the joints; what friction "
+        f"the errors of left-out torques by {percent(1 - np.exp(-gain))}, the mean over the joints; what friction "
         "does at its reversals can look like a delay"
     )
     return best, Choice("delay", best, listed, reason, "s", (best - half, best + half))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.identification.allowances import friction_torques, scaled_curves
+from excite.identification.allowances import constants, curves_of_moving, friction_torques, scaled_curves
 from excite.identification.choices.left_out import (
     BlockStatistics,
     Candidate,
@@ -16,6 +16,7 @@ from excite.identification.choices.left_out import (
     LeftOut,
     best_of,
     candidates_of,
+    least_squares_of_products,
     left_out,
 )
 from excite.identification.choices.scoring import (
@@ -41,7 +42,7 @@ from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
-TERM_SETTINGS = frozenset(CHOSEN) - {"cutoff", "signals", "delay", "friction_scale", "standstill", "estimator"}
+TERM_SETTINGS = frozenset(CHOSEN) - {"cutoff", "signals", "delay", "bias", "friction_scale", "standstill", "estimator"}
 _TERMS: Mapping[str, tuple[str, str, str]] = {  # option, name and words of each kind of optional parameter
     OFFSET: ("offset", "offset", "a constant offset"),
     LOAD_SHARE: ("load_share", "load share", "a share of the carried torque"),
@@ -246,9 +247,10 @@ def choose_friction_scale(
     The curves have the factors that the trial instants ask for, or are as given; no choice where no moving drive has a
     curve.
     """
-    names, statistics = _with_factors(scoring, recipe, friction)
+    names = curves_of_moving(scoring.target, friction)
     if not names:
         return recipe, friction, ()
+    statistics = _beside(scoring, recipe, lambda part: friction_torques(scoring.target, part, friction, recipe)[1])
     given = scoring.of(statistics.of_columns(range(scoring.target.base.rank)))
     fitted = scoring.of(statistics)
     factors = _factors(scoring, statistics, fitted, len(names))
@@ -268,32 +270,57 @@ def choose_friction_scale(
     return recipe, friction, (choice,)
 
 
-def _with_factors(
-    scoring: Scoring, recipe: Recipe, friction: FrictionCurves
-) -> tuple[tuple[str, ...], BlockStatistics]:
-    """Names of the drives with curves, and statistics with their friction as the last columns."""
+def _beside(scoring: Scoring, recipe: Recipe, signals: Callable[[PreparedLog], Array]) -> BlockStatistics:
+    """Statistics with k signals like the measured one, (k, N, n) along each log, as the last columns."""
     trial, target, parts = scoring.trial, scoring.target, scoring.parts(recipe)
     equations = trial.equations(target, parts, recipe)
-    names: tuple[str, ...] = ()
     W = []
     for part, time, (regressor, _) in zip(parts, trial.instants, equations, strict=True):
-        names, torques = friction_torques(target, part, friction, recipe)
         rows = nearest(part.samples.time, time)
         samples = part.samples.rows(rows)
-        columns = [target.model.right_side(samples, torque[rows]).reshape(rows.size, -1) for torque in torques]
+        columns = [target.model.right_side(samples, y[rows]).reshape(rows.size, -1) for y in signals(part)]
         W.append(np.concatenate([regressor, *(column[:, :, None] for column in columns)], axis=2))
-    return names, BlockStatistics.of(W, [right for _, right in equations], trial.blocks)
+    return BlockStatistics.of(W, [right for _, right in equations], trial.blocks)
 
 
 def _factors(scoring: Scoring, statistics: BlockStatistics, errors: LeftOut, count: int) -> Array | None:
     """Factors of the curves, or None where they are not determined, or are none of friction."""
-    products, weights = statistics.total, errors.weights
-    both = np.tensordot(weights, products, axes=1)[:-1, :-1]
+    if not _last_are_told_apart(statistics, errors.weights, count, _HIDDEN):
+        return None
+    factors = 1.0 + scoring.fitted(statistics, errors.weights)[-count:]
+    return factors if np.all((factors > 1.0 / _LARGEST_FACTOR) & (factors < _LARGEST_FACTOR)) else None
+
+
+def _last_are_told_apart(statistics: BlockStatistics, weights: Array, count: int, least: float) -> bool:
+    """Whether the other columns leave at least a share of each of the last ones, scaled to length one."""
+    both = np.tensordot(weights, statistics.total, axes=1)[:-1, :-1]
     length = np.sqrt(np.diag(both))
     if np.any(length[-count:] == 0.0):
-        return None
+        return False
     length = np.where(length > 0.0, length, 1.0)
     left = 1.0 / np.diag(np.linalg.pinv(both / np.outer(length, length), hermitian=True))[-count:]
-    factors = 1.0 + scoring.fitted(statistics, weights)[-count:]
-    determined = np.all(left > _HIDDEN**2) and np.all((factors > 1.0 / _LARGEST_FACTOR) & (factors < _LARGEST_FACTOR))
-    return factors if determined else None
+    return bool(np.all(left > least**2))
+
+
+_TOLD_APART = 0.05  # of a bias that the parameters of the load must leave
+
+
+def choose_bias(scoring: Scoring, recipe: Recipe) -> tuple[Recipe, Choice]:
+    """The bias of the force/torque sensor as constants, where the motion tells it from the load."""
+    target = scoring.target
+    statistics = _beside(scoring, recipe, constants)
+    used = np.diag(statistics.total.sum(axis=0))[target.base.rank : -1] > 0  # components that have equations
+    few = statistics.of_columns([*range(target.base.rank), *(target.base.rank + np.flatnonzero(used))])
+    none, fitted = left_out(statistics.of_columns(range(target.base.rank))), left_out(few)
+    listed, count = candidates_of({"none": none, "constants": fitted}), int(used.sum())
+    if not _last_are_told_apart(few, fitted.weights, count, _TOLD_APART):
+        reason = "no bias is subtracted, since the motion hardly tells it from the load: tare the sensor"
+        return recipe, Choice("bias", (), listed, reason)
+    bias = np.zeros(used.size)
+    bias[used] = least_squares_of_products(few.total, fitted.weights)[-count:]
+    values = tuple(float(f"{b:.6g}") for b in bias)
+    reason = (
+        f"a bias of the sensor is subtracted, {', '.join(f'{b:.3g}' for b in values)} N and Nm, and the intervals "
+        f"allow for it; left-out wrenches are predicted to {fitted.percent} instead of {none.percent}"
+    )
+    return replace(recipe, bias=values), Choice("bias", values, listed, reason)

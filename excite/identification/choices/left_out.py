@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from regressors.errors import InputError
+from regressors.errors import InputError, percent
 from regressors.samples import Array, Index
 
 
@@ -164,7 +164,7 @@ class LeftOut:
     @property
     def percent(self) -> str:
         """Relative error over all equations in words."""
-        return f"{100 * self.error:.3g} %"
+        return percent(self.error, 3)
 
     def is_better(self, than: LeftOut, worth: float, errors: float = 1.0) -> bool:
         """True if the score is better by more than a worth, and than some standard errors [Breiman et al. 1984]."""

@@ -32,6 +32,7 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import Spans, within
 from excite.logs.log import Log
 from excite.logs.signals.method import DelayedMotion
+from regressors.errors import percent
 from regressors.models.nominal import standard_values
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
@@ -154,7 +155,7 @@ def choose_bodies(
         reason = "bodies are not held physically possible: the conic solver found none"
         return recipe, Choice("estimator", "weighted", listed, reason)
     gain, deviation = free.gain_over(held[chosen])
-    worse = f"{100 * np.expm1(gain):.2g} +- {100 * deviation:.2g} % of it on average over the joints"
+    worse = f"{100 * np.expm1(gain):.2g} +- {percent(deviation)} of it on average over the joints"
     if free.is_better(held[chosen], _WORTH):
         reason = f"bodies are not held physically possible: that raises the error of left-out torques, by {worse}"
         return recipe, Choice("estimator", "weighted", listed, reason)

@@ -13,7 +13,7 @@ import scipy.signal
 
 from excite.logs.log import Log
 from excite.logs.signals.method import check_positive, spacing
-from regressors.errors import InputError
+from regressors.errors import InputError, percent
 from regressors.samples import Array
 
 ALIKE = 0.02
@@ -149,7 +149,7 @@ def _check_periodic(log: Log, length: float, mean: Array, noise: Array) -> None:
     if share[worst] > ALIKE:
         raise InputError(
             f"{log.source}: not periodic with {length:.6g} s: {log.joints[worst]} differs by {noise[worst]:.3g} from "
-            f"period to period, {100 * share[worst]:.2g} % of its motion; at most {100 * ALIKE:g} % are allowed"
+            f"period to period, {percent(share[worst])} of its motion; at most {100 * ALIKE:g} % are allowed"
         )
 
 

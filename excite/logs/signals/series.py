@@ -11,7 +11,7 @@ import scipy.interpolate
 
 from excite.logs.signals.method import FilteredMotion, Method, check_positive, cut_motion, spacing
 from excite.logs.signals.periods import estimated_period
-from regressors.errors import InputError
+from regressors.errors import InputError, percent
 from regressors.samples import Array, Index
 
 _MOST = 60
@@ -93,7 +93,7 @@ class FourierFit(Method):
         return (
             f"periodic motion of {period:.6g} s ({'estimated' if self.period is None else 'given'}) with {harmonics} "
             f"harmonics ({'chosen' if self.harmonics is None else 'given'}); residual of at most {residual.max():.3g} "
-            f"rad or m, {100 * share:.2g} % of the motion{much}"
+            f"rad or m, {percent(share)} of the motion{much}"
         )
 
 

@@ -207,7 +207,7 @@ def test_kinds_of_identifications(options: dict, names: list[str]) -> None:
 def test_the_wrench_of_a_load_has_a_cutoff_a_delay_and_an_estimator() -> None:
     log = noisy(played(periodic(np.eye(5), 3), 5, load=LOAD, seconds=6.0), 0.0, 1e-6, 1)
     result = excite.identify("irp6", log, model="load")
-    assert [choice.name for choice in result.choices] == ["cutoff", "signals", "delay", "estimator"]
+    assert [choice.name for choice in result.choices] == ["cutoff", "signals", "delay", "bias", "estimator"]
     assert result.recipe.estimator == "physical"
     np.testing.assert_allclose(result.coefficients, LOAD, atol=0.01)
     with pytest.raises(InputError, match="a wrench does not contain friction"):

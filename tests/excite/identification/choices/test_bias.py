@@ -1,0 +1,56 @@
+"""The bias of a force/torque sensor: found, subtracted and allowed for, or told not to be found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from played import LOAD, periodic, played, three_joints
+
+from excite.identification.identification import Identification
+from excite.identification.identify import identify
+from excite.logs.log import Log
+from regressors.errors import InputError
+
+BIAS = np.array([0.3, -0.2, 0.4, 0.02, -0.01, 0.015])
+ALL = ("fx", "fy", "fz", "nx", "ny", "nz")
+
+
+def biased(size: float) -> Log:
+    """Six seconds of all joints with noise of the wrench, and a bias."""
+    log = played(periodic(np.eye(5), 3, size), 5, 250.0, 6.0, load=LOAD)
+    noise = np.random.default_rng(2).normal(size=log.wrench.shape) * np.repeat([0.2, 0.01], 3)
+    return replace(log, wrench=log.wrench + noise + BIAS)
+
+
+def identified(size: float, **options) -> Identification:
+    return identify("irp6", biased(size), model="load", cutoff=20.0, **options)
+
+
+@pytest.mark.parametrize("kept", [ALL, ("fx", "fy", "fz", "ny", "nz")])
+def test_it_is_found_and_the_intervals_allow_for_it(kept: tuple[str, ...]) -> None:
+    result = identified(0.3, equations=kept)
+    found, has = np.array(result.recipe.bias), np.isin(ALL, kept)
+    np.testing.assert_allclose(found[has], BIAS[has], atol=0.03)
+    np.testing.assert_array_equal(found[~has], 0.0)
+    assert np.all(np.abs(result.estimate.values - LOAD) < result.estimate.half_width)
+    given = identified(0.3, equations=kept, bias=tuple(found))
+    np.testing.assert_allclose(given.estimate.values, result.estimate.values, rtol=1e-9)
+    assert np.all(given.estimate.half_width <= result.estimate.half_width)
+    ignored = identified(0.3, equations=kept, choose=["delay"])
+    assert ignored.recipe.bias == ()
+    assert np.any(np.abs(ignored.estimate.values - LOAD) > ignored.estimate.half_width)
+
+
+def test_a_motion_that_hardly_turns_the_load_does_not_show_it() -> None:
+    result = identified(0.05)
+    assert result.recipe.bias == ()
+    assert "tare the sensor" in next(choice.reason for choice in result.choices if choice.name == "bias")
+
+
+def test_it_has_six_components_and_needs_a_wrench() -> None:
+    with pytest.raises(InputError, match=r"`bias` must be six numbers, one for each of force\.x"):
+        identified(0.3, bias=(1.0, 2.0))
+    with pytest.raises(InputError, match="`bias` are for the wrench, which it does not have"):
+        identify("irp6", played(three_joints(), 3, seconds=4.0), bias=tuple(BIAS))
