@@ -32,6 +32,7 @@ from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
 from excite.identification.spoilt_log import spoilt_log
+from excite.identification.untold_load import load_that_explains
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import percent
@@ -70,7 +71,28 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
         expected = expected_error(target, result.observations, result.estimate, _motions(result))
         method, tried = result.estimate.method, _tried(result)
         checks.append(few_data(len(result.prepared), expected, method, _excess(result), tried=tried))
+        checks.append(_untold_load(result, target))
     return tuple(warning for warning in checks if warning is not None)
+
+
+def _untold_load(result: Identification, target: IdentificationTarget) -> Doubt | None:
+    """Warning where the bodies depart from the described ones as with a load at the last link."""
+    known, equations = _believed_bodies(target), target.model.torque_equations()
+    if known is None or equations is None or not (equations.every_joint and target.motion.complete):
+        return None
+    motion = _motions(result)
+    some = motion.rows(np.unique(np.linspace(0, motion.time.size - 1, _INSTANTS).astype(int)))
+    Y = target.model.instants(some)[:, target.base.index].reshape(some.time.size, -1, target.base.rank)
+    inertial = np.array([target.base.columns[j].group == "inertial" for j in target.base.index])
+    difference = Y[:, :, inertial] @ (result.coefficients - known)[inertial]
+    load = load_that_explains(target.robot, some, difference, Y @ result.coefficients)
+    if load is None or load.mass < 0:
+        return None
+    return Doubt(
+        f"the bodies depart from the described ones as if the robot carried something: {load.text} of the torque",
+        "what was identified is the robot with that load, if it had one",
+        "identify again from a log without it, or say with `identify_payload` what it is",
+    )
 
 
 WELL = 0.05  # relative deviation of a parameter that is well known
@@ -153,14 +175,21 @@ def _mass_matrix(result: Identification, target: IdentificationTarget, noise: No
 
 def _gravity(result: Identification, target: IdentificationTarget) -> Doubt | None:
     """Torques of gravity over the allowed poses, against those of the description where that is to be believed."""
-    known = described_coefficients(target.base, standard_values(target.robot))
-    if known is None or target.model.torque_equations() is None or implausible_inertias(target.robot):
+    known = _believed_bodies(target)
+    if known is None:
         return None
     q = allowed_poses(target.robot, _motions(result).q)
     still = np.zeros_like(q)
     Y = target.model.instants(Samples(np.arange(len(q), dtype=float), q, still, still, still))[:, target.base.index]
     inertial = np.array([target.base.columns[j].group == "inertial" for j in target.base.index])
     return heavier_than_described(Y[:, inertial] @ result.coefficients[inertial], Y[:, inertial] @ known[inertial])
+
+
+def _believed_bodies(target: IdentificationTarget) -> Array | None:
+    """Base parameters of the described bodies, shape (b,); None where one is unknown or hardly right."""
+    if target.model.torque_equations() is None or implausible_inertias(target.robot):
+        return None
+    return described_coefficients(target.base, standard_values(target.robot))
 
 
 def _residual(result: Identification, target: IdentificationTarget, noise: NoisyDerivatives) -> Doubt | None:
@@ -220,6 +249,7 @@ def _without_curve(result: Identification, target: IdentificationTarget) -> tupl
 
 
 _MOTIONS = 12
+_INSTANTS = 1500
 _CHUNK = 16384  # rows
 _LEAST = 1e-12  # of the largest eigenvalue
 

@@ -133,9 +133,11 @@ def _of_total(
             f"without it they are predicted {within}"
         )
     if training is not None and training > 0 and whole.least > MORE_THAN_TRAINING * training:
+        ratio = whole.relative / training
+        times = "over 1000" if ratio > 1000 else f"{ratio:.3g}"
         text = (
-            f"the error of {percent(whole.relative)} is {whole.relative / training:.3g} times that on the logs of "
-            f"the identification ({percent(training)})"
+            f"the error of {percent(whole.relative)} is {times} times that on the logs of the identification "
+            f"({percent(training)})"
         )
         if whole.least > tolerances.torque / 2:
             against.append(f"{text}: the result does not generalise")

@@ -23,6 +23,7 @@ from excite.identification.prediction import (
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.procedure import log_of
 from excite.identification.recipe import AUTO, Recipe
+from excite.identification.untold_load import load_that_explains
 from excite.information.target import IdentificationTarget
 from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
@@ -156,7 +157,10 @@ def verify(
         replay=replay,
         motions=motions,
         verdict=replace(
-            judged, remarks=(*judged.remarks, *further), answers=(_torques_answer(judged, whole), *answers(result))
+            judged,
+            against=(*judged.against, *_other_load(target, part, predicted, judged)),
+            remarks=(*judged.remarks, *further),
+            answers=(_torques_answer(judged, whole), *answers(result)),
         ),
         corrected=corrected,
         corrected_total=whole,
@@ -171,6 +175,25 @@ def _doubted(result: Identification, replay: Replay | None) -> tuple[str, ...]:
     if not doubted and replay is not None and replay.outcome is Outcome.NOT_POSITIVE:
         return (f"{replay.outcome.value} (in the pose at {replay.failed_at:.3f} s)",)
     return doubted
+
+
+def _other_load(
+    target: IdentificationTarget, part: PreparedLog, predicted: LogPrediction, judged: Verdict
+) -> tuple[str, ...]:
+    """The load that the log has and the result lacks, or the reverse, where that explains what contradicts."""
+    equations = target.model.torque_equations()
+    if judged.holds or equations is None or not (equations.every_joint and target.motion.complete):
+        return ()
+    time, motion = predicted.time, part.samples
+    measured, torques = (
+        np.column_stack([np.interp(motion.time, time, column) for column in rows.T])
+        for rows in (predicted.measured, predicted.predicted)
+    )
+    load = load_that_explains(target.robot, motion, measured - torques, measured)
+    if load is None:
+        return ()
+    whose = "which this log has and the result lacks" if load.mass > 0 else "which the result has and this log lacks"
+    return (f"{load.text} of the torque, {whose}: verify with a log of the same load, or identify again",)
 
 
 def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
