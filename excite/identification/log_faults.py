@@ -35,6 +35,7 @@ class Fault:
 
 
 NO_FAULT = Fault("none", (), "", "")
+UNTOLD_LOAD = Fault("untold load", (), "", "")
 
 
 def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> Iterator[Fault]:

@@ -23,6 +23,7 @@ from excite.identification.large_residual import Doubt
 from excite.identification.log_faults import (
     NO_FAULT,
     ODD_GAIN,
+    UNTOLD_LOAD,
     Fault,
     column_faults,
     delay_fault,
@@ -34,6 +35,7 @@ from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from regressors.errors import percent
+from regressors.models.load import PayloadModel
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
@@ -101,7 +103,7 @@ def spoilt_log(
     none = search.plain.fit(NO_FAULT)
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
         return None
-    fits = [*search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
+    fits = [search.with_load(), *search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
     return named(none, [fit for fit in fits if not timed or fit.fault.kind != "late" or fit.fault.longest > LONGEST])
 
 
@@ -109,6 +111,8 @@ def named(none: Fit, fits: list[Fit]) -> Doubt | None:
     """Doubt of the best fault, or of the best two if they concern the same joint and explain the same."""
     ranked = sorted(fits, key=lambda fit: fit.size)
     best = ranked[0]
+    if best.fault is UNTOLD_LOAD:  # no fault of the log
+        return None
     close = [fit for fit in ranked if fit.size - best.size <= MARGIN and fit.fault.label != best.fault.label]
     alike = [best.fault, *(fit.fault for fit in close if fit.fault.joints == best.fault.joints)]
     alike += [fit.fault for fit in close if fit.fault.kind == best.fault.kind == "torque gain"]  # only a ratio shows
@@ -198,6 +202,13 @@ class FaultSearch:
         own = np.maximum(self.plain.fit(NO_FAULT).errors, _LEAST_ERROR)
         fits = (self._delayed(which) for which in np.eye(len(own), dtype=int))
         return [replace(fit, errors=np.maximum(fit.errors, _LEAST_ERROR) / own * none.errors) for fit in fits]
+
+    def with_load(self) -> Fit:
+        """Fit where the robot may carry a load that is not described."""
+        n = self.samples.q.shape[1]
+        K = PayloadModel(self.target.robot).instants(self.samples).reshape(-1, n, 10)
+        measured = self.torques(np.zeros(n, dtype=int))
+        return Equations.of(self, self.samples, self.columns, measured, K).fit(UNTOLD_LOAD)
 
     def _fit(self, fault: Fault) -> Fit:
         """Fit with a fault undone."""
@@ -308,11 +319,14 @@ class Equations:
     believed: Array  # (b,) 1 for the parameters that the description states
 
     @staticmethod
-    def of(search: FaultSearch, samples: Samples, W: Array, measured: Array) -> Equations:
-        """The equations along a motion."""
+    def of(search: FaultSearch, samples: Samples, W: Array, measured: Array, further: Array | None = None) -> Equations:
+        """The equations along a motion, with further columns of any sign, shape (N, n, k)."""
         base, n = search.target.base, measured.shape[1]
         inertial = np.array([base.columns[j].group == "inertial" for j in base.index])
         added, added_signs = _added_columns(search.target, search.friction, samples)
+        if further is not None:
+            added = np.concatenate([added, further], axis=2)
+            added_signs = np.concatenate([added_signs, np.zeros(further.shape[2])])
         described = (
             np.zeros(W.shape[:2]) if search.described is None else W[:, :, inertial] @ search.described[inertial]
         )
