@@ -57,6 +57,15 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
         checks.append(
             impossible_parameters(result.estimate, result.target.base, _shares(result), noise, _tried(result))
         )
+    if len(result.estimate.unseen) == len(result.names):
+        checks.append(
+            Doubt(
+                f"the logs show none of the {len(result.names)} parameters",
+                "they are too short, or what moves in them is as small as their noise",
+                "record a designed motion (`design_trajectory`)",
+                about="torques",
+            )
+        )
     found = tuple(doubt for doubt in checks if doubt is not None)
     timed = any(choice.name == "delay" for choice in result.choices)
     spoilt = spoilt_log(target, result.prepared, result.friction, doubtful=bool(found), timed=timed)
@@ -117,6 +126,8 @@ def _possible(result: Identification) -> str:
 def _known(result: Identification) -> str:
     """Which parameters are known, which are not, and what would show them."""
     estimate = result.estimate
+    if len(estimate.unseen) == len(result.names):
+        return f"parameters: none of the {len(result.names)} is identifiable from these logs"
     known = int(np.sum(estimate.relative_deviation < WELL))
     text = f"parameters: {known} of {len(result.names)} have a standard deviation below {100 * WELL:g} % of their value"
     with np.errstate(invalid="ignore"):
@@ -384,7 +395,7 @@ def few_data(
         )
     return Doubt(
         f"{what} too little",
-        f"{noise} alone leaves errors of about {percent(expected.logs)} of the torque on other motions of the same "
+        f"{noise} alone leaves errors of {percent(expected.logs)} of the torque on other motions of the same "
         f"ranges and speeds, and {kept}",
         _cure(expected, tried or method),
     )
@@ -396,6 +407,6 @@ def _cure(expected: ExpectedError, method: str) -> str:
     if gain is None or gain > _USEFUL * expected.logs:
         return f"add a log of another motion{physical}"
     return (
-        f"the noise of a designed motion of the same length, ranges and speeds leaves about {percent(gain)}, that "
+        f"the noise of a designed motion of the same length, ranges and speeds leaves {percent(gain)}, that "
         f"of this one {percent(expected.logs)} (`design_trajectory`); or add a log of another motion{physical}"
     )

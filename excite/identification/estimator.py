@@ -263,6 +263,7 @@ def _inverse(sizes: Array) -> Array:
 
 
 _NOTHING = 1e-6  # smallest singular value of a part of a parameter along unidentifiable directions
+_MOST_OTHERS = 6  # in a combination that is written out
 _VISIBLE = 1e-3  # smaller coefficients, of columns scaled to length one, are left out of a combination
 
 
@@ -323,9 +324,11 @@ def _combinations(
     covered = np.flatnonzero(~np.any(rows != 0.0, axis=0))
     texts += [_lost(names[j]) for j in mixed[covered]]
     for row, k in zip(rows, index, strict=True):
-        sizes = solution.sizes[mixed]
+        sizes, others = solution.sizes[mixed], np.count_nonzero(row) - 1
         text = _sum(row * sizes / sizes[k], [names[j] for j in mixed])
-        texts.append(f"{names[mixed[k]]} is identifiable only in {text}" if np.count_nonzero(row) > 1 else _lost(text))
+        if others > _MOST_OTHERS:
+            text = f"a combination with {others} others"
+        texts.append(f"{names[mixed[k]]} is identifiable only in {text}" if others else _lost(text))
     return tuple(texts)
 
 

@@ -28,6 +28,7 @@ from regressors.errors import (
     cut,
     listed_names,
     one_line,
+    percent,
     printable,
     shortened,
 )
@@ -225,6 +226,13 @@ def test_both_ends_of_a_long_text_are_kept() -> None:
 
 def test_a_number_that_python_refuses_to_print() -> None:
     assert shortened(10**5000) == "a very long number"
+
+
+def test_shares_are_numbers_whatever_their_size() -> None:
+    shares = (0.0, 0.12345, 1.0, 9.99, 10.0, 10.1, math.inf, math.nan, -0.5)
+    texts = ["0 %", "12 %", "100 %", "1000 %", "1000 %", "> 1000 %", "> 1000 %", "an unknown share", "-50 %"]
+    assert [percent(share) for share in shares] == texts
+    assert percent(0.12345, 3) == "12.3 %"
 
 
 def test_of_many_names_the_last_are_counted() -> None:

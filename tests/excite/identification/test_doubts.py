@@ -301,7 +301,7 @@ def test_other_motions_stay_within_the_ranges() -> None:
 def test_one_log_that_is_too_little_is_said() -> None:
     for logs, designed, method, parts in (
         (0.09, 0.01, "weighted", ()),
-        (0.19, 0.04, "weighted", ("19 % of the torque", "about 4 %, that of this one 19 %", "real bodies")),
+        (0.19, 0.04, "weighted", ("19 % of the torque", "leaves 4 %, that of this one 19 %", "real bodies")),
         (0.19, 0.18, "physical", ("bodies are real", "add a log of another motion")),
         (0.19, None, "weighted", ("errors of the model come on top", "add a log of another motion")),
     ):

@@ -40,6 +40,13 @@ def test_resolution_falls_with_the_noise_and_neither_it_nor_combinations_depend_
     assert combinations == ("b1 is identifiable only in b1 + 1000 b4", "b3 is identifiable only in b3 - 0.0005 b4")
 
 
+def test_combinations_are_written_out_up_to_six_others() -> None:
+    W = np.ones((1, 8)) * columns(p=1)
+    texts = [shown_by(observed(W[:, :p], np.ones(p))).combinations for p in (7, 8)]
+    assert texts[0] == ("b1 is identifiable only in b1 + b2 + b3 + b4 + b5 + b6 + b7",)
+    assert texts[1] == ("b1 is identifiable only in a combination with 7 others",)
+
+
 @pytest.mark.parametrize("name", METHODS)
 def test_a_zero_column_is_unseen_and_the_others_are_as_without_it(name: str) -> None:
     W, beta = columns(), np.array([1.0, 2.0, 3.0])
