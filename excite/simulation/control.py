@@ -153,11 +153,7 @@ class ControlledRobot:
         power = ca.dot(acting, dq)
         lost = ca.dot(acting - self.plant.carried_torque(dq, acting, direction), dq)
         rate = ca.vertcat(dq, ddq, power, lost)
-        symbols = [
-            ca.vertcat(q, dq, energies),
-            ca.vertcat(*wanted, outside, torque),
-            ca.vertcat(before, s, is_open),
-        ]
+        symbols = [ca.vertcat(q, dq, energies), ca.vertcat(*wanted, outside, torque), ca.vertcat(before, s, is_open)]
         return symbols, ca.cse([rate, effort, command, ddq, least])
 
     def turned(self, sticking: Sticking | None) -> ca.Function:

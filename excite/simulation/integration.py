@@ -7,7 +7,7 @@ one that acts at that instant, together with the acceleration that it causes.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import casadi as ca
@@ -156,10 +156,8 @@ class SimulatedRun:
 
     def after(self, first: int) -> SimulatedRun:
         """The run from one of its samples on, as if it began there."""
-        samples = Samples(
-            self.samples.time[: self.samples.time.size - first],
-            *(x[first:] for x in (self.samples.q, self.samples.dq, self.samples.ddq, self.samples.dddq)),
-        )
+        s = self.samples
+        samples = replace(s.rows(slice(first, None)), time=s.time[: s.time.size - first])
         work, loss = (x[first:] - x[first] for x in (self.work, self.loss))
         effort, command, friction = (x[first:] for x in (self.effort, self.command, self.friction))
         return SimulatedRun(samples, effort, command, friction, work, loss, self.energy[first:])

@@ -17,7 +17,7 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.models.differential import RIGID, inertial_regressor
-from regressors.models.drives import drive_motions, drive_rows, rotor_torque
+from regressors.models.drives import drive_motions, rotor_torque
 from regressors.models.energy import body_energy
 from regressors.models.model import RegressorModel
 from regressors.robot.columns import LOAD_SHARE
@@ -26,6 +26,7 @@ from regressors.robot.friction.load_and_temperature import (
     carried_along,
     carried_expression,
     drives_with_friction,
+    moving_drive_numbers,
     smooth_direction,
     torques_at_drives,
 )
@@ -226,13 +227,8 @@ def carried_along_motion(
     joints = ca.mtimes(sparse(carried_along(robot, N)), tau)
     to_drives, direction = torques_at_drives(robot), smooth_direction(robot, dq, width)
     z = ca.mtimes(sparse(to_drives), joints)
-    moving = [number for number in drive_rows(robot) if _turns(robot, number)]
     loads = [
         carried_expression(z[k], shares[number] * direction[k]) if number in shares else z[k]
-        for k, number in enumerate(moving)
+        for k, number in enumerate(moving_drive_numbers(robot).values())
     ]
     return ca.mtimes(sparse(N.T @ np.linalg.inv(to_drives)), ca.vertcat(*loads))
-
-
-def _turns(robot: Robot, number: int) -> bool:
-    return robot.transmission is None or not robot.transmission.drives[number - 1].rests

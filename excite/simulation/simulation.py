@@ -125,8 +125,7 @@ class Simulation:
         """
         from excite.simulation.simulation_files import save_simulation
 
-        files = save_simulation(self, log, replace=replace)
-        return files
+        return save_simulation(self, log, replace=replace)
 
     @cached_property
     def record(self) -> SimulatedLog:
@@ -391,12 +390,10 @@ def exceeded_limits(robot: Robot, samples: Samples) -> tuple[LimitExcess, ...]:
     found = [*_passed(robot.limits, joints, units, samples.q, samples.dq)]
     transmission = robot.transmission
     if transmission is not None:
-        C = transmission.coupling
         drives = [f"drive {drive.name}" for drive in transmission.drives]
         of_drives = ["m" if prismatic else "rad" for prismatic in _moves_straight(robot)]
-        found += _passed(
-            transmission.limits, drives, of_drives, samples.q @ C.T + transmission.offset, samples.dq @ C.T
-        )
+        z, dz = samples.q @ transmission.coupling.T + transmission.offset, samples.dq @ transmission.coupling.T
+        found += _passed(transmission.limits, drives, of_drives, z, dz)
     return tuple(found)
 
 
@@ -433,6 +430,14 @@ def exceeded_torques(robot: Robot, command: Array) -> tuple[LimitExcess, ...]:
         LimitExcess("torque", label, units[label], bound, float(size.max()) - bound, float(size.max()) / bound - 1)
         for label, size, bound in _limited(robot, command)
         if np.any(size > bound)
+    )
+
+
+def torque_uses(robot: Robot, command: Array) -> tuple[TorqueUse, ...]:
+    """Use of every torque limit."""  # command (N, n)
+    return tuple(
+        TorqueUse(label, float(size.max()), bound, int(np.count_nonzero(size > bound)))
+        for label, size, bound in _limited(robot, command)
     )
 
 

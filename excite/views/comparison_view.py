@@ -11,7 +11,7 @@ from excite.design.stated_limits import kept_headline
 from excite.information.matrix import CONVENTIONS
 from excite.optimality.design_bound import CriterionBound, DesignBound
 from excite.optimality.sensitivity import Sensitivity
-from excite.views.view import Column, Format, View, ViewTable, headed, numbers
+from excite.views.view import Column, Format, View, ViewTable, headed
 
 _UNLIKE = "the designs are for different robots, models or moving joints; their numbers are not comparable"
 _LARGER_IS_BETTER = ("smallest_singular_value", "log_det")
@@ -177,11 +177,8 @@ def _basis(bound: CriterionBound) -> str:
 
 
 def _changes(changes: Sensitivity) -> ViewTable:
-    columns = (
-        *headed("*change of the problem:text"),
-        *numbers(changes.criterion, brief=True, digits=4),
-        *headed("*gain:%"),
-    )
+    criterion = Column(changes.criterion, brief=True, digits=4)
+    columns = (*headed("*change of the problem:text"), criterion, *headed("*gain:%"))
     rows = tuple((row.change, row.value, row.gain) for row in changes.rows)
     title = f"What changes of the problem would bring, found in {changes.cpu_seconds:.1f} s CPU"
     return ViewTable("changes", title, columns, rows, most=5)

@@ -239,9 +239,9 @@ def _predictions(design: Design, content: Mapping[str, Any]) -> ViewTable:
     behind = any("motor_side" in each for each in predicted["parameters"])
     columns = (
         *headed("parameter:text, standard deviation"),
-        *((Column("known beforehand"), Column("both")) if known else ()),
+        *(headed("known beforehand, both") if known else ()),
         *headed("unit:unit"),
-        *((Column("at the motor", Format.TEXT),) if behind else ()),
+        *(texts("at the motor") if behind else ()),
         *headed("combination:unit"),
     )
     rows = tuple(
@@ -293,5 +293,5 @@ def _starts(solver: Mapping[str, Any], began: Mapping[int, float]) -> ViewTable:
 def _harmonics(solver: Mapping[str, Any]) -> tuple[ViewTable, ...]:
     """What each number of harmonics brought, where the search chose it."""
     rows = tuple((each["harmonics"], each["value"], each["cpu_seconds"]) for each in solver.get("harmonics", ()))
-    columns = tuple(map(Column, ("harmonics", "criterion", "CPU [s]")))
-    return (ViewTable("harmonics", "Numbers of harmonics that were tried", columns, rows),) if rows else ()
+    title = "Numbers of harmonics that were tried"
+    return (ViewTable("harmonics", title, headed("harmonics, criterion, CPU [s]"), rows),) if rows else ()

@@ -95,22 +95,17 @@ def write_figures(
     return write_view_figures(_view_of(design), folder, formats=formats, width=width)
 
 
-def write_view_figures(
-    view: View, folder: str | Path, *, formats: str | Sequence[str] = ("png",), width: str = "screen"
-) -> list[Path]:
-    """Write the figures of a view."""
+def write_view_figures(view: View, folder: str | Path, **how: Any) -> list[Path]:
+    """Write the figures of a view; formats and width as in `write_figures`."""
+    figures = view.figures
     return write_figure_files(
-        lambda: {f"{view.stem}{each.ending}": each.draw() for each in view.figures},
-        folder,
-        view.filed,
-        formats=formats,
-        width=width,
+        lambda: {f"{view.stem}{each.ending}": each.draw() for each in figures}, folder, view.filed, **how
     )
 
 
 def _view_of(result: Any) -> View:
     names = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(result).__mro__]
-    known = next((_VIEWS[name] for name in names if name in _VIEWS), None)
+    known = next(filter(None, map(_VIEWS.get, names)), None)
     if known is None:
         raise InputError(
             "expected a design, an identification, a verification, a study, a friction plan, a friction fit, a payload "

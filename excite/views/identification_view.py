@@ -15,19 +15,16 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import KIND
 from excite.study.repetitions import Repetitions
-from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, numbers, text_of
+from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, text_of, texts
 
-_DRAWN = {
-    ending: Drawing(title, ending, function)
-    for ending, title, function in (
-        ("parameters", "Parameters with their 99 % intervals", "parameters_plot.parameters_figure"),
-        ("torques", "Measured and predicted", "identification_plots.torques_figure"),
-        ("residuals", "Residuals", "identification_plots.residuals_figure"),
-        ("estimates", "Estimates over time", "identification_plots.estimates_figure"),
-        ("repetitions", "Repetitions in simulation and predicted intervals", "parameters_plot.repetitions_figure"),
-    )
-}
-TITLES = {name: each.title for name, each in _DRAWN.items()}
+_DRAWN = (
+    Drawing("Parameters with their 99 % intervals", "parameters", "parameters_plot.parameters_figure"),
+    Drawing("Measured and predicted", "torques", "identification_plots.torques_figure"),
+    Drawing("Residuals", "residuals", "identification_plots.residuals_figure"),
+    Drawing("Estimates over time", "estimates", "identification_plots.estimates_figure"),
+    Drawing("Repetitions in simulation and predicted intervals", "repetitions", "parameters_plot.repetitions_figure"),
+)
+TITLES = {each.ending: each.title for each in _DRAWN}
 _SHOWN = 5  # parameters that are least certain
 _WHITE = 0.01  # least probability of residuals that are taken for white
 _RARE = 0.01  # probability of a scatter between logs that noise hardly makes
@@ -148,10 +145,10 @@ def _parameters(result: Identification) -> ViewTable:
     values = np.full(len(estimate.names), np.nan) if reference is None else reference.values
     columns = (
         *headed("parameter:text"),
-        *numbers("value", missing="not identifiable"),
+        *headed("value", missing="not identifiable"),
         *headed("lower, upper, unit:unit, std. dev., relative:%"),
         *((Column("truth" if reference.kind == "truth" else "described"),) if reference is not None else ()),
-        *((Column("at the motor", Format.TEXT),) if facts.motor_sides else ()),
+        *(texts("at the motor") if facts.motor_sides else ()),
         Column("combination", Format.UNIT, wide=True),
     )
     rows, marked = [], dict[tuple[int, int], str]()
@@ -186,8 +183,6 @@ def _each_log(result: Identification) -> tuple[ViewTable, ...]:
     if scatter is None or not result.each:
         return ()
     each, estimate = scatter.each, result.estimate
-    logs = tuple(f"log {k + 1}" for k in range(len(each.logs)))
-    headings = ("parameter", *logs, "together", "unit", "scatter over stated")
     rows = tuple(
         (
             name,
@@ -198,7 +193,8 @@ def _each_log(result: Identification) -> tuple[ViewTable, ...]:
         )
         for j, name in enumerate(each.names)
     )
-    columns = tuple(Column(heading, Format.UNIT if heading == "unit" else Format.TEXT) for heading in headings)
+    logs = (f"log {k + 1}" for k in range(len(each.logs)))
+    columns = (*texts("parameter", *logs, "together"), *headed("unit:unit, scatter over stated:text"))
     note = "*: less than 1 % probable from noise alone"
     return (ViewTable("each-log", "Each log alone, with its standard deviation", columns, rows, note=note),)
 
@@ -254,8 +250,7 @@ def _conditions(result: Identification) -> ViewTable:
 
 def repetitions_view(result: Identification, repeated: Repetitions) -> View:
     """View of an identification whose figure is that of its repetitions, which it keeps a summary of."""
-    figure = _DRAWN["repetitions"].of(repeated, result.robot.name)
-    return replace(identification_view(result), figures=(figure,))
+    return replace(identification_view(result), figures=(_DRAWN[-1].of(repeated, result.robot.name),))
 
 
 def _recipe(recipe: Recipe) -> tuple[tuple[str, str], ...]:
@@ -269,9 +264,8 @@ def _recipe(recipe: Recipe) -> tuple[tuple[str, str], ...]:
 
 def identification_figures(result: Identification) -> tuple[Drawing, ...]:
     """Figures that its estimate and its curves can draw."""
-    drawable = ["parameters", *(("torques", "residuals") if result.curves.time.size else ())]
-    drawable += ["estimates"] if result.estimate.history is not None else []
-    return tuple(_DRAWN[name].of(result) for name in drawable)
+    logged, traced = result.curves.time.size > 0, result.estimate.history is not None
+    return tuple(each.of(result) for each, has in zip(_DRAWN, (True, logged, logged, traced), strict=False) if has)
 
 
 def side_by_side_view(results: Sequence[Identification]) -> View:
@@ -299,8 +293,8 @@ def side_by_side_view(results: Sequence[Identification]) -> View:
 
 def _intervals(result: Identification) -> dict[str, tuple[float, float]]:
     """Value and half of the interval of each parameter."""
-    values, halves = result.estimate.values, result.estimate.half_width
-    return dict(zip(result.names, zip(values.tolist(), halves.tolist(), strict=True), strict=True))
+    pairs = zip(result.estimate.values.tolist(), result.estimate.half_width.tolist(), strict=True)
+    return dict(zip(result.names, pairs, strict=True))
 
 
 def _agree(known: Sequence[tuple[float, float]]) -> bool:

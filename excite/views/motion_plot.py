@@ -20,6 +20,7 @@ from excite.design.design import Design
 from excite.design.stated_limits import checked_text, kept_headline
 from excite.trajectories.sequence import EXCITE
 from excite.views.panels import Panel, ends, legend_below, panels
+from excite.views.player_data import of_some_joints
 from excite.views.style import (
     BAND,
     BLUE,
@@ -123,8 +124,7 @@ def limited_torques(design: Design, motion: Samples) -> list[LimitedTorque]:
     """Every limited torque of a design; none where its torques are not checked."""
     uses = {use.label: use for use in design.limits if use.label.endswith(_TORQUE)}
     joints = design.robot.joint_names if design.approach_and_return is not None else design.moving.joint_names
-    index = [design.robot.joint_names.index(name) for name in joints]
-    samples = Samples(motion.time, *(x[:, index] for x in (motion.q, motion.dq, motion.ddq, motion.dddq)))
+    samples = of_some_joints(motion, design.robot, joints)
     torques = []
     known = design.nonlinear if design.approach_and_return is None else design.imposed_on(joints)
     for limit in known if uses else ():
@@ -201,21 +201,16 @@ def motion_functions(
         tuple(row): MotionFunction(joint.name, row, joint.unit)
         for joint, row in zip(robot.joints, np.eye(robot.n), strict=True)
     }
-    joints = set(functions)
     for limit in limits:
         for k, label in enumerate(limit.labels):
-            key = tuple(limit.matrix[k] + 0.0)
-            if key not in functions:
-                functions[key] = MotionFunction(
-                    "", limit.matrix[k], limit.units[k].split("/")[0], float(limit.offset[k])
-                )
-            function, owner = functions[key], label.removesuffix(f" {limit.quantity}")
+            new = MotionFunction("", limit.matrix[k], limit.units[k].split("/")[0], float(limit.offset[k]))
+            function = functions.setdefault(tuple(limit.matrix[k] + 0.0), new)
+            owner = label.removesuffix(f" {limit.quantity}")
             shift = float(limit.offset[k]) - function.offset if limit.derivative == 0 else 0.0
             bound = Bound(owner, float(limit.lower[k]), float(limit.upper[k]), shift, use_of[label])
             function.bounds[limit.derivative].append(bound)
-    for key, function in functions.items():
-        if key not in joints:
-            function.name = _name(function, robot)
+    for function in functions.values():
+        function.name = function.name or _name(function, robot)
     return list(functions.values())
 
 
@@ -241,27 +236,17 @@ def motion_figure(design: Design) -> Figure:
     spans = design.sequence.spans()
     torques = limited_torques(design, whole)
     figure, rows = _panels(design, len(functions), columns, len(torques))
-    samples, begin = _of_moving_joints(design, whole), spans[EXCITE][0]
+    samples, begin = of_some_joints(whole, design.robot, design.moving.joint_names), spans[EXCITE][0]
     for row, function in zip(rows, functions, strict=False):
         _draw_row(row, function, samples, begin)
     for ax, torque in zip(rows[-1], torques, strict=False):
         _draw_torque(ax, torque, whole.time, begin)
-    for ax in figure.axes:
-        _shade_transfers(ax, spans)
+    for segment, (start, end) in spans.items():
+        for ax in figure.axes if segment != EXCITE else ():
+            ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
     _label_times(figure)
     legend_below(figure, _legend(transfers=len(spans) > 1))
     return figure
-
-
-def _of_moving_joints(design: Design, whole: Samples) -> Samples:
-    index = [design.robot.joint_names.index(name) for name in design.moving.joint_names]
-    return Samples(whole.time, *(x[:, index] for x in (whole.q, whole.dq, whole.ddq, whole.dddq)))
-
-
-def _shade_transfers(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
-    for segment, (start, end) in spans.items():
-        if segment != EXCITE:
-            ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
 
 
 def _panels(design: Design, rows: int, columns: int, torques: int) -> tuple[Figure, list[list[Axes]]]:

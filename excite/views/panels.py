@@ -363,13 +363,9 @@ def write_columns(ax: Axes, places: Sequence[float], columns: Sequence[NumberCol
         heading = {**style, "va": "bottom", "xycoords": "axes fraction", "fontsize": LABEL, "color": DARK}
         ax.annotate(column.heading, (1.0, 1.0), (at, 6), ha=column.side, **heading)
         for k, (place, text) in enumerate(zip(places, column.texts, strict=True)):
-            marked = bool(column.marked) and column.marked[k]
-            look: dict[str, Any] = {
-                "color": VERMILLION if marked else DARK,
-                "fontweight": "bold" if marked else "normal",
-            }
+            colour, weight = (VERMILLION, "bold") if column.marked and column.marked[k] else (DARK, "normal")
             where: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "fontsize": NOTE, "ha": column.side}
-            ax.annotate(text, (1.0, place), (at, 0), **where, **look, **style)
+            ax.annotate(text, (1.0, place), (at, 0), color=colour, fontweight=weight, **where, **style)
         begin += column.width + _APART
 
 

@@ -98,13 +98,11 @@ class _Table:
     def of(cls, result: Identification) -> _Table:
         names, base = result.estimate.names, result.target.base
         expressions = dict(zip(base.names, base.expressions, strict=True))
-        labels = [
-            row if isinstance(row, str) else
-            parameter_label(names[row], expressions.get(names[row], names[row]), _EXPRESSION_LENGTH, "result.json")
-            for row in _rows(result)
-        ]  # fmt: skip
+        own = [parameter_label(x, expressions.get(x, x), _EXPRESSION_LENGTH, "result.json") for x in names]
+        every = _rows(result)
+        labels = [row if isinstance(row, str) else own[row] for row in every]
         places, height = row_places(labels)
-        placed = list(zip(_rows(result), labels, places.tolist(), strict=True))
+        placed = list(zip(every, labels, places.tolist(), strict=True))
         titles = tuple((row, place) for row, _, place in placed if isinstance(row, str))
         rows = tuple((row, label, place) for row, label, place in placed if not isinstance(row, str))
         return cls(titles, rows, height)
@@ -135,8 +133,7 @@ def _layout(rows: float, numbers: float, compared: bool, title: str) -> tuple[Fi
 
 
 def _write_names(ax: Axes, result: Identification, table: _Table) -> None:
-    style: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "center"}
-    style |= {"xytext": (-6, 0), "xycoords": ("axes fraction", "data")}
+    style: dict[str, Any] = {**_ON_THE_LEFT, "xytext": (-6, 0), "xycoords": ("axes fraction", "data")}
     for title, place in table.titles:
         ax.annotate(title, (0.0, place), **style, fontsize=LABEL, fontweight="bold", color=DARK)
     for row, label, place in table.rows:
@@ -209,7 +206,7 @@ def _draw_half_widths(ax: Axes, result: Identification, table: _Table) -> None:
             continue
         ax.barh([place], [min(percent[row], _WORST)], height=0.62, color=BLUE)
         if percent[row] > _WORST:
-            ax.annotate(_beyond(float(percent[row])), (_WORST, place), (-4, 0), **_CUT)
+            ax.annotate(_beyond(float(percent[row])), (_WORST, place), (-4, 0), **_ON_THE_LEFT, **_CUT)
     log_scale(ax.xaxis, low, _WORST)
     ax.set_xlabel(beside_names("half-width of the interval / |value| [%]", ax), fontsize=LABEL, color=DARK)
     ax.set_title("relative uncertainty", **_HEADING)
@@ -228,24 +225,22 @@ def _beyond(percent: float) -> str:
 
 def _numbers(result: Identification, table: _Table, reference: ReferenceValues | None) -> list[NumberColumn]:
     """Estimates, half-widths and known values, in the order of the rows."""
-    estimate = result.estimate
-    rows = [k for k, _, _ in table.rows]
-    pairs = {k: (float(estimate.values[k]), float(estimate.half_width[k])) for k in rows}
-    seen = {k: np.isfinite(value) for k, (value, _) in pairs.items()}
-    columns = [
-        NumberColumn("estimate", [typeset(decimal(*pairs[k])) if seen[k] else "" for k in rows]),
-        NumberColumn(
-            "half-width",
-            [typeset(f"± {decimal(pairs[k][1], pairs[k][1])} {estimate.units[k]}") if seen[k] else "" for k in rows],
-            side="left",
-        ),
+    estimate, rows = result.estimate, [k for k, _, _ in table.rows]
+    units, halves = [estimate.units[k] for k in rows], estimate.half_width[rows].tolist()
+
+    def written(values: Array) -> list[str]:
+        pairs = zip(values[rows].tolist(), halves, strict=True)
+        return [typeset(decimal(value, half)) if np.isfinite(value) else "" for value, half in pairs]
+
+    estimates = written(estimate.values)
+    widths = [
+        typeset(f"± {decimal(half, half)} {unit}") if known else ""
+        for known, half, unit in zip(estimates, halves, units, strict=True)
     ]
+    columns = [NumberColumn("estimate", estimates), NumberColumn("half-width", widths, side="left")]
     if reference is None:
         return columns
-    known = [
-        typeset(decimal(float(value), pairs[k][1])) if np.isfinite(value := reference.values[k]) else "" for k in rows
-    ]
-    return [*columns, NumberColumn(_HEADINGS.get(reference.kind, reference.kind), known)]
+    return [*columns, NumberColumn(_HEADINGS.get(reference.kind, reference.kind), written(reference.values))]
 
 
 def decimal(value: float, half_width: float) -> str:
@@ -259,15 +254,9 @@ def decimal(value: float, half_width: float) -> str:
     return significant(rounded, 2 + max(0, int(np.floor(np.log10(abs(rounded)))) - exponent)) if rounded else "0"
 
 
+_ON_THE_LEFT: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "center"}
 _HEADING: dict[str, Any] = {**NAME_STYLE, "fontweight": "normal"}
-_CUT: dict[str, Any] = {
-    "textcoords": "offset points",
-    "ha": "right",
-    "va": "center",
-    "fontsize": NOTE,
-    "color": "white",
-    "fontweight": "bold",
-}
+_CUT: dict[str, Any] = {"fontsize": NOTE, "color": "white", "fontweight": "bold"}
 
 
 FIGURE = "repetitions"

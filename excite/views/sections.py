@@ -86,34 +86,33 @@ def _drawn(view: View, prefix: str, *commands: Sequence[str], missing: tuple[str
 
 
 def _of_design(design: Design, prefix: str, looks: Appearance, path: Path | None) -> PageSection:
-    whole, missing = _whole(design)
-    view, task = design_view(design, whole=whole is not None), design_content(design)["task"]
-    believed = design.believed if isinstance(design, Design) else ()
+    missing = _missing(design)
+    view, task = design_view(design, whole=not missing), design_content(design)["task"]
     unchecked = (f"not checked: {each}" for each in design.unchecked)
-    view = replace(view, holds=design.feasible, remarks=(*believed, *unchecked, *view.remarks))
+    view = replace(view, holds=design.feasible, remarks=(*design.believed, *unchecked, *view.remarks))
     folder = "designs/again" if design.folder is None else f"{design.folder}-again"
     again = ["excite", "design", str(task["robot"]), "--task", "task.yaml", "--out", folder]
     compared = ["excite", "compare", str(design.folder or "designs/this"), folder]
     section = replace(_drawn(view, prefix, again, compared, missing=missing), task=_task_file(task))
-    if whole is None:
+    if missing:
         return section
-    return replace(section, motion=player_motion(whole, looks.file_of(whole.robot, whole.task)))
+    return replace(section, motion=player_motion(design, looks.file_of(design.robot, design.task)))
 
 
-def _whole(design: Design) -> tuple[Design | None, tuple[str, ...]]:
-    """The design with its limits as functions; why it cannot be had, where it names parts that are not given."""
+def _missing(design: Design) -> tuple[str, ...]:
+    """Why the limits of a design cannot be had as functions, where it names parts that are not given."""
     try:
         _ = design.target, design.nonlinear, design.starts
     except ExciteError as error:
-        return None, (f"figures and the 3D player are left out: {error}",)
-    return design, ()
+        return (f"figures and the 3D player are left out: {error}",)
+    return ()
 
 
 def _task_file(task: Mapping[str, Any]) -> str:
     """The same task as the text of a task file, an option per line; JSON is YAML."""
     limits = {name: value for name, value in (task.get(_LIMITS) or {}).items() if value is not None}
-    plain = {name: value for name, value in task.items() if value is not None and name != _LIMITS}
-    options = {**plain, **({_LIMITS: limits} if limits else {})}
+    options = {name: value for name, value in task.items() if value is not None and name != _LIMITS}
+    options |= {_LIMITS: limits} if limits else {}
     lines = (f"{json.dumps(name)}: {json.dumps(value, ensure_ascii=False)}" for name, value in options.items())
     return "{\n  " + ",\n  ".join(lines) + "\n}\n"
 

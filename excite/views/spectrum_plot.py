@@ -159,12 +159,9 @@ def _draw_bars(ax: Axes, column: Sequence[RelativeAccuracy], places: Array) -> N
         if known:
             ax.barh([place], [each.percent], height=0.62, **unit_style(each.predicted.unit))
         where: dict[str, Any] = {"xycoords": "data" if known else ("axes fraction", "data"), "va": "center"}
-        style: dict[str, Any] = {
-            "textcoords": "offset points",
-            "fontsize": NOTE - 0.5,
-            "color": DARK if known else GREY,
-        }
-        number = ax.annotate(each.text, (each.percent if known else 0.0, place), (3, 0), **where, **style)
+        style: dict[str, Any] = {"textcoords": "offset points", "fontsize": NOTE - 0.5}
+        at, colour = (each.percent, DARK) if known else (0.0, GREY)
+        number = ax.annotate(each.text, (at, place), (3, 0), color=colour, **where, **style)
         number.set_in_layout(False)  # it has room in the panel
 
 

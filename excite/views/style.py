@@ -40,6 +40,7 @@ TITLE, LABEL, NOTE = (float(SCREEN[f"{what}size"]) for what in ("figure.title", 
 
 # Palette of Okabe and Ito (2008), "Color universal design".
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 FORBIDDEN = "#F7DCC6"  # vermillion, light enough to draw on
 BAND = "#CFE6F3"  # blue, light enough to draw on
 GREY, DARK = "#8C8C8C", "#333333"
@@ -127,6 +128,12 @@ def panel_width(ax: Axes) -> float:
 def low(height: float) -> float:
     """Height of a panel, or of a part of it, in the style that is drawn in [in]."""
     return height if column_width() == float("inf") else _LOW * height
+
+
+def padded(low: float, high: float, share: float) -> tuple[float, float]:
+    """A range with room above and below, a share of its height."""
+    pad = share * (high - low) if high > low else max(0.1 * abs(high), 1e-12)
+    return low - pad, high + pad
 
 
 def tidy(ax: Axes) -> None:

@@ -198,8 +198,7 @@ def workspace_figure(design: Design) -> Figure:
 
 def _nearest_time(design: Design) -> float | None:
     """When two bodies come nearest to each other [s]."""
-    labels = {label for limit in design.nonlinear if isinstance(limit, Clearance) for label in limit.labels}
-    uses = [use for use in design.limits if use.label in labels]
+    uses = _uses(design)
     return min(uses, key=lambda use: use.extreme).time if uses else None
 
 

@@ -94,16 +94,9 @@ def report_text(
 
 def _shapes(subjects: Iterable[Subject]) -> dict[str, World]:
     """Shapes of robots that designs hold, by the hashes of their descriptions."""
-    designs = [each for each in subjects if isinstance(each, Design)]
-    known = {each.robot.sha256(): _shape(each) for each in designs}
+    designs = [(each, each.task.limits.world) for each in subjects if isinstance(each, Design)]
+    known = {d.robot.sha256(): world if isinstance(world, World) else d.shape for d, world in designs}
     return {name: shape for name, shape in known.items() if shape is not None}
-
-
-def _shape(design: Design) -> World | None:
-    world = design.task.limits.world
-    if isinstance(world, World):
-        return world
-    return design.shape
 
 
 def _check_robot(subjects: Iterable[Subject], file: str) -> None:
@@ -121,7 +114,7 @@ def _comparisons(subjects: Sequence[Subject]) -> list[PageSection]:
         designs = [each for each in designs if each not in own]
     results = [each for each in subjects if isinstance(each, Identification)]
     sections = [comparison_section(designs)] if len(designs) > 1 else []
-    return [*sections, *([parameters_section(results)] if len(results) > 1 else [])]
+    return sections + ([parameters_section(results)] if len(results) > 1 else [])
 
 
 def _section(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> PageSection:
