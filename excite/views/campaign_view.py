@@ -160,6 +160,5 @@ def _designs(campaign: Campaign, made: Sequence[Sequence[Design]]) -> tuple[View
 
 
 def _selections(campaign: Campaign) -> ViewTable:
-    columns = headed("drives:text, combinations")
     rows = tuple((", ".join(drives), rank) for drives, rank in campaign.subsets)
-    return ViewTable("subsets", "What each selection of drives identifies", columns, rows)
+    return ViewTable("subsets", "What each selection of drives identifies", headed("drives:text, combinations"), rows)

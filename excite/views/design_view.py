@@ -272,11 +272,10 @@ def _half_widths(design: Design | None) -> tuple[ViewTable, ...]:
         f"Half-widths of {100 * forecast.level:g} % intervals after {number(forecast.runs, 'run')}, "
         f"with probability {100 * forecast.probability:g} %"
     )
-    columns = headed("parameter:text, half-width, allowed, unit:unit, used:%")
     rows = tuple(
         (p.name, p.half_width, p.allowed, p.unit, None if p.allowed is None else p.use) for p in forecast.parameters
     )
-    return (ViewTable("half-widths", title, columns, rows),)
+    return (ViewTable("half-widths", title, headed("parameter:text, half-width, allowed, unit:unit, used:%"), rows),)
 
 
 def _starts(solver: Mapping[str, Any], began: Mapping[int, float]) -> ViewTable:

@@ -134,8 +134,7 @@ def _size(relative: float) -> str:
 
 def _logs(result: Identification) -> ViewTable:
     rows = tuple((log.file, log.rows, log.start, log.end) for log in result.facts.logs)
-    columns = headed("log:text, rows, from [s], to [s]")
-    return ViewTable("logs", "Logs", columns, rows)
+    return ViewTable("logs", "Logs", headed("log:text, rows, from [s], to [s]"), rows)
 
 
 def _parameters(result: Identification) -> ViewTable:
@@ -210,8 +209,7 @@ def _ratio(ratio: float, probability: float) -> str:
 def _standard(result: Identification) -> tuple[ViewTable, ...]:
     """Standard parameters, where the estimator has them."""
     rows = tuple(result.estimate.standard.items())
-    columns = headed("parameter:text, value")
-    return (ViewTable("standard", "Standard parameters, SI", columns, rows),) if rows else ()
+    return (ViewTable("standard", "Standard parameters, SI", headed("parameter:text, value"), rows),) if rows else ()
 
 
 def _repetitions(result: Identification) -> tuple[ViewTable, ...]:
@@ -244,8 +242,7 @@ def _conditions(result: Identification) -> ViewTable:
     designed = None if result.design is None else result.design.condition_number
     rows = (("measured", result.condition_number), ("designed", designed))
     note = "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled."
-    columns = headed("equations:text, value")
-    return ViewTable("condition", "Condition of the equations", columns, rows, note=note)
+    return ViewTable("condition", "Condition of the equations", headed("equations:text, value"), rows, note=note)
 
 
 def repetitions_view(result: Identification, repeated: Repetitions) -> View:

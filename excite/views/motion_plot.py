@@ -109,19 +109,11 @@ def _used(use: LimitUse | None, bound: float, owner: str, view: tuple[float, flo
     return (text, DARK) if use.holds else (f"{text}, BROKEN", VERMILLION)
 
 
-@dataclass(frozen=True, eq=False)
-class LimitedTorque:
-    """Torque of a joint or a drive over the whole motion."""
+def limited_torques(design: Design, motion: Samples) -> list[tuple[str, Array, tuple[float, float], LimitUse]]:
+    """Name, values without Coulomb friction, limits less this and the reserve, and use of every torque's limit.
 
-    name: str  # of the joint, or ``drive NAME``
-    unit: str
-    values: Array  # (N,) without Coulomb friction [Nm or N]
-    allowed: tuple[float, float]  # limits, less the reserve and Coulomb friction [Nm or N]
-    use: LimitUse  # use of the limit by the exciting motion
-
-
-def limited_torques(design: Design, motion: Samples) -> list[LimitedTorque]:
-    """Every limited torque of a design; none where its torques are not checked."""
+    None where the torques of the design are not checked.
+    """
     uses = {use.label: use for use in design.limits if use.label.endswith(_TORQUE)}
     joints = design.robot.joint_names if design.approach_and_return is not None else design.moving.joint_names
     samples = of_some_joints(motion, design.robot, joints)
@@ -134,8 +126,7 @@ def limited_torques(design: Design, motion: Samples) -> list[LimitedTorque]:
         for k, label in enumerate(limit.labels):
             if label in uses:
                 allowed = float(limit.lower[k]), float(limit.upper[k])
-                name = label.removesuffix(_TORQUE).removeprefix("joint ")
-                torques.append(LimitedTorque(name, limit.units[k], values[:, k], allowed, uses[label]))
+                torques.append((label.removesuffix(_TORQUE).removeprefix("joint "), values[:, k], allowed, uses[label]))
     return torques
 
 
@@ -239,8 +230,10 @@ def motion_figure(design: Design) -> Figure:
     samples, begin = of_some_joints(whole, design.robot, design.moving.joint_names), spans[EXCITE][0]
     for row, function in zip(rows, functions, strict=False):
         _draw_row(row, function, samples, begin)
-    for ax, torque in zip(rows[-1], torques, strict=False):
-        _draw_torque(ax, torque, whole.time, begin)
+    for ax, (name, values, allowed, use) in zip(rows[-1], torques, strict=False):
+        draw_limited(ax, whole.time, values, allowed, (begin + use.time, use.extreme, use.holds), far=np.inf)
+        ax.set_ylabel(f"{'force' if use.unit == 'N' else 'torque'} [{use.unit}]", fontsize=NOTE, color=DARK)
+        _write_name(ax, name, write_use(ax, use, use.bound))
     for segment, (start, end) in spans.items():
         for ax in figure.axes if segment != EXCITE else ():
             ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
@@ -314,15 +307,6 @@ def _write_name(ax: Axes, name: str, lines: int) -> None:
     letters = int(72.0 * min(_PANEL_WIDTH, panel_width(ax)) / (_NAME_LETTER * size_of("axes.labelsize")))
     text = "\n".join(textwrap.wrap(ends(name, _NAME_LINES * letters), letters, break_on_hyphens=False))
     ax.set_title(typeset(text) + lines * "\n", **_NAME_STYLE)
-
-
-def _draw_torque(ax: Axes, torque: LimitedTorque, time: Array, begin: float) -> None:
-    use = torque.use
-    closest = begin + use.time, use.extreme, use.holds
-    draw_limited(ax, time, torque.values, torque.allowed, closest, far=np.inf)
-    ax.set_ylabel(f"{'force' if torque.unit == 'N' else 'torque'} [{torque.unit}]", fontsize=NOTE, color=DARK)
-    lines = write_use(ax, use, use.bound)
-    _write_name(ax, torque.name, lines)
 
 
 def _label_times(figure: Figure) -> None:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.stats
@@ -66,7 +65,7 @@ def parameters_figure(result: Identification) -> Figure:
     """Draw every parameter with its 99 % interval, beside known values where there are any."""
     reference = result.reference
     compared = reference is not None and bool(np.any(np.isfinite(reference.values)))
-    table = _Table.of(result)
+    table = _table(result)
     numbers = _numbers(result, table, reference if compared else None)
     count, unseen = len(result.estimate.names), len(result.estimate.unseen)
     title = f"{result.robot.name}: {count} parameter{'s' if count != 1 else ''}, 99 % intervals"
@@ -74,49 +73,40 @@ def parameters_figure(result: Identification) -> Figure:
     figure, panels = _layout(table.height, columns_inches(numbers), compared, title)
     exact = panels[-1]
     _draw_half_widths(exact, result, table)
-    handles: list[Artist] = [Patch(color=BLUE, label="half-width of the 99 % interval over the value")]
-    if compared and reference is not None:
-        handles = [*_draw_differences(panels[0], result, table, reference), *handles]
+    handles = _draw_differences(panels[0], result, table, reference) if compared and reference is not None else []
     for ax in panels if len(panels) > columns_that_fit(len(panels), _LEAST_PANEL) else panels[:1]:
         _write_names(ax, result, table)
     if column_width() > _LEAST:  # else the numbers have no room
         write_columns(exact, [place for _, _, place in table.rows], numbers)
+    handles.append(Patch(color=BLUE, label="half-width of the 99 % interval over the value"))
     handles.append(Patch(color=FORBIDDEN, label="interval contains zero"))
     legend_below(figure, handles)
     return figure
 
 
-@dataclass(frozen=True)
-class _Table:
+class _Table(NamedTuple):
     """Rows of the figure: titles of groups, and the parameters of each with their labels."""
 
-    titles: tuple[tuple[str, float], ...]  # each with its place from the top, in heights of a row
-    rows: tuple[tuple[int, str, float], ...]  # number, label and place of each parameter
+    titles: list[tuple[str, float]]  # each with its place from the top, in heights of a row
+    rows: list[tuple[int, str, float]]  # number, label and place of each parameter
     height: float  # of all
 
-    @classmethod
-    def of(cls, result: Identification) -> _Table:
-        names, base = result.estimate.names, result.target.base
-        expressions = dict(zip(base.names, base.expressions, strict=True))
-        own = [parameter_label(x, expressions.get(x, x), _EXPRESSION_LENGTH, "result.json") for x in names]
-        every = _rows(result)
-        labels = [row if isinstance(row, str) else own[row] for row in every]
-        places, height = row_places(labels)
-        placed = list(zip(every, labels, places.tolist(), strict=True))
-        titles = tuple((row, place) for row, _, place in placed if isinstance(row, str))
-        rows = tuple((row, label, place) for row, label, place in placed if not isinstance(row, str))
-        return cls(titles, rows, height)
 
-
-def _rows(result: Identification) -> list[int | str]:
-    """Group names, each followed by the indices of the group's parameters."""
+def _table(result: Identification) -> _Table:
+    names, base = result.estimate.names, result.target.base
+    expressions = dict(zip(base.names, base.expressions, strict=True))
     groups = {column.name: str(column.group) for column in result.target.model.columns}
-    of = [groups.get(name, "other") for name in result.estimate.names]
-    rows: list[int | str] = []
+    rows: list[tuple[int | None, str]] = []  # titles have no number
     for group, title in _GROUPS.items():
-        own = [k for k, name in enumerate(of) if name == group]
-        rows += [title, *own] if own else []
-    return rows
+        own = [(k, name) for k, name in enumerate(names) if groups.get(name, "other") == group]
+        rows += [(None, title)] if own else []
+        for k, name in own:
+            label = parameter_label(name, expressions.get(name, name), _EXPRESSION_LENGTH, "result.json")
+            rows.append((k, label))
+    places, height = row_places([label for _, label in rows])
+    placed = [(k, label, place) for (k, label), place in zip(rows, places.tolist(), strict=True)]
+    titles = [(label, place) for k, label, place in placed if k is None]
+    return _Table(titles, [(k, label, place) for k, label, place in placed if k is not None], height)
 
 
 def _layout(rows: float, numbers: float, compared: bool, title: str) -> tuple[Figure, list[Axes]]:

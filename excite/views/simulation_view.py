@@ -50,6 +50,5 @@ def _torques(log: SimulatedLog) -> ViewTable:
 
 
 def _tracking(log: SimulatedLog) -> ViewTable:
-    columns = headed("joint:text, largest, rms, unit:unit")
     rows = tuple((each.joint, each.error, each.rms, each.unit) for each in log.tracking)
-    return ViewTable("tracking", "Tracking error", columns, rows)
+    return ViewTable("tracking", "Tracking error", headed("joint:text, largest, rms, unit:unit"), rows)

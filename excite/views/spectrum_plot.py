@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -52,8 +51,7 @@ _LEAST = 5.0  # width of a figure with room for whole sentences and numbers [in]
 _UNCLEAR = 100.0  # [%]: from here on the deviation is larger than the parameter
 
 
-@dataclass(frozen=True)
-class RelativeAccuracy:
+class RelativeAccuracy(NamedTuple):
     """Predicted accuracy of a base parameter, relative to its size."""
 
     predicted: PredictedAccuracy

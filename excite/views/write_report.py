@@ -119,16 +119,14 @@ def _comparisons(subjects: Sequence[Subject]) -> list[PageSection]:
 
 def _section(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> PageSection:
     """Section of a subject; of one that was read from a file, entries that are missing are named."""
-    source = _source(subject)
-    if source is None:
-        return section_of(subject, prefix, looks, of_page)
-    path, kind = source
     try:
         return section_of(subject, prefix, looks, of_page)
     except ExciteError:
         raise
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        with complete(path, kind):
+        if (source := _source(subject)) is None:
+            raise
+        with complete(*source):
             raise error
 
 
