@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -53,11 +52,7 @@ class Steps:
 
 
 def steps_for(
-    robot: ControlledRobot,
-    reference: Reference,
-    rate: float,
-    width: float | None,
-    breakaway: float | Literal["auto"] | None = None,
+    robot: ControlledRobot, reference: Reference, rate: float, width: float | None, breakaway: float | str | None = None
 ) -> Steps:
     """Stable substeps for a motion, with the width of friction's sign or the presliding distance.
 

@@ -102,16 +102,8 @@ def simulate(
         settings = replace(settings, breakaway=AUTO)
     curves = read_friction(Path(friction)) if isinstance(friction, str | Path) else friction
     payload = read_load(Path(load)) if isinstance(load, str | Path) else load
-    simulation = simulate_motion(
-        resolved.robot,
-        resolved.task,
-        resolved.motion,
-        settings,
-        friction=curves,
-        load=payload,
-        ramps=resolved.ramps,
-        progress=progress,
-    )
+    given = (resolved.robot, resolved.task, resolved.motion, settings)
+    simulation = simulate_motion(*given, friction=curves, load=payload, ramps=resolved.ramps, progress=progress)
     return replace(simulation, source=resolved)
 
 

@@ -403,32 +403,21 @@ def _moves_straight(robot: Robot) -> list[bool]:
     return [] if robot.transmission is None else [bool(np.any(row[prismatic])) for row in robot.transmission.coupling]
 
 
-def _torque_units(robot: Robot) -> dict[str, str]:
-    """Unit of the torque of every joint and drive, by their labels."""
-    straight = {f"joint {joint.name}": joint.kind == "prismatic" for joint in robot.joints}
-    if robot.transmission is not None:
-        names = (f"drive {drive.name}" for drive in robot.transmission.drives)
-        straight |= dict(zip(names, _moves_straight(robot), strict=True))
-    return {label: "N" if prismatic else "Nm" for label, prismatic in straight.items()}
-
-
 def cut_off_torques(robot: Robot, time: Array, command: Array) -> tuple[Saturation, ...]:
     """Torques of joints and drives of which more was asked for than is allowed, and when."""
     # time (N,); command (N, n)
-    units = _torque_units(robot)
     return tuple(
-        saturation_of(label, bound, units[label], time, size > bound)
-        for label, size, bound in _limited(robot, command)
+        saturation_of(label, bound, unit, time, size > bound)
+        for label, unit, size, bound in _limited(robot, command)
         if np.any(size > bound)
     )
 
 
 def exceeded_torques(robot: Robot, command: Array) -> tuple[LimitExcess, ...]:
     """Limits that torques pass, where nothing cuts them off."""  # command (N, n)
-    units = _torque_units(robot)
     return tuple(
-        LimitExcess("torque", label, units[label], bound, float(size.max()) - bound, float(size.max()) / bound - 1)
-        for label, size, bound in _limited(robot, command)
+        LimitExcess("torque", label, unit, bound, float(size.max()) - bound, float(size.max()) / bound - 1)
+        for label, unit, size, bound in _limited(robot, command)
         if np.any(size > bound)
     )
 
@@ -437,14 +426,19 @@ def torque_uses(robot: Robot, command: Array) -> tuple[TorqueUse, ...]:
     """Use of every torque limit."""  # command (N, n)
     return tuple(
         TorqueUse(label, float(size.max()), bound, int(np.count_nonzero(size > bound)))
-        for label, size, bound in _limited(robot, command)
+        for label, _, size, bound in _limited(robot, command)
     )
 
 
-def _limited(robot: Robot, command: Array) -> Iterator[tuple[str, Array, float]]:
-    """Label, magnitude and limit of every limited torque."""
+def _limited(robot: Robot, command: Array) -> Iterator[tuple[str, str, Array, float]]:
+    """Label, unit, magnitude and limit of every limited torque."""
+    straight = {f"joint {joint.name}": joint.kind == "prismatic" for joint in robot.joints}
+    if robot.transmission is not None:
+        names = (f"drive {drive.name}" for drive in robot.transmission.drives)
+        straight |= dict(zip(names, _moves_straight(robot), strict=True))
     labels, torques, bounds = TorqueLimits(robot).of(command)
-    yield from zip(labels, np.abs(torques).T, bounds.tolist(), strict=True)
+    units = ("N" if straight[label] else "Nm" for label in labels)
+    yield from zip(labels, units, np.abs(torques).T, bounds.tolist(), strict=True)
 
 
 def _passed(limits: Limits, labels: list[str], units: list[str], q: Array, dq: Array) -> Iterator[LimitExcess]:

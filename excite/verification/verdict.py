@@ -196,7 +196,7 @@ class TorqueError:
             "static friction at standstill": self.standstill,
             "the model (friction, gains, flexibility)": self.systematic,
         }
-        return max(parts, key=lambda name: parts[name])
+        return max(parts, key=parts.__getitem__)
 
 
 def torque_errors(
@@ -277,10 +277,9 @@ def corrected_errors(measured: Array, predicted: Array, noise: MeasurementNoise)
     what the measurements have too. Only frequencies of the motion can show an error of the model, so that there is
     much less noise in them than in all.
     """  # measured, predicted (N, r)
-    parts = zip(*_squares(measured, predicted, noise), noise.slow_deviation**2, noise.level, strict=True)
-    return tuple(
-        _corrected(float(e), float(y), float(n), float(v), float(S), noise.duration) for e, y, n, v, S in parts
-    )
+    squares, duration = _squares(measured, predicted, noise), np.full_like(noise.level, noise.duration)
+    parts = np.array([*squares, noise.slow_deviation**2, noise.level, duration])
+    return tuple(_corrected(*part) for part in parts.T.tolist())
 
 
 def corrected_total(measured: Array, predicted: Array, noise: MeasurementNoise) -> CorrectedError:

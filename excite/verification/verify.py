@@ -178,16 +178,9 @@ def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
     within = f"torques: within {100 * whole.relative:.2g} % of what was measured, without noise"
     if not (judged.contradicted or judged.undecided):
         return f"{within}; each is confirmed"
-    parts = [
-        f"{verb} {', '.join(names)}"
-        for verb, names in (
-            ("confirmed for", judged.confirmed),
-            ("contradicted for", judged.contradicted),
-            ("not to be judged for", judged.undecided),
-        )
-        if names
-    ]
-    return f"{within}; {'; '.join(parts)}"
+    verbs = ("confirmed for", "contradicted for", "not to be judged for")
+    named = zip(verbs, (judged.confirmed, judged.contradicted, judged.undecided), strict=True)
+    return "; ".join([within, *(f"{verb} {', '.join(names)}" for verb, names in named if names)])
 
 
 def _motion_remarks(replay: Replay | None, length: float | None, asked: float) -> tuple[str, ...]:

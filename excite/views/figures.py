@@ -121,10 +121,12 @@ _PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files
 _PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it along; others, for SVG, are looked up
 
 
-def drawn_figures(draw: Callable[[], Mapping[str, Figure]], width: str = "screen") -> dict[str, Figure]:
-    """Draw figures in the style of a width, with all text literal."""
+def drawn_figures(
+    drawn: Mapping[str, Figure] | Callable[[], Mapping[str, Figure]], width: str = "screen"
+) -> dict[str, Figure]:
+    """Draw figures, unless they are drawn, in the style of a width, with all text literal."""
     with drawing_style(width):
-        figures = dict(draw())
+        figures = dict(drawn() if callable(drawn) else drawn)
         for figure in figures.values():
             literal(figure)
             take_sizes(figure)
@@ -144,7 +146,7 @@ def write_figure_files(
     The same figures give the same bytes: files hold no dates, and identifiers do not change.
     """
     folder, formats = Path(folder), check_formats(formats)
-    made = drawn_figures(figures, width) if callable(figures) else _literal(figures)
+    made = drawn_figures(figures, width)
     names = figure_names(made, formats)
     if not folder.is_dir():
         raise InputError(f"cannot write {folder / names[0]}: there is no folder {folder}")
@@ -161,12 +163,6 @@ def write_figure_files(
             if callable(figures):
                 figure.clear()  # a figure refers to itself: without this its memory waits for the collector
     return [folder / name for name in names]
-
-
-def _literal(figures: Mapping[str, Figure]) -> Mapping[str, Figure]:
-    for figure in figures.values():
-        literal(figure)
-    return figures
 
 
 def _save(figure: Figure, stream: IO[bytes], form: str) -> None:

@@ -16,7 +16,7 @@ from excite.identification.estimator import Estimate
 from excite.identification.identification import Identification
 from excite.identification.result import ReferenceValues
 from excite.study.time_study import TimeStudy
-from excite.views.panels import Panel, Timeline, alike, head, legend_below, pairs, panels, value_axis
+from excite.views.panels import Panel, Timeline, alike, fit_panels, head, legend_below, panels, value_axis
 from excite.views.style import (
     BAND,
     BLUE,
@@ -37,7 +37,6 @@ from regressors.samples import Array, Index
 # light and thick: seen beside the other
 MEASURED: dict[str, Any] = {"color": "#BBBBBB", "linewidth": 3.2, "solid_joinstyle": "round"}
 PREDICTED: dict[str, Any] = {"color": BLUE, "linewidth": 1.0}
-_WIDTH, _LOWER = 10.5, 0.6  # [in]
 BINS = 400  # at most, over all logs
 DENSE = 1600  # values of all logs from which on they are drawn as bands
 _FULL = 25  # values in a bin
@@ -46,11 +45,6 @@ _CURVE = 0.8  # width of a curve [pt]
 _ALL = "#D9D9D9"
 _QUANTITIES = {"Nm": "torque", "N": "force", "J": "work", "N s": "impulse", "Nm s": "angular impulse"}
 _LARGE = 0.5  # relative error above which the note is highlighted
-
-
-def fit_panels(count: int, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
-    """Create two panels for each of so many equations, to be drawn in by `draw_fit`."""
-    return pairs(count, Panel((_WIDTH,), 1.3 if count > 1 else 3.0), _LOWER, title)
 
 
 def draw_fit(
@@ -73,7 +67,7 @@ def draw_fit(
     draw_values(lower, timeline, time, log, measured - predicted)
     timeline.dress(upper, bottom=False)
     timeline.dress(lower, bottom=bottom)
-    label_equation(upper, unit)
+    value_axis(upper, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
     value_axis(lower, f"residual\n[{unit}]", 3)
     head(upper, name, *error_note(measured, predicted, unit))
 
@@ -121,11 +115,6 @@ def values_legend(count: int, name: str) -> list[Artist]:
         Patch(color=SKY, label=f"90 % of the {name}s"),
         Patch(color=_ALL, label="all of them"),
     ]
-
-
-def label_equation(ax: Axes, unit: str) -> None:
-    """Write quantity and unit of an equation beside its panel."""
-    value_axis(ax, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
 
 
 def relative_error(measured: Array, predicted: Array) -> str:
@@ -183,7 +172,7 @@ def residuals_figure(result: Identification) -> Figure:
         over_time.axhline(0.0, color=GREY, linewidth=0.6)
         draw_values(over_time, timeline, time, log, e)
         timeline.dress(over_time, bottom=j == count - 1)
-        label_equation(over_time, unit)
+        value_axis(over_time, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
         rms, worst = (significant(float(x), 3) for x in (np.sqrt(np.mean(e**2)), np.abs(e).max()))
         head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
         _draw_autocorrelation(over_lag, time, log, e, bottom=j == count - 1)

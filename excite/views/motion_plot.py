@@ -42,6 +42,8 @@ from excite.views.style import (
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
+Range = tuple[float, float]
+
 DOT = 4.5  # [pt]
 CURVE = 1.4  # [pt]
 _FAR = 6.0
@@ -52,12 +54,7 @@ _TORQUE = " torque"
 
 
 def draw_limited(
-    ax: Axes,
-    time: Array,
-    values: Array,
-    allowed: tuple[float, float],
-    closest: tuple[float, float, bool] | None,
-    far: float = _FAR,
+    ax: Axes, time: Array, values: Array, allowed: Range, closest: tuple[float, float, bool] | None, far: float = _FAR
 ) -> None:
     """Draw a curve, shade what its limits forbid, and mark the value that comes closest to one."""  # time, values (N,)
     view = view_range(values if closest is None else np.append(values, closest[1]), allowed, far)
@@ -72,7 +69,7 @@ def draw_limited(
     ax.yaxis.set_major_locator(MaxNLocator(5, steps=ROUND))
 
 
-def view_range(values: Array, allowed: tuple[float, float], far: float = _FAR) -> tuple[float, float]:
+def view_range(values: Array, allowed: Range, far: float = _FAR) -> Range:
     """Vertical range of a panel: the curve, and each bound that is not so far off as to flatten the curve."""
     low, high = float(values.min()), float(values.max())
     reach = far * (high - low) if high - low > _FLAT else np.inf
@@ -82,7 +79,7 @@ def view_range(values: Array, allowed: tuple[float, float], far: float = _FAR) -
     return bottom - pad, top + pad
 
 
-def _shade(ax: Axes, allowed: tuple[float, float], view: tuple[float, float]) -> None:
+def _shade(ax: Axes, allowed: Range, view: Range) -> None:
     """Shade the forbidden range, from each bound in view to the panel's edge."""
     for bound, edge in zip(allowed, view, strict=True):
         if view[0] < bound < view[1]:
@@ -98,7 +95,7 @@ def write_use(ax: Axes, use: LimitUse | None, bound: float, owner: str = "") -> 
     return len(lines)
 
 
-def _used(use: LimitUse | None, bound: float, owner: str, view: tuple[float, float]) -> tuple[str, str]:
+def _used(use: LimitUse | None, bound: float, owner: str, view: Range) -> tuple[str, str]:
     """Use of a limit as text, and the text's colour."""
     if use is None:
         return "no limit", GREY
@@ -109,7 +106,7 @@ def _used(use: LimitUse | None, bound: float, owner: str, view: tuple[float, flo
     return (text, DARK) if use.holds else (f"{text}, BROKEN", VERMILLION)
 
 
-def limited_torques(design: Design, motion: Samples) -> list[tuple[str, Array, tuple[float, float], LimitUse]]:
+def limited_torques(design: Design, motion: Samples) -> list[tuple[str, Array, Range, LimitUse]]:
     """Name, values without Coulomb friction, limits less this and the reserve, and use of every torque's limit.
 
     None where the torques of the design are not checked.
@@ -172,7 +169,7 @@ class MotionFunction:
         motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[derivative]
         return np.asarray(motion @ self.row + (self.offset if derivative == 0 else 0.0))
 
-    def allowed(self, derivative: int) -> tuple[float, float]:
+    def allowed(self, derivative: int) -> Range:
         """Range that all bounds together allow, infinite where there is none."""
         bounds = self.bounds[derivative]
         lower = max((bound.lower - bound.shift for bound in bounds), default=-np.inf)

@@ -6,13 +6,12 @@ import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from excite.design.campaign import Campaign, Step
+from excite.design.campaign import Campaign
 from excite.design.comparison import compare
 from excite.design.design import Design
 from excite.design.design_folder import design_content
@@ -269,10 +268,7 @@ def _of_study(study: TimeStudy, prefix: str, looks: Appearance, path: Path | Non
 
 def _of_campaign(campaign: Campaign, designs: Sequence[Design]) -> PageSection:
     """A campaign; designs of the page that move drives of its motions are listed."""
-    commands = map(partial(_design, campaign), range(1, len(campaign.steps) + 1), campaign.steps)
+    words = ["excite", "design", campaign.robot, "--model", campaign.model, "--drives"]
+    drives = enumerate((",".join(step.drives) for step in campaign.steps), 1)
+    commands = (shlex.join([*words, each, "--out", f"designs/motion-{k}"]) for k, each in drives)
     return PageSection(campaign_view(campaign, designs), commands=tuple(commands))
-
-
-def _design(campaign: Campaign, number: int, step: Step) -> str:
-    words = ["excite", "design", campaign.robot, "--model", campaign.model, "--drives", ",".join(step.drives)]
-    return shlex.join([*words, "--out", f"designs/motion-{number}"])

@@ -20,7 +20,6 @@ from excite.views.identification_plots import (
     draw_fit,
     error_text,
     fit_legend,
-    fit_panels,
     relative_error,
 )
 from excite.views.panels import (
@@ -31,6 +30,7 @@ from excite.views.panels import (
     bar_panel,
     ends,
     extremes,
+    fit_panels,
     head,
     legend_below,
     panels,

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, replace
 from enum import Enum
 from importlib import import_module
+from itertools import compress
 from typing import Any
 
 from excite.tasks.option import options_of
@@ -51,10 +52,9 @@ class ViewTable:
     @property
     def brief(self) -> ViewTable:
         """The columns of a short summary."""
-        kept = [k for k, column in enumerate(self.columns) if column.brief]
-        columns = tuple(self.columns[k] for k in kept)
-        rows = tuple(tuple(row[k] for k in kept) for row in self.rows)
-        return replace(self, columns=columns, rows=rows, marked={})
+        kept = [column.brief for column in self.columns]
+        columns, *rows = (tuple(compress(each, kept)) for each in (self.columns, *self.rows))
+        return replace(self, columns=columns, rows=tuple(rows), marked={})
 
 
 @dataclass(frozen=True)
