@@ -52,7 +52,7 @@ def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> C
         command = wanted.ddq + 2 * w * (wanted.dq - dq) + w**2 * (wanted.q - q)
         direction = smooth_direction(model.robot, wanted.dq, width)
         tau = model.torque(q, dq, command)
-        return tau + model.friction_torque(wanted.dq, direction, tau)
+        return tau + ca.densify(model.friction.joint_expression(model.robot, wanted.dq, direction, tau))
 
     if name == "computed-torque":
         return computed_torque
@@ -108,10 +108,7 @@ class TorqueLimits:
 
 
 def _clipped(tau: ca.SX, bounds: Array) -> ca.SX:
-    parts = [
-        ca.fmin(ca.fmax(tau[k], -float(bound)), float(bound)) if np.isfinite(bound) else tau[k]
-        for k, bound in enumerate(bounds)
-    ]
+    parts = [ca.fmin(ca.fmax(tau[k], -x), x) if np.isfinite(x) else tau[k] for k, x in enumerate(bounds.tolist())]
     return ca.vertcat(*parts)
 
 
@@ -236,11 +233,8 @@ class RampedDrive:
 def broken_loose(ramps: GivenTorque, time: Array, z: Array, catch: float) -> list[bool]:
     """Whether each ramp moved its drive by the distance ``catch``."""  # time, z (N,)
     number = ramps.at(time)[:, 1]
-    loose = []
-    for k in range(1, ramps.count + 1):
-        way = z[number == k]
-        loose.append(bool(way.size and np.abs(way - way[0]).max() > catch))
-    return loose
+    ways = (z[number == k] for k in range(1, ramps.count + 1))
+    return [bool(way.size and np.abs(way - way[0]).max() > catch) for way in ways]
 
 
 _DAMPING = 0.5  # of critical damping; more would need smaller steps

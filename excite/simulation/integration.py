@@ -105,18 +105,13 @@ def _too_many(substeps: int, rate: float, width: float | None, breakaway: float 
 
 def _fastest(jacobian: ca.Function, probes: Samples, size: float) -> float:
     """Largest eigenvalue magnitude at the probes, moving and at rest [1/s]."""
-    count = probes.time.size
-    still = np.zeros_like(probes.dq)
-    reference = np.hstack([probes.q, probes.dq, probes.ddq])
-    largest = 0.0
-    for dq in (probes.dq, still):
-        state = np.hstack([probes.q, dq])
-        stacked = np.array(jacobian.map(count)(state.T, reference.T, size))
-        blocks = stacked.reshape(stacked.shape[0], count, -1).transpose(1, 0, 2)
-        if not np.all(np.isfinite(blocks)):
-            raise InputError("the robot's equations of motion have no solution: its mass matrix is singular")
-        largest = max(largest, float(np.abs(np.linalg.eigvals(blocks)).max()))
-    return largest
+    states = np.vstack([np.hstack([probes.q, dq]) for dq in (probes.dq, np.zeros_like(probes.dq))])
+    reference = np.tile(np.hstack([probes.q, probes.dq, probes.ddq]), (2, 1))
+    stacked = np.array(jacobian.map(len(states))(states.T, reference.T, size))
+    blocks = stacked.reshape(len(stacked), len(states), -1).transpose(1, 0, 2)
+    if not np.all(np.isfinite(blocks)):
+        raise InputError("the robot's equations of motion have no solution: its mass matrix is singular")
+    return float(np.abs(np.linalg.eigvals(blocks)).max())
 
 
 Progress = Callable[[int, int], None]
@@ -253,9 +248,9 @@ def _wanted(
 
 
 def _check_progress(part: Array, start: float, rate: float) -> None:
-    lost = ~np.all(np.isfinite(part), axis=1)
-    if np.any(part[:, -1] <= 0) and not np.any(lost[: int(np.argmax(part[:, -1] <= 0))]):
-        when = start + float(np.argmax(part[:, -1] <= 0)) / rate
+    lost, indefinite = ~np.all(np.isfinite(part), axis=1), part[:, -1] <= 0
+    if np.any(indefinite) and not np.any(lost[: int(np.argmax(indefinite))]):
+        when = start + float(np.argmax(indefinite)) / rate
         raise InputError(
             f"the mass matrix is not positive definite at {when:.4g} s: the inertial parameters of the robot's links "
             "are not those of real bodies"

@@ -53,13 +53,6 @@ class Plant:
             tau += drive.row.T * rotor_torque(drive) * float(inertia)
         return ca.densify(tau)
 
-    def friction_torque(self, dq: ca.SX, direction: ca.SX, load: ca.SX) -> ca.SX:
-        """Joint torques of friction with given directions, ``C' f(C dq, s)``, shape (n, 1) [Nm or N].
-
-        The load, shape (n, 1), is the torque of the motion without friction; friction may grow with it.
-        """
-        return ca.densify(self.friction.joint_expression(self.robot, dq, direction, load))
-
     def carried_torque(self, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
         """Joint torques minus friction, shape (n, 1) [Nm or N]."""
         return ca.densify(self.friction.carried_expression(self.robot, dq, tau, direction))
@@ -135,15 +128,10 @@ class ModelMotion:
 
     def __init__(self, model: RegressorModel, beta: Array, base: Base, friction: FrictionCurves | None) -> None:
         equations = model.torque_equations()
-        if equations is None:
-            raise InputError(f"a motion can be replayed with a model of joint torques, not with {type(model).__name__}")
+        assert equations is not None
+        assert not equations.unused  # else the motion is not determined
         if np.shape(beta) != (base.rank,) or not np.all(np.isfinite(beta)):
             raise InputError(f"replay: expected {base.rank} finite base parameters, given {np.asarray(beta).tolist()}")
-        if equations.unused:
-            raise InputError(
-                f"replay: the equations of {', '.join(equations.unused)} are not used, "
-                "so their motion is not determined"
-            )
         self.N, self.q0 = equations.motion.matrix, equations.motion.offset
         self.robot, self._whole, self._friction = model.robot, equations.model, friction
         columns, beta = [base.columns[k] for k in base.index], np.asarray(beta, dtype=float)
@@ -210,10 +198,9 @@ _MOST = 0.99  # from 1 on, a drive would hold any load
 def load_shares(model: RegressorModel, base: Base, beta: Array) -> dict[int, float]:
     """Load share of every drive that has one among the base parameters, by the drive's number."""  # beta (b,)
     composition = model.composition
-    values = composition.matrix[:, base.index] @ beta
+    values = np.clip(composition.matrix[:, base.index] @ beta, -_MOST, _MOST).tolist()
     pairs = zip(composition.standard, values, strict=True)
-    shares = {c.owner: float(v) for c, v in pairs if c.kind == LOAD_SHARE and c.owner is not None}
-    return {number: float(np.clip(share, -_MOST, _MOST)) for number, share in shares.items()}
+    return {c.owner: share for c, share in pairs if c.kind == LOAD_SHARE and c.owner is not None}
 
 
 def carried_along_motion(

@@ -105,8 +105,6 @@ def windowed_motion(
     step = _step(time)
     if not (np.isfinite(horizon) and round(horizon / step) >= 1):
         raise InputError(f"replay: a horizon of {horizon:g} s is shorter than a sample of {step:g} s")
-    if most is not None and most < 1:
-        raise InputError(f"replay: `most` must be one window or more, given {most}")
     if np.shape(q) != np.shape(dq) or len(q) != time.size:
         raise InputError(f"replay: {time.size} instants, but q of shape {np.shape(q)} and dq of shape {np.shape(dq)}")
     rates = ModelMotion(model, beta, base, friction)

@@ -13,6 +13,7 @@ from excite.simulation.integration import SimulatedRun
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.tasks.payload import Payload
 from excite.tasks.reference import SampledMotion
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.load import EQUATIONS, Sensor
@@ -136,15 +137,10 @@ def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng
 
 
 def wrench_log_of(
-    robot: Robot,
-    moving: Robot,
-    task: Task,
-    load: Payload,
-    samples: Samples,
-    settings: SimulationSettings,
-    rng: np.random.Generator,
+    robot: Robot, task: Task, load: Payload, samples: Samples, settings: SimulationSettings, rng: np.random.Generator
 ) -> Log:
     """Wrench and positions at the sensor's own instants; locked joints are measured at their position."""
+    moving = moving_robot(robot, task)
     count = int(np.floor(samples.time[-1] * settings.wrench_rate * (1 + 1e-12)))
     true = SampledMotion(samples).samples(np.arange(count + 1) / settings.wrench_rate)
     whole = _whole(task.limits.applied(robot), moving, true)

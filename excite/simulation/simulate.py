@@ -162,7 +162,7 @@ def simulate_motion(
     simulated = simulated_run(controlled, reference, settings.rate, steps, progress, delayed, impacts).after(lead)
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, simulated, settings, rng)
-    wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, simulated.samples, settings, rng)
+    wrench_log = None if load is None else wrench_log_of(loaded, task, load, simulated.samples, settings, rng)
     truth = {**true_parameters(plant), **({} if load is None else load.values())}
     played = Repeated(motion, settings.periods)
     wanted = played.samples(np.minimum(simulated.samples.time, played.duration))

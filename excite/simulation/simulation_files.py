@@ -128,9 +128,8 @@ def read_torque(path: Path, robot: Robot) -> GivenTorque | None:
         raise InputError(f"{path}: one drive at a time can be given torques, there are columns {', '.join(efforts)}")
     drive, known = efforts[0].removesuffix(_EFFORT), [name for name, _ in drives_with_friction(robot)]
     if drive not in known:
-        raise UnknownName(
-            f"{'drive' if robot.transmission else 'joint'} for column {efforts[0]} of {path}", drive, known
-        )
+        kind = "drive" if robot.transmission else "joint"
+        raise UnknownName(f"{kind} for column {efforts[0]} of {path}", drive, known)
     before = ["", *text[:-1]]
     begins = ramping & np.array([a != b for a, b in zip(before, text, strict=True)])
     number = np.where(ramping, np.cumsum(begins), 0)

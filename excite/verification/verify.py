@@ -134,10 +134,10 @@ def verify(
     total, event_free = relative_error(measured, torques), relative_error(measured[free], torques[free])
     units = {j.name: j.unit for j in target.robot.joints}
     motions = motion_errors(replay, part.samples, units) if replay is not None and replay.ok else None
-    judged = verdict(
-        errors, corrected, total, whole, result.training_error, motions or (), _doubted(result, replay), tolerances
-    )
-    further = (
+    doubted = _doubted(result, replay)
+    judged = verdict(errors, corrected, total, whole, result.training_error, motions or (), doubted, tolerances)
+    remarks = (
+        *judged.remarks,
         *_motion_remarks(replay, length, horizon),
         *_friction_remarks(result, target, part, recipe),
         *_event_remarks(part, predicted, event_free),
@@ -155,9 +155,7 @@ def verify(
         training_error=result.training_error,
         replay=replay,
         motions=motions,
-        verdict=replace(
-            judged, remarks=(*judged.remarks, *further), answers=(_torques_answer(judged, whole), *answers(result))
-        ),
+        verdict=replace(judged, remarks=remarks, answers=(_torques_answer(judged, whole), *answers(result))),
         corrected=corrected,
         corrected_total=whole,
         event_free_error=event_free,
@@ -187,8 +185,7 @@ def _motion_remarks(replay: Replay | None, length: float | None, asked: float) -
     """What shortened the horizon, and which windows were simulated."""
     if replay is None or length is None:
         return ()
-    remarks = (horizon_remark(replay, length, asked), sampling_remark(replay, length))
-    return tuple(remark for remark in remarks if remark is not None)
+    return tuple(filter(None, (horizon_remark(replay, length, asked), sampling_remark(replay, length))))
 
 
 def _friction_remarks(

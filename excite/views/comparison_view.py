@@ -81,10 +81,8 @@ def _friction(judgements: Sequence[Judgement]) -> list[str]:
     identified = [j.friction == "identified" for j in judgements]
     if len(set(identified)) == 1 or judgements[0].channel != "effort":
         return []
-    how = "with" if identified[0] else "without"
-    return [
-        f"only some of the designs identify friction; all are compared like the first one, {how} friction parameters"
-    ]
+    like = "the first one, with" if identified[0] else "the first one, without"
+    return [f"only some of the designs identify friction; all are compared like {like} friction parameters"]
 
 
 def _ranking(judged: Sequence[tuple[Judgement, float]]) -> ViewTable:
@@ -97,9 +95,8 @@ def _ranking(judged: Sequence[tuple[Judgement, float]]) -> ViewTable:
         for j, goal in judged
     )  # fmt: skip
     broken = {(k, 5): "bad" for k, (j, _) in enumerate(judged) if not j.feasible}
-    return ViewTable(
-        "ranking", "Designs by the criterion of the first one", columns, rows, marked=broken, most=len(rows)
-    )
+    title = "Designs by the criterion of the first one"
+    return ViewTable("ranking", title, columns, rows, marked=broken, most=len(rows))
 
 
 def _facts(judgements: Sequence[Judgement]) -> ViewTable:

@@ -180,10 +180,8 @@ def _obstacles(found: Any) -> Iterator[str]:
     yield f"the same motion would take {found.robot_seconds:.4g} s of robot time; {best}"
 
 
-def _width(parameter: ParameterPrecision) -> str:
-    return (
-        f"{parameter.name}: half-width {parameter.half_width:.3g} of {parameter.allowed:.3g} {parameter.unit} allowed"
-    )
+def _width(p: ParameterPrecision) -> str:
+    return f"{p.name}: half-width {p.half_width:.3g} of {p.allowed:.3g} {p.unit} allowed"
 
 
 def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTable:
@@ -205,10 +203,8 @@ def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTab
     )  # fmt: skip
     note = "An exact extreme is that of the motion at every instant; an enclosed one is a proven bound."
     broken = {(k, 4): "bad" for k, use in enumerate(ranked) if not use["holds"]}
-    return ViewTable(
-        name, title, columns, rows, folded=name != "limits", note=note if name == "limits" else "", marked=broken,
-        most=_NEAR,
-    )  # fmt: skip
+    how: dict[str, Any] = {"note": note} if name == "limits" else {"folded": True}
+    return ViewTable(name, title, columns, rows, marked=broken, most=_NEAR, **how)
 
 
 def _used(use: Mapping[str, Any]) -> float:

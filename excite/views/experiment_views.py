@@ -12,7 +12,7 @@ from excite.payload.calibrate_gains import CalibratedGains
 from excite.payload.payload_motion import PayloadMotion
 from excite.payload.payload_result import PayloadResult
 from excite.study.next_motion import NextMotion
-from excite.study.predict_accuracy import AccuracyPrediction, ParameterAccuracy
+from excite.study.predict_accuracy import AccuracyPrediction
 from excite.study.time_study import FIGURE, KIND, TimeCourse, TimeStudy
 from excite.tasks.precision_target import PrecisionTarget
 from excite.views.design_view import design_view
@@ -22,7 +22,7 @@ from regressors.errors import listed_names
 
 def accuracy_view(prediction: AccuracyPrediction) -> View:
     """View of what repeats of an experiment are predicted to show."""
-    worst = max(prediction.parameters, key=_relative)
+    worst = max(prediction.parameters, key=lambda p: float(p.deviation / abs(p.value)) if p.value else 0.0)
     return View(
         kind="accuracy",
         title=f"predicted accuracy of repeats of {prediction.name}",
@@ -35,10 +35,6 @@ def accuracy_view(prediction: AccuracyPrediction) -> View:
         remarks=prediction.notes,
         tables=(_predicted(prediction),),
     )
-
-
-def _relative(parameter: ParameterAccuracy) -> float:
-    return float(parameter.deviation / abs(parameter.value)) if parameter.value else 0.0
 
 
 def _predicted(prediction: AccuracyPrediction) -> ViewTable:
@@ -58,9 +54,7 @@ def study_view(study: TimeStudy) -> View:
         verdict=verdict,
         holds=known,
         summary=tuple(_sentence(course, study.below) for course in study.courses),
-        remarks=tuple(
-            f"{course.name}: {text}" for course in study.courses for text in (*_scatter(course), *course.notes)
-        ),
+        remarks=tuple(f"{c.name}: {text}" for c in study.courses for text in (*_scatter(c), *c.notes)),
         asked=(
             ("robot", study.robot),
             ("motions", ", ".join(course.name for course in study.courses)),

@@ -97,9 +97,8 @@ def write_figures(
 
 def write_view_figures(view: View, folder: str | Path, **how: Any) -> list[Path]:
     """Write the figures of a view; formats and width as in `write_figures`."""
-    figures = view.figures
     return write_figure_files(
-        lambda: {f"{view.stem}{each.ending}": each.draw() for each in figures}, folder, view.filed, **how
+        lambda: {f"{view.stem}{each.ending}": each.draw() for each in view.figures}, folder, view.filed, **how
     )
 
 
@@ -116,14 +115,14 @@ def _view_of(result: Any) -> View:
     return view(result)
 
 
+Figures = Mapping[str, Figure] | Callable[[], Mapping[str, Figure]]  # by their names, or what draws them
+
 _UNDATED: dict[str, dict[str, Any]] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None, "Creator": None}}
 _PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files that are little smaller
 _PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it along; others, for SVG, are looked up
 
 
-def drawn_figures(
-    drawn: Mapping[str, Figure] | Callable[[], Mapping[str, Figure]], width: str = "screen"
-) -> dict[str, Figure]:
+def drawn_figures(drawn: Figures, width: str = "screen") -> dict[str, Figure]:
     """Draw figures, unless they are drawn, in the style of a width, with all text literal."""
     with drawing_style(width):
         figures = dict(drawn() if callable(drawn) else drawn)
@@ -134,7 +133,7 @@ def drawn_figures(
 
 
 def write_figure_files(
-    figures: Mapping[str, Figure] | Callable[[], Mapping[str, Figure]],
+    figures: Figures,
     folder: str | Path,
     kind: str = "",
     *,

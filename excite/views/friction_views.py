@@ -246,6 +246,7 @@ def _windows(coordinates: tuple[CoordinatePlan, ...]) -> ViewTable:
 
 
 _GRAVITY = {"model": "subtracted by a model", "symmetric": "cancelled by both directions"}
+_CURVES = Drawing("Friction over speed", FRICTION_FIGURE, "friction_plots.friction_figure")
 _SCATTER = 1.5  # of the points over their noise: what is more is said
 
 
@@ -266,9 +267,7 @@ def friction_fit_view(fit: FrictionFit) -> View:
         ),
         asked=(("robot", fit.robot), *_settings(fit.settings)),
         tables=(_drives(drives), _parameters(drives), _compared(drives), *_break_aways(drives), _points(drives)),
-        figures=(
-            Drawing("Friction over speed", FRICTION_FIGURE, "friction_plots.friction_figure", (fit.robot, drives)),
-        ),
+        figures=(_CURVES.of(fit.robot, drives),),
         filed=FRICTION_FIT,
         facts={
             "robot": fit.robot,

@@ -139,9 +139,9 @@ def _logs(result: Identification) -> ViewTable:
 
 def _parameters(result: Identification) -> ViewTable:
     """Marked: ends of the intervals that contain zero."""
-    estimate, facts = result.estimate, result.facts
-    reference = result.reference
-    values = np.full(len(estimate.names), np.nan) if reference is None else reference.values
+    estimate, facts, reference = result.estimate, result.facts, result.reference
+    known = [] if reference is None else [reference.values.tolist()]
+    motors = [[_at_the_motor(result, k) for k in range(len(estimate.names))]] if facts.motor_sides else []
     columns = (
         *headed("parameter:text"),
         *headed("value", missing="not identifiable"),
@@ -150,18 +150,13 @@ def _parameters(result: Identification) -> ViewTable:
         *(texts("at the motor") if facts.motor_sides else ()),
         Column("combination", Format.UNIT, wide=True),
     )
-    rows, marked = [], dict[tuple[int, int], str]()
-    for k, name in enumerate(estimate.names):
-        low, high = estimate.interval[k].tolist()
-        if low <= 0 <= high and math.isfinite(high - low):
-            marked |= {(k, 2): "bad", (k, 3): "bad"}
-        rows.append(
-            (
-                name, float(estimate.values[k]), low, high, estimate.units[k], float(estimate.deviation[k]),
-                float(estimate.relative_deviation[k]), *((float(values[k]),) if reference is not None else ()),
-                *((_at_the_motor(result, k),) if facts.motor_sides else ()), facts.base.expressions[k],
-            )
-        )  # fmt: skip
+    low, high = estimate.interval.T.tolist()
+    rows = zip(
+        estimate.names, estimate.values.tolist(), low, high, estimate.units, estimate.deviation.tolist(),
+        estimate.relative_deviation.tolist(), *known, *motors, facts.base.expressions, strict=True,
+    )  # fmt: skip
+    around_zero = [a <= 0 <= b and math.isfinite(b - a) for a, b in zip(low, high, strict=True)]
+    marked = {(k, column): "bad" for k, holds in enumerate(around_zero) if holds for column in (2, 3)}
     note = "Marked: intervals that contain zero. A dash stands for what the logs do not determine on its own."
     return ViewTable("parameters", TITLES["parameters"], columns, tuple(rows), note=note, marked=marked)
 
@@ -182,16 +177,10 @@ def _each_log(result: Identification) -> tuple[ViewTable, ...]:
     if scatter is None or not result.each:
         return ()
     each, estimate = scatter.each, result.estimate
-    rows = tuple(
-        (
-            name,
-            *(_with_deviation(each.values[k, j], each.deviations[k, j]) for k in range(len(each.logs))),
-            _with_deviation(estimate.values[j], estimate.deviation[j]),
-            each.units[j],
-            _ratio(scatter.ratios[j], scatter.probabilities[j]),
-        )
-        for j, name in enumerate(each.names)
-    )
+    values, deviations = (*each.values, estimate.values), (*each.deviations, estimate.deviation)
+    estimates = (map(_with_deviation, x, deviation) for x, deviation in zip(values, deviations, strict=True))
+    ratios = map(_ratio, scatter.ratios, scatter.probabilities)
+    rows = tuple(zip(each.names, *estimates, each.units, ratios, strict=True))
     logs = (f"log {k + 1}" for k in range(len(each.logs)))
     columns = (*texts("parameter", *logs, "together"), *headed("unit:unit, scatter over stated:text"))
     note = "*: less than 1 % probable from noise alone"

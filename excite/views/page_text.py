@@ -150,9 +150,8 @@ def _with_code(text: str) -> Any:
     from markupsafe import Markup, escape
 
     parts = _CODE.split(printable(text))
-    return Markup("").join(
-        Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(parts)
-    )
+    code = Markup("<code>{}</code>")
+    return Markup("").join(code.format(part) if k % 2 else escape(part) for k, part in enumerate(parts))
 
 
 _LARGEST = 4_000_000  # bytes of a picture that a page takes in
@@ -258,17 +257,6 @@ def dark(colour: str) -> str:
     else:
         new = max(lightness, _LEAST + (_READABLE - _LEAST) * lightness / _READABLE)
     return _in_gamut(new, np.array(hue))
-
-
-def luminance(colour: str) -> float:
-    """Relative luminance of WCAG 2, from 0 to 1."""
-    return float(np.array([0.2126, 0.7152, 0.0722]) @ _linear(colour))
-
-
-def contrast(one: str, other: str) -> float:
-    """Contrast ratio of WCAG 2, from 1 to 21."""
-    low, high = sorted((luminance(one), luminance(other)))
-    return (high + 0.05) / (low + 0.05)
 
 
 def _linear(colour: str) -> Array:

@@ -127,9 +127,7 @@ def _courses(robot: Robot, world: World | None, moving: NDArray[np.bool_], sampl
     """Positions and velocities of the joints that move and their drives, and distances where shapes are known."""
     linear = [limit for limit in linear_limits(robot) if limit.derivative < 2]
     bodies = bodies_of(robot, robot.joint_names, linear)
-    touched = {
-        label for limit in linear for label, row in zip(limit.labels, limit.matrix, strict=True) if row[moving].any()
-    }
+    touched = {label for x in linear for label, row in zip(x.labels, x.matrix, strict=True) if row[moving].any()}
     courses = [course for limit in linear for course in linear_courses(limit, samples, bodies)]
     yield from tightest([course for course in courses if f"{course.owner} {course.quantity}" in touched])
     if world is None:

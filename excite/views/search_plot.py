@@ -156,7 +156,9 @@ _LEAST = 3.0  # width of a panel with its names [in]
 
 def precision_figure(design: Design) -> Figure:
     """Draw robot time against precision, and the half-width of each parameter over the allowed one."""
-    _, forecast = _of(design)
+    search, forecast = design.precision_search, design.precision
+    if search is None or forecast is None:
+        raise InputError("no precision was sought for this design; `design_for_precision` seeks one")
     asked = sorted((p for p in forecast.parameters if p.allowed is not None), key=lambda p: -p.use)
     runs = f"{number(forecast.runs, 'run')} of {forecast.seconds:.4g} s"
     title = f"{design.robot.name}: {runs}, {forecast.robot_seconds:.4g} s of robot time"
@@ -167,21 +169,13 @@ def precision_figure(design: Design) -> Figure:
     else:
         figure = figure_of(6.0, 4.8 + height, title, text=height)
         left, right = figure.subplots(2, 1, height_ratios=(3.0, height))
-    _draw_front(left, design)
+    _draw_front(left, search, forecast, max(design.task.objective.max_time, forecast.robot_seconds))
     _draw_parameters(right, forecast, asked)
     return figure
 
 
-def _of(design: Design) -> tuple[PrecisionSearch, PrecisionForecast]:
-    if design.precision_search is None or design.precision is None:
-        raise InputError("no precision was sought for this design; `design_for_precision` seeks one")
-    return design.precision_search, design.precision
-
-
-def _draw_front(ax: Axes, design: Design) -> None:
-    search, forecast = _of(design)
+def _draw_front(ax: Axes, search: PrecisionSearch, forecast: PrecisionForecast, longest: float) -> None:
     tidy(ax)
-    longest = max(design.task.objective.max_time, forecast.robot_seconds)
     for trial in search.trials:
         seconds, use = [n * trial.seconds for n, _ in trial.course], [use for _, use in trial.course]
         ax.plot(seconds, use, "-", color=GREY, alpha=0.4, linewidth=0.8, zorder=1.5)
@@ -216,8 +210,7 @@ def _draw_parameters(ax: Axes, forecast: PrecisionForecast, asked: Sequence[Para
     ax.set_xlabel("half-width / allowed", fontsize=LABEL, color=DARK)
     left_out = len(asked) - len(shown)
     more = f"; {left_out} more are narrower" if left_out else ""
-    text = f"{100 * forecast.level:g} % intervals, with probability {100 * forecast.probability:g} %{more}"
-    _explain(ax, text)
+    _explain(ax, f"{100 * forecast.level:g} % intervals, with probability {100 * forecast.probability:g} %{more}")
 
 
 def _explain(ax: Axes, text: str) -> None:

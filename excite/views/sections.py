@@ -119,9 +119,8 @@ def _task_file(task: Mapping[str, Any]) -> str:
 def comparison_section(designs: Sequence[Design]) -> PageSection:
     """Several designs under the metrics of the first one, see `excite.design.comparison.compare`."""
     judged = compare(designs)
-    return PageSection(
-        comparison_view(judged), commands=(shlex.join(["excite", "compare", *(j.name for j in judged)]),)
-    )
+    again = shlex.join(["excite", "compare", *(j.name for j in judged)])
+    return PageSection(comparison_view(judged), commands=(again,))
 
 
 def parameters_section(results: Sequence[Identification]) -> PageSection:
@@ -260,8 +259,7 @@ def _of_fit(fit: FrictionFit, prefix: str, looks: Appearance, path: Path | None)
 def _of_study(study: TimeStudy, prefix: str, looks: Appearance, path: Path | None) -> PageSection:
     view = study_view(study)
     # logs stand alone, designs behind their option
-    sources = (([c.name] if Path(c.name).suffix else ["--design", c.name]) for c in study.courses)
-    words = [word for each in sources for word in each]
+    words = [word for c in study.courses for word in ([c.name] if Path(c.name).suffix else ["--design", c.name])]
     again = ["excite", "study", study.robot, *words, "--below", f"{100 * study.below:g}", "--out", "studies/again"]
     return _drawn(replace(view, title=str(path.parent) if path else view.title), prefix, again)
 

@@ -189,11 +189,10 @@ def take_sizes(figure: Figure) -> None:
             _thin(artist, thin)
     for legend in (each for each in figure.findobj(Legend) if isinstance(each, Legend)):
         for handle in legend.legend_handles:
-            if handle is not None:
-                _thin(handle, thin)
+            _thin(handle, thin)
 
 
-def _thin(artist: Artist, share: float) -> None:
+def _thin(artist: Artist | None, share: float) -> None:
     if isinstance(artist, Line2D):
         artist.set(linewidth=share * float(artist.get_linewidth()), markersize=share * float(artist.get_markersize()))
     elif isinstance(artist, Patch):
