@@ -74,10 +74,9 @@ def steps_for(
     enough = _CHEAP_SUBSTEPS if breakaway is None else _STICKING_SUBSTEPS
     size = start if given is None else given
     substeps = needed(size)
-    if given is None:
-        while substeps > enough and size < 100 * start:
-            size *= 1.25
-            substeps = needed(size)
+    while given is None and substeps > enough and size < 100 * start:
+        size *= 1.25
+        substeps = needed(size)
     if substeps > _MOST_SUBSTEPS:
         raise _too_many(substeps, rate, width, distance)
     widened = given is None and size > start

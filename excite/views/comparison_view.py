@@ -15,7 +15,6 @@ from excite.views.view import Column, Format, View, ViewTable, headed
 
 _UNLIKE = "the designs are for different robots, models or moving joints; their numbers are not comparable"
 _LARGER_IS_BETTER = ("smallest_singular_value", "log_det")
-_NOTE = "Marked: the best of each row."
 
 
 def comparison_view(judgements: Sequence[Judgement], bounds: Sequence[DesignBound] = ()) -> View:
@@ -130,7 +129,7 @@ def _measures(judgements: Sequence[Judgement], *, marked: bool) -> ViewTable:
         most = max(values) if name.startswith(_LARGER_IS_BETTER) else min(values)
         best |= {(k, 1 + i): "best" for i, value in enumerate(values) if marked and value == most}
         rows.append((name.replace("_", " "), *values, meaning))
-    note = _NOTE if marked else ""
+    note = "Marked: the best of each row." if marked else ""
     return ViewTable("comparison", "Measures of each design", columns, tuple(rows), note=note, marked=best)
 
 

@@ -35,7 +35,7 @@ from excite.views.comparison_view import bound_view, comparison_view
 from excite.views.design_view import design_view
 from excite.views.experiment_views import accuracy_view, payload_view, study_view
 from excite.views.friction_views import friction_fit_view, friction_plan_view
-from excite.views.identification_view import TITLES, identification_view, side_by_side_view
+from excite.views.identification_view import TITLES, identification_view
 from excite.views.page_text import PageFigure, PageSection, drawn, no_pictures, pictures
 from excite.views.player_data import player_motion
 from excite.views.player_log import Appearance, LoggedMotion, looked_at, motion_of_plan, played, source_of
@@ -92,10 +92,8 @@ def _of_design(design: Design, prefix: str, looks: Appearance, path: Path | None
     folder = "designs/again" if design.folder is None else f"{design.folder}-again"
     again = ["excite", "design", str(task["robot"]), "--task", "task.yaml", "--out", folder]
     compared = ["excite", "compare", str(design.folder or "designs/this"), folder]
-    section = replace(_drawn(view, prefix, again, compared, missing=missing), task=_task_file(task))
-    if missing:
-        return section
-    return replace(section, motion=player_motion(design, looks.file_of(design.robot, design.task)))
+    motion = None if missing else player_motion(design, looks.file_of(design.robot, design.task))
+    return replace(_drawn(view, prefix, again, compared, missing=missing), task=_task_file(task), motion=motion)
 
 
 def _missing(design: Design) -> tuple[str, ...]:
@@ -121,11 +119,6 @@ def comparison_section(designs: Sequence[Design]) -> PageSection:
     judged = compare(designs)
     again = shlex.join(["excite", "compare", *(j.name for j in judged)])
     return PageSection(comparison_view(judged), commands=(again,))
-
-
-def parameters_section(results: Sequence[Identification]) -> PageSection:
-    """Parameters of several identifications side by side."""
-    return PageSection(side_by_side_view(results))
 
 
 def _of_identification(result: Identification, prefix: str, looks: Appearance, path: Path | None) -> PageSection:

@@ -87,9 +87,8 @@ def _torques(v: Verification) -> ViewTable:
         "*simulated motion:%, worst, at [s]"
     )
     rows = tuple(
-        (t.name, t.measured, t.error, t.unit, t.relative, part, says.get(t.name), moved.get(t.name), *worst)
-        for t, part in zip(v.torques, less, strict=True)
-        for worst in ((t.worst, t.worst_time),)
+        (t.name, t.measured, t.error, t.unit, t.relative, x, says.get(t.name), moved.get(t.name), t.worst, t.worst_time)
+        for t, x in zip(v.torques, less, strict=True)
     )
     return ViewTable("torques", "Predicted against measured", columns, rows)
 

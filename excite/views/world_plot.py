@@ -79,18 +79,14 @@ def _title(design: Design, uses: Sequence[LimitUse], shown: int) -> str:
 
 
 def _uses(design: Design) -> list[LimitUse]:
-    labels = {label for limit in _limits(design) for label in limit.labels}
+    labels = {label for limit in design.nonlinear if isinstance(limit, Clearance) for label in limit.labels}
     return [use for use in design.limits if use.label in labels]
-
-
-def _limits(design: Design) -> list[Clearance]:
-    return [limit for limit in design.nonlinear if isinstance(limit, Clearance)]
 
 
 def _distances(design: Design) -> dict[str, Array]:
     """Smallest of each label's functions at every instant [m]."""
     distances: dict[str, Array] = {}
-    for limit in _limits(design):
+    for limit in (each for each in design.nonlinear if isinstance(each, Clearance)):
         shown = limit.shown(limit.values(design.samples))
         for label in dict.fromkeys(limit.labels):
             distances[label] = shown[:, [other == label for other in limit.labels]].min(axis=1)
@@ -164,7 +160,7 @@ def workspace_figure(design: Design) -> Figure:
     last = poses[robot.links[-1].name]
     path = last[:, :3, :3] @ np.array(design.task.limits.tool_point) + last[:, :3, 3]
     nearest = min(_uses(design), key=lambda use: use.extreme, default=None)
-    shown = [*np.linspace(0, len(path) - 1, _POSES + 1).round().astype(int)[:-1].tolist()]
+    shown = np.linspace(0, len(path) - 1, _POSES + 1).round().astype(int)[:-1].tolist()
     shown += [] if nearest is None else [int(np.argmin(np.abs(samples.time - nearest.time)))]
     links = [[_moved(part.capsule, poses[part.link][k]) for part in parts if part.link in poses] for k in shown]
     middle, half, said = _seen(path, [capsule for pose in links for capsule in pose], obstacles)

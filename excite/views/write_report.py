@@ -13,10 +13,11 @@ from excite.storage.atomic import replacing
 from excite.storage.records import complete
 from excite.storage.result_folder import replace_files, result_file
 from excite.views.campaign_view import designs_of
+from excite.views.identification_view import side_by_side_view
 from excite.views.page_text import PageSection, page_text
 from excite.views.player_data import matches
 from excite.views.player_log import Appearance
-from excite.views.sections import comparison_section, parameters_section, section_of
+from excite.views.sections import comparison_section, section_of
 from excite.views.subjects import Filed, Subject, subjects_of
 from regressors.arguments import checked
 from regressors.errors import ExciteError, InputError, TakenError
@@ -114,7 +115,7 @@ def _comparisons(subjects: Sequence[Subject]) -> list[PageSection]:
         designs = [each for each in designs if each not in own]
     results = [each for each in subjects if isinstance(each, Identification)]
     sections = [comparison_section(designs)] if len(designs) > 1 else []
-    return sections + ([parameters_section(results)] if len(results) > 1 else [])
+    return sections + ([PageSection(side_by_side_view(results))] if len(results) > 1 else [])
 
 
 def _section(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> PageSection:
