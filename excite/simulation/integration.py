@@ -30,25 +30,14 @@ _PROBES = 40
 
 @dataclass(frozen=True)
 class Steps:
-    """Integration steps of a motion, and the width of friction's sign change.
+    """Integration steps of a motion, and the width of friction's sign change."""
 
-    Parameters
-    ----------
-    substeps : int
-        Steps of the method per sample.
-    width : float
-        Velocity over which the sign of friction changes; with presliding, that of its compensation by the controller
-        [rad/s or m/s].
-    widened : bool
-        True if the width, or the distance, had to grow for the method to be stable.
-    sticking : Sticking, optional
-        Presliding friction; the sign changes with velocity if not given.
-    """
-
-    substeps: int
+    substeps: int  # of the method per sample
+    # velocity over which the sign of friction changes; with presliding, that of its compensation by the controller
+    # [rad/s or m/s]
     width: float
-    widened: bool = False
-    sticking: Sticking | None = None
+    widened: bool = False  # whether the width, or the distance, had to grow for the method to be stable
+    sticking: Sticking | None = None  # presliding friction; the sign changes with velocity if not given
 
 
 def steps_for(
@@ -119,29 +108,15 @@ _CHUNK = 1000
 
 @dataclass(frozen=True, eq=False)
 class SimulatedRun:
-    """Simulated motion, torques and energies at N instants of n joints.
+    """Simulated motion, torques and energies at N instants of n joints."""
 
-    Parameters
-    ----------
-    samples : Samples
-        True motion; jerk is not known (NaN).
-    effort, command : ndarray, shape (N, n)
-        Joint torques of the drives, and those that the controller commanded [Nm or N].
-    friction : ndarray, shape (N, n)
-        Part of all torques that friction takes [Nm or N].
-    work, loss : ndarray, shape (N,)
-        Work of the joint torques, and the part of it lost in friction, from the start on [J].
-    energy : ndarray, shape (N,)
-        Kinetic and potential energy [J].
-    """
-
-    samples: Samples
-    effort: Array
-    command: Array
-    friction: Array
-    work: Array
-    loss: Array
-    energy: Array
+    samples: Samples  # true motion; jerk is not known (NaN)
+    effort: Array  # (N, n) joint torques of the drives [Nm or N]
+    command: Array  # (N, n) those that the controller commanded
+    friction: Array  # (N, n) part of all torques that friction takes [Nm or N]
+    work: Array  # (N,) work of the joint torques from the start on [J]
+    loss: Array  # (N,) the part of it lost in friction
+    energy: Array  # (N,) kinetic and potential energy [J]
 
     def after(self, first: int) -> SimulatedRun:
         """The run from one of its samples on, as if it began there."""

@@ -37,37 +37,18 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """Motion under measured torques.
+    """Motion under measured torques."""
 
-    Parameters
-    ----------
-    outcome : Outcome
-        Outcome of the first window that failed, if one did.
-    time : ndarray, shape (N,)
-        [s]
-    q, dq : ndarray, shape (N, n)
-        [rad, rad/s, or with m]; NaN from where a window failed until the next one starts, and between windows.
-    starts : tuple of int
-        Indices at which a window starts from the given state.
-    stops : tuple of int
-        Index before which each window ends.
-    failed_at : float or None
-        First instant at which a window failed [s].
-    sign_width : float
-        Drive velocity over which friction changed its sign [rad/s or m/s].
-    left_out : int
-        Windows that were not simulated, since the motion has more than were asked for.
-    """
-
-    outcome: Outcome
-    time: Array
+    outcome: Outcome  # of the first window that failed, if one did
+    time: Array  # (N,) [s]
+    # (N, n) [rad, rad/s, or with m]; NaN from where a window failed until the next one starts, and between windows
     q: Array
-    dq: Array
-    starts: tuple[int, ...]
-    stops: tuple[int, ...]
-    failed_at: float | None
-    sign_width: float
-    left_out: int = 0
+    dq: Array  # (N, n)
+    starts: tuple[int, ...]  # indices at which a window starts from the given state
+    stops: tuple[int, ...]  # index before which each window ends
+    failed_at: float | None  # first instant at which a window failed [s]
+    sign_width: float  # drive velocity over which friction changed its sign [rad/s or m/s]
+    left_out: int = 0  # windows that were not simulated, since the motion has more than were asked for
 
     @property
     def bounds(self) -> tuple[tuple[int, int], ...]:

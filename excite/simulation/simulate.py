@@ -134,10 +134,7 @@ def simulate_motion(
     ramps: GivenTorque | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Simulate a robot that follows a motion, and its sensors.
-
-    Where the motion starts at rest, the robot settles at its start before the run begins.
-    """
+    """Simulate a robot that follows a motion, and its sensors; from rest it settles before the run begins."""
     settings = settings if settings is not None else SimulationSettings()
     sensor = sensor_of(task)
     loaded = robot if load is None else load.on(robot, sensor)

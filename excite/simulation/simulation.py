@@ -30,22 +30,12 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True)
 class TorqueUse:
-    """Use of one torque limit.
+    """Use of one torque limit."""
 
-    Parameters
-    ----------
-    label : str
-        Name, such as ``drive z2``.
-    peak, limit : float
-        Largest commanded magnitude, and the limit [Nm or N].
-    saturated : int
-        Number of samples at which the command exceeded the limit.
-    """
-
-    label: str
-    peak: float
-    limit: float
-    saturated: int
+    label: str  # such as ``drive z2``
+    peak: float  # largest commanded magnitude [Nm or N]
+    limit: float  # [Nm or N]
+    saturated: int  # number of samples at which the command exceeded the limit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -273,21 +263,11 @@ class Tracking:
 
 @dataclass(frozen=True)
 class SimulationOutcome:
-    """Whether the simulated robot did what was asked for.
+    """Whether the simulated robot did what was asked for."""
 
-    Parameters
-    ----------
-    count : int
-        Number of samples.
-    saturated : tuple of Saturation
-        Torques that were cut off at a limit, where that happened.
-    tracking : tuple of Tracking
-        One per joint; none of a run in which a drive is pushed by ramps of torque and not held in position.
-    exceeded : tuple of LimitExcess
-    """
-
-    count: int
-    saturated: tuple[Saturation, ...]
+    count: int  # number of samples
+    saturated: tuple[Saturation, ...]  # torques that were cut off at a limit, where that happened
+    # one per joint; none of a run in which a drive is pushed by ramps of torque and not held in position
     tracking: tuple[Tracking, ...]
     exceeded: tuple[LimitExcess, ...]
 

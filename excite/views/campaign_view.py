@@ -17,7 +17,6 @@ from regressors.models.partial import drive_names
 _LEADING = 12  # rows of a summary
 _REASONS = 5  # that stand alone; the table has all
 _FACTS = attrgetter("criterion", "duration", "tightest_limit", "limit_use", "cpu_seconds")
-_FACTS = attrgetter("criterion", "duration", "tightest_limit", "limit_use", "cpu_seconds")
 _MOST_OPTIONS = 5  # as columns of a summary; of more, the name of the cell
 
 

@@ -236,7 +236,8 @@ def _conditions(result: Identification) -> ViewTable:
 
 def repetitions_view(result: Identification, repeated: Repetitions) -> View:
     """View of an identification whose figure is that of its repetitions, which it keeps a summary of."""
-    return replace(identification_view(result), figures=(_DRAWN[-1].of(repeated, result.robot.name),))
+    *_, figure = _DRAWN
+    return replace(identification_view(result), figures=(figure.of(repeated, result.robot.name),))
 
 
 def _recipe(recipe: Recipe) -> tuple[tuple[str, str], ...]:
@@ -251,7 +252,8 @@ def _recipe(recipe: Recipe) -> tuple[tuple[str, str], ...]:
 def identification_figures(result: Identification) -> tuple[Drawing, ...]:
     """Figures that its estimate and its curves can draw."""
     logged, traced = result.curves.time.size > 0, result.estimate.history is not None
-    return tuple(each.of(result) for each, has in zip(_DRAWN, (True, logged, logged, traced), strict=False) if has)
+    shown = {"parameters": True, "torques": logged, "residuals": logged, "estimates": traced}
+    return tuple(each.of(result) for each in _DRAWN if shown.get(each.ending))
 
 
 def side_by_side_view(results: Sequence[Identification]) -> View:

@@ -107,10 +107,7 @@ def _used(use: LimitUse | None, bound: float, owner: str, view: Range) -> tuple[
 
 
 def limited_torques(design: Design, motion: Samples) -> list[tuple[str, Array, Range, LimitUse]]:
-    """Name, values without Coulomb friction, limits less this and the reserve, and use of every torque's limit.
-
-    None where the torques of the design are not checked.
-    """
+    """Name, values without Coulomb friction, limits less this and the reserve, and use of every checked torque."""
     uses = {use.label: use for use in design.limits if use.label.endswith(_TORQUE)}
     joints = design.robot.joint_names if design.approach_and_return is not None else design.moving.joint_names
     samples = of_some_joints(motion, design.robot, joints)

@@ -197,10 +197,7 @@ def _legend_of_views(nearest: LimitUse | None) -> list[Artist]:
 
 
 def _seen(path: Array, links: Sequence[Capsule], obstacles: Sequence[Obstacle]) -> tuple[Array, float, list[str]]:
-    """Middle and half side of the smallest cube around the path, the links, and every obstacle not far too large [m].
-
-    And which obstacles it does not show, or not as a whole.
-    """
+    """Middle and half side of the cube around path, links and obstacles not far too large [m]; notes on the others."""
     corners = np.vstack([path, *(_extent(capsule) for capsule in links)])
     least, most = corners.min(axis=0), corners.max(axis=0)
     largest = _HUGE * float((most - least).max())
