@@ -52,7 +52,7 @@ def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> C
         command = wanted.ddq + 2 * w * (wanted.dq - dq) + w**2 * (wanted.q - q)
         direction = smooth_direction(model.robot, wanted.dq, width)
         tau = model.torque(q, dq, command)
-        return tau + model.friction_torque(wanted.dq, direction, tau)
+        return tau + ca.densify(model.friction.joint_expression(model.robot, wanted.dq, direction, tau))
 
     if name == "computed-torque":
         return computed_torque
@@ -108,10 +108,7 @@ class TorqueLimits:
 
 
 def _clipped(tau: ca.SX, bounds: Array) -> ca.SX:
-    parts = [
-        ca.fmin(ca.fmax(tau[k], -float(bound)), float(bound)) if np.isfinite(bound) else tau[k]
-        for k, bound in enumerate(bounds)
-    ]
+    parts = [ca.fmin(ca.fmax(tau[k], -x), x) if np.isfinite(x) else tau[k] for k, x in enumerate(bounds.tolist())]
     return ca.vertcat(*parts)
 
 
@@ -153,11 +150,7 @@ class ControlledRobot:
         power = ca.dot(acting, dq)
         lost = ca.dot(acting - self.plant.carried_torque(dq, acting, direction), dq)
         rate = ca.vertcat(dq, ddq, power, lost)
-        symbols = [
-            ca.vertcat(q, dq, energies),
-            ca.vertcat(*wanted, outside, torque),
-            ca.vertcat(before, s, is_open),
-        ]
+        symbols = [ca.vertcat(q, dq, energies), ca.vertcat(*wanted, outside, torque), ca.vertcat(before, s, is_open)]
         return symbols, ca.cse([rate, effort, command, ddq, least])
 
     def turned(self, sticking: Sticking | None) -> ca.Function:
@@ -200,7 +193,7 @@ class RampedDrive:
     catch: float  # distance from the ramp's start at which the controller takes over until the next ramp [rad or m]
 
     def __post_init__(self) -> None:
-        C = self._coupling(self.model.robot)
+        C = self._coupling
         if C.shape[0] != C.shape[1] or np.linalg.matrix_rank(C) < C.shape[1]:
             raise InputError(
                 f"robot {self.model.robot.name!r}: its joints are not determined by its drives, so torque ramps of "
@@ -208,25 +201,20 @@ class RampedDrive:
             )
 
     @property
-    def row(self) -> Array:
-        """Row of C, shape (n,)."""
-        return np.asarray(dict(drives_with_friction(self.model.robot))[self.drive])
-
-    def _coupling(self, robot: Robot) -> Array:
+    def _coupling(self) -> Array:
         """Rows of C of the moving drives, this one first."""
-        rows = dict(drives_with_friction(robot))
+        rows = dict(drives_with_friction(self.model.robot))
         if self.drive not in rows:
-            raise UnknownName("drive" if robot.transmission else "joint", self.drive, rows)
+            raise UnknownName("drive" if self.model.robot.transmission else "joint", self.drive, rows)
         return np.array([rows[self.drive], *(row for name, row in rows.items() if name != self.drive)])
 
     def command(self, q: ca.SX, command: ca.SX, torque: ca.SX, is_open: ca.SX) -> ca.SX:
         """Joint torques, with gravity plus the ramp at this drive if its loop is open, else the controller's."""
         # q, command (n, 1)
-        robot = self.model.robot
-        still = ca.SX.zeros(robot.n, 1)
-        to_drive = sparse(np.linalg.inv(self._coupling(robot))[:, :1].T)  # tau_z = C^-T tau
+        C, still = self._coupling, ca.SX.zeros(self.model.robot.n, 1)
+        to_drive = sparse(np.linalg.inv(C)[:, :1].T)  # tau_z = C^-T tau
         wanted = ca.mtimes(to_drive, self.model.torque(q, still, still)) + torque
-        return command + sparse(self.row[:, None]) * (is_open * (wanted - ca.mtimes(to_drive, command)))
+        return command + sparse(C[:1].T) * (is_open * (wanted - ca.mtimes(to_drive, command)))
 
     def latch(self) -> ca.Function:
         """Update of the ramp's memory, from (q, previous memory, number of the ramp).
@@ -235,7 +223,7 @@ class RampedDrive:
         over.
         """
         q, memory, number = ca.SX.sym("q", self.model.robot.n), ca.SX.sym("memory", 3), ca.SX.sym("number")
-        z = ca.mtimes(sparse(self.row[None]), q)
+        z = ca.mtimes(sparse(self._coupling[:1]), q)
         begins = ca.ne(number, memory[0])
         start = ca.if_else(begins, z, memory[1])
         caught = ca.fmax(ca.if_else(begins, 0, memory[2]), ca.fabs(z - start) > self.catch)
@@ -245,11 +233,8 @@ class RampedDrive:
 def broken_loose(ramps: GivenTorque, time: Array, z: Array, catch: float) -> list[bool]:
     """Whether each ramp moved its drive by the distance ``catch``."""  # time, z (N,)
     number = ramps.at(time)[:, 1]
-    loose = []
-    for k in range(1, ramps.count + 1):
-        way = z[number == k]
-        loose.append(bool(way.size and np.abs(way - way[0]).max() > catch))
-    return loose
+    ways = (z[number == k] for k in range(1, ramps.count + 1))
+    return [bool(way.size and np.abs(way - way[0]).max() > catch) for way in ways]
 
 
 _DAMPING = 0.5  # of critical damping; more would need smaller steps

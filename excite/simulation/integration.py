@@ -7,8 +7,7 @@ one that acts at that instant, together with the acceleration that it causes.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -31,33 +30,18 @@ _PROBES = 40
 
 @dataclass(frozen=True)
 class Steps:
-    """Integration steps of a motion, and the width of friction's sign change.
+    """Integration steps of a motion, and the width of friction's sign change."""
 
-    Parameters
-    ----------
-    substeps : int
-        Steps of the method per sample.
-    width : float
-        Velocity over which the sign of friction changes; with presliding, that of its compensation by the controller
-        [rad/s or m/s].
-    widened : bool
-        True if the width, or the distance, had to grow for the method to be stable.
-    sticking : Sticking, optional
-        Presliding friction; the sign changes with velocity if not given.
-    """
-
-    substeps: int
+    substeps: int  # of the method per sample
+    # velocity over which the sign of friction changes; with presliding, that of its compensation by the controller
+    # [rad/s or m/s]
     width: float
-    widened: bool = False
-    sticking: Sticking | None = None
+    widened: bool = False  # whether the width, or the distance, had to grow for the method to be stable
+    sticking: Sticking | None = None  # presliding friction; the sign changes with velocity if not given
 
 
 def steps_for(
-    robot: ControlledRobot,
-    reference: Reference,
-    rate: float,
-    width: float | None,
-    breakaway: float | Literal["auto"] | None = None,
+    robot: ControlledRobot, reference: Reference, rate: float, width: float | None, breakaway: float | str | None = None
 ) -> Steps:
     """Stable substeps for a motion, with the width of friction's sign or the presliding distance.
 
@@ -79,10 +63,9 @@ def steps_for(
     enough = _CHEAP_SUBSTEPS if breakaway is None else _STICKING_SUBSTEPS
     size = start if given is None else given
     substeps = needed(size)
-    if given is None:
-        while substeps > enough and size < 100 * start:
-            size *= 1.25
-            substeps = needed(size)
+    while given is None and substeps > enough and size < 100 * start:
+        size *= 1.25
+        substeps = needed(size)
     if substeps > _MOST_SUBSTEPS:
         raise _too_many(substeps, rate, width, distance)
     widened = given is None and size > start
@@ -110,18 +93,13 @@ def _too_many(substeps: int, rate: float, width: float | None, breakaway: float 
 
 def _fastest(jacobian: ca.Function, probes: Samples, size: float) -> float:
     """Largest eigenvalue magnitude at the probes, moving and at rest [1/s]."""
-    count = probes.time.size
-    still = np.zeros_like(probes.dq)
-    reference = np.hstack([probes.q, probes.dq, probes.ddq])
-    largest = 0.0
-    for dq in (probes.dq, still):
-        state = np.hstack([probes.q, dq])
-        stacked = np.array(jacobian.map(count)(state.T, reference.T, size))
-        blocks = stacked.reshape(stacked.shape[0], count, -1).transpose(1, 0, 2)
-        if not np.all(np.isfinite(blocks)):
-            raise InputError("the robot's equations of motion have no solution: its mass matrix is singular")
-        largest = max(largest, float(np.abs(np.linalg.eigvals(blocks)).max()))
-    return largest
+    states = np.vstack([np.hstack([probes.q, dq]) for dq in (probes.dq, np.zeros_like(probes.dq))])
+    reference = np.tile(np.hstack([probes.q, probes.dq, probes.ddq]), (2, 1))
+    stacked = np.array(jacobian.map(len(states))(states.T, reference.T, size))
+    blocks = stacked.reshape(len(stacked), len(states), -1).transpose(1, 0, 2)
+    if not np.all(np.isfinite(blocks)):
+        raise InputError("the robot's equations of motion have no solution: its mass matrix is singular")
+    return float(np.abs(np.linalg.eigvals(blocks)).max())
 
 
 Progress = Callable[[int, int], None]
@@ -130,36 +108,20 @@ _CHUNK = 1000
 
 @dataclass(frozen=True, eq=False)
 class SimulatedRun:
-    """Simulated motion, torques and energies at N instants of n joints.
+    """Simulated motion, torques and energies at N instants of n joints."""
 
-    Parameters
-    ----------
-    samples : Samples
-        True motion; jerk is not known (NaN).
-    effort, command : ndarray, shape (N, n)
-        Joint torques of the drives, and those that the controller commanded [Nm or N].
-    friction : ndarray, shape (N, n)
-        Part of all torques that friction takes [Nm or N].
-    work, loss : ndarray, shape (N,)
-        Work of the joint torques, and the part of it lost in friction, from the start on [J].
-    energy : ndarray, shape (N,)
-        Kinetic and potential energy [J].
-    """
-
-    samples: Samples
-    effort: Array
-    command: Array
-    friction: Array
-    work: Array
-    loss: Array
-    energy: Array
+    samples: Samples  # true motion; jerk is not known (NaN)
+    effort: Array  # (N, n) joint torques of the drives [Nm or N]
+    command: Array  # (N, n) those that the controller commanded
+    friction: Array  # (N, n) part of all torques that friction takes [Nm or N]
+    work: Array  # (N,) work of the joint torques from the start on [J]
+    loss: Array  # (N,) the part of it lost in friction
+    energy: Array  # (N,) kinetic and potential energy [J]
 
     def after(self, first: int) -> SimulatedRun:
         """The run from one of its samples on, as if it began there."""
-        samples = Samples(
-            self.samples.time[: self.samples.time.size - first],
-            *(x[first:] for x in (self.samples.q, self.samples.dq, self.samples.ddq, self.samples.dddq)),
-        )
+        s = self.samples
+        samples = replace(s.rows(slice(first, None)), time=s.time[: s.time.size - first])
         work, loss = (x[first:] - x[first] for x in (self.work, self.loss))
         effort, command, friction = (x[first:] for x in (self.effort, self.command, self.friction))
         return SimulatedRun(samples, effort, command, friction, work, loss, self.energy[first:])
@@ -260,9 +222,9 @@ def _wanted(
 
 
 def _check_progress(part: Array, start: float, rate: float) -> None:
-    lost = ~np.all(np.isfinite(part), axis=1)
-    if np.any(part[:, -1] <= 0) and not np.any(lost[: int(np.argmax(part[:, -1] <= 0))]):
-        when = start + float(np.argmax(part[:, -1] <= 0)) / rate
+    lost, indefinite = ~np.all(np.isfinite(part), axis=1), part[:, -1] <= 0
+    if np.any(indefinite) and not np.any(lost[: int(np.argmax(indefinite))]):
+        when = start + float(np.argmax(indefinite)) / rate
         raise InputError(
             f"the mass matrix is not positive definite at {when:.4g} s: the inertial parameters of the robot's links "
             "are not those of real bodies"

@@ -17,7 +17,7 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.models.differential import RIGID, inertial_regressor
-from regressors.models.drives import drive_motions, drive_rows, rotor_torque
+from regressors.models.drives import drive_motions, rotor_torque
 from regressors.models.energy import body_energy
 from regressors.models.model import RegressorModel
 from regressors.robot.columns import LOAD_SHARE
@@ -26,6 +26,7 @@ from regressors.robot.friction.load_and_temperature import (
     carried_along,
     carried_expression,
     drives_with_friction,
+    moving_drive_numbers,
     smooth_direction,
     torques_at_drives,
 )
@@ -51,13 +52,6 @@ class Plant:
         for drive, inertia in zip(drives, self.rotors, strict=True):
             tau += drive.row.T * rotor_torque(drive) * float(inertia)
         return ca.densify(tau)
-
-    def friction_torque(self, dq: ca.SX, direction: ca.SX, load: ca.SX) -> ca.SX:
-        """Joint torques of friction with given directions, ``C' f(C dq, s)``, shape (n, 1) [Nm or N].
-
-        The load, shape (n, 1), is the torque of the motion without friction; friction may grow with it.
-        """
-        return ca.densify(self.friction.joint_expression(self.robot, dq, direction, load))
 
     def carried_torque(self, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
         """Joint torques minus friction, shape (n, 1) [Nm or N]."""
@@ -134,15 +128,10 @@ class ModelMotion:
 
     def __init__(self, model: RegressorModel, beta: Array, base: Base, friction: FrictionCurves | None) -> None:
         equations = model.torque_equations()
-        if equations is None:
-            raise InputError(f"a motion can be replayed with a model of joint torques, not with {type(model).__name__}")
+        assert equations is not None
+        assert not equations.unused  # else the motion is not determined
         if np.shape(beta) != (base.rank,) or not np.all(np.isfinite(beta)):
             raise InputError(f"replay: expected {base.rank} finite base parameters, given {np.asarray(beta).tolist()}")
-        if equations.unused:
-            raise InputError(
-                f"replay: the equations of {', '.join(equations.unused)} are not used, "
-                "so their motion is not determined"
-            )
         self.N, self.q0 = equations.motion.matrix, equations.motion.offset
         self.robot, self._whole, self._friction = model.robot, equations.model, friction
         columns, beta = [base.columns[k] for k in base.index], np.asarray(beta, dtype=float)
@@ -209,10 +198,9 @@ _MOST = 0.99  # from 1 on, a drive would hold any load
 def load_shares(model: RegressorModel, base: Base, beta: Array) -> dict[int, float]:
     """Load share of every drive that has one among the base parameters, by the drive's number."""  # beta (b,)
     composition = model.composition
-    values = composition.matrix[:, base.index] @ beta
+    values = np.clip(composition.matrix[:, base.index] @ beta, -_MOST, _MOST).tolist()
     pairs = zip(composition.standard, values, strict=True)
-    shares = {c.owner: float(v) for c, v in pairs if c.kind == LOAD_SHARE and c.owner is not None}
-    return {number: float(np.clip(share, -_MOST, _MOST)) for number, share in shares.items()}
+    return {c.owner: share for c, share in pairs if c.kind == LOAD_SHARE and c.owner is not None}
 
 
 def carried_along_motion(
@@ -226,13 +214,8 @@ def carried_along_motion(
     joints = ca.mtimes(sparse(carried_along(robot, N)), tau)
     to_drives, direction = torques_at_drives(robot), smooth_direction(robot, dq, width)
     z = ca.mtimes(sparse(to_drives), joints)
-    moving = [number for number in drive_rows(robot) if _turns(robot, number)]
     loads = [
         carried_expression(z[k], shares[number] * direction[k]) if number in shares else z[k]
-        for k, number in enumerate(moving)
+        for k, number in enumerate(moving_drive_numbers(robot).values())
     ]
     return ca.mtimes(sparse(N.T @ np.linalg.inv(to_drives)), ca.vertcat(*loads))
-
-
-def _turns(robot: Robot, number: int) -> bool:
-    return robot.transmission is None or not robot.transmission.drives[number - 1].rests

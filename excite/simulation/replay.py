@@ -37,37 +37,18 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """Motion under measured torques.
+    """Motion under measured torques."""
 
-    Parameters
-    ----------
-    outcome : Outcome
-        Outcome of the first window that failed, if one did.
-    time : ndarray, shape (N,)
-        [s]
-    q, dq : ndarray, shape (N, n)
-        [rad, rad/s, or with m]; NaN from where a window failed until the next one starts, and between windows.
-    starts : tuple of int
-        Indices at which a window starts from the given state.
-    stops : tuple of int
-        Index before which each window ends.
-    failed_at : float or None
-        First instant at which a window failed [s].
-    sign_width : float
-        Drive velocity over which friction changed its sign [rad/s or m/s].
-    left_out : int
-        Windows that were not simulated, since the motion has more than were asked for.
-    """
-
-    outcome: Outcome
-    time: Array
+    outcome: Outcome  # of the first window that failed, if one did
+    time: Array  # (N,) [s]
+    # (N, n) [rad, rad/s, or with m]; NaN from where a window failed until the next one starts, and between windows
     q: Array
-    dq: Array
-    starts: tuple[int, ...]
-    stops: tuple[int, ...]
-    failed_at: float | None
-    sign_width: float
-    left_out: int = 0
+    dq: Array  # (N, n)
+    starts: tuple[int, ...]  # indices at which a window starts from the given state
+    stops: tuple[int, ...]  # index before which each window ends
+    failed_at: float | None  # first instant at which a window failed [s]
+    sign_width: float  # drive velocity over which friction changed its sign [rad/s or m/s]
+    left_out: int = 0  # windows that were not simulated, since the motion has more than were asked for
 
     @property
     def bounds(self) -> tuple[tuple[int, int], ...]:
@@ -105,54 +86,26 @@ def windowed_motion(
     step = _step(time)
     if not (np.isfinite(horizon) and round(horizon / step) >= 1):
         raise InputError(f"replay: a horizon of {horizon:g} s is shorter than a sample of {step:g} s")
-    if most is not None and most < 1:
-        raise InputError(f"replay: `most` must be one window or more, given {most}")
     if np.shape(q) != np.shape(dq) or len(q) != time.size:
         raise InputError(f"replay: {time.size} instants, but q of shape {np.shape(q)} and dq of shape {np.shape(dq)}")
-    starts = np.arange(0, max(time.size - 1, 1), round(horizon / step))
     rates = ModelMotion(model, beta, base, friction)
-    return _replayed(
-        rates, time, torque, starts, np.asarray(q, float)[starts], np.asarray(dq, float)[starts], sign_width, most
-    )
-
-
-def _step(time: Array) -> float:
-    if time.size < 2:
-        raise InputError(f"replay needs two instants or more, given {time.size}")
-    step = float(time[-1] - time[0]) / (time.size - 1)
-    if not step > 0 or float(np.abs(np.diff(time) - step).max()) > 1e-6 * step:
-        raise InputError("replay needs uniform sample times: resample first")
-    return step
-
-
-def _replayed(
-    rates: ModelMotion,
-    time: Array,
-    torque: Array,
-    starts: Index,
-    q: Array,
-    dq: Array,
-    width: float | None,
-    most: int | None,
-) -> Replay:
-    """Windows from given states, each to where the next one starts."""  # q, dq (windows, n)
-    n, step = rates.robot.n, _step(time)
-    if torque.shape != (time.size, n) or q.shape[1:] != (n,) or dq.shape != q.shape:
+    n = rates.robot.n
+    if torque.shape != (time.size, n) or np.shape(q)[1:] != (n,):
         raise InputError(
             f"replay: expected torques of shape {(time.size, n)} and states of {n} joints, given {torque.shape}, "
-            f"{q.shape[1:]} and {dq.shape[1:]}"
+            f"{np.shape(q)[1:]} and {np.shape(dq)[1:]}"
         )
-    states = np.hstack([rates.to_moving(q, True), rates.to_moving(dq, False)])
-    substeps, width = _substeps(rates, states, step, width)
+    starts = np.arange(0, max(time.size - 1, 1), round(horizon / step))
+    begin, speed = np.asarray(q, float)[starts], np.asarray(dq, float)[starts]
+    states = np.hstack([rates.to_moving(begin, True), rates.to_moving(speed, False)])
+    substeps, width = _substeps(rates, states, step, sign_width)
     chosen, rate = chosen_windows(starts.size, starts.size if most is None else most), rates.function(width)
-    length = int(np.diff(np.append(starts, time.size - 1)).max())
-    ends = np.append(starts[1:], time.size)
+    length, ends = int(np.diff(np.append(starts, time.size - 1)).max()), np.append(starts[1:], time.size)
     begun, stops = tuple(starts[chosen].tolist()), tuple(ends[chosen].tolist())
     inputs = _inputs(torque @ rates.N, begun, length, substeps)
     integrated, least = _integrated(rate, states[chosen], inputs, length, step / substeps, substeps)
-    motion, failures = _joined(
-        time.size, begun, stops, np.concatenate([states[chosen][:, None], integrated], axis=1), least
-    )
+    whole = np.concatenate([states[chosen][:, None], integrated], axis=1)
+    motion, failures = _joined(time.size, begun, stops, whole, least)
     left_out = np.setdiff1d(np.arange(len(states)), chosen)
     failures += [(int(starts[k]), Outcome.NOT_POSITIVE) for k in left_out[~_positive(rate, states[left_out])]]
     at, outcome = min(failures, key=lambda failure: failure[0], default=(0, Outcome.DONE))
@@ -167,6 +120,15 @@ def _replayed(
         stops=stops,
         left_out=left_out.size,
     )
+
+
+def _step(time: Array) -> float:
+    if time.size < 2:
+        raise InputError(f"replay needs two instants or more, given {time.size}")
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    if not step > 0 or float(np.abs(np.diff(time) - step).max()) > 1e-6 * step:
+        raise InputError("replay needs uniform sample times: resample first")
+    return step
 
 
 def _substeps(rates: ModelMotion, states: Array, step: float, width: float | None) -> tuple[int, float]:

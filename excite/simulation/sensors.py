@@ -13,6 +13,7 @@ from excite.simulation.integration import SimulatedRun
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.tasks.payload import Payload
 from excite.tasks.reference import SampledMotion
+from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.load import EQUATIONS, Sensor
@@ -136,15 +137,10 @@ def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng
 
 
 def wrench_log_of(
-    robot: Robot,
-    moving: Robot,
-    task: Task,
-    load: Payload,
-    samples: Samples,
-    settings: SimulationSettings,
-    rng: np.random.Generator,
+    robot: Robot, task: Task, load: Payload, samples: Samples, settings: SimulationSettings, rng: np.random.Generator
 ) -> Log:
     """Wrench and positions at the sensor's own instants; locked joints are measured at their position."""
+    moving = moving_robot(robot, task)
     count = int(np.floor(samples.time[-1] * settings.wrench_rate * (1 + 1e-12)))
     true = SampledMotion(samples).samples(np.arange(count + 1) / settings.wrench_rate)
     whole = _whole(task.limits.applied(robot), moving, true)
@@ -164,17 +160,11 @@ def wrench_log_of(
 
 def _whole(robot: Robot, moving: Robot, samples: Samples) -> Samples:
     """Motion of all joints from that of the moving ones; the others rest at zero, or at the nearest limit."""
+    table = np.zeros((4, samples.time.size, robot.n))
+    table[0] = np.clip(0.0, robot.limits.lower, robot.limits.upper)
     index = [robot.joint_index(name) for name in moving.joint_names]
-    rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
-
-    def spread(values: Array, elsewhere: Array) -> Array:
-        table = np.tile(elsewhere, (values.shape[0], 1))
-        table[:, index] = values
-        return table
-
-    still = np.zeros(robot.n)
-    rates = (spread(x, still) for x in (samples.dq, samples.ddq, samples.dddq))
-    return Samples(samples.time, spread(samples.q, rest), *rates)
+    table[:, :, index] = samples.q, samples.dq, samples.ddq, samples.dddq
+    return Samples(samples.time, *table)
 
 
 def joint_temperatures(settings: SimulationSettings, robot: Robot) -> Array | None:
@@ -191,12 +181,10 @@ def friction_at(
     joints = joint_temperatures(settings, robot)
     if friction is None:
         return None, ()
-    names = [name for name, _ in drives_with_friction(robot) if friction.curve(name) is not None]
-    known = {}
-    if joints is not None:
-        all_drives = zip(drives_with_friction(robot), drive_temperatures(robot, joints[None])[0].tolist(), strict=True)
-        known = {name: value for (name, _), value in all_drives if name in names}
-    curves = {name: curve for name in names if (curve := friction.curve(name)) is not None}
+    drives = [name for name, _ in drives_with_friction(robot)]
+    curves = {name: curve for name in drives if (curve := friction.curve(name)) is not None}
+    values = [] if joints is None else drive_temperatures(robot, joints[None])[0].tolist()
+    known = {name: value for name, value in zip(drives, values, strict=False) if name in curves}
     return friction.at(known), temperature_notes(curves, known)
 
 

@@ -157,11 +157,7 @@ class SimulationSettings:
         True, "flag", "Torques saturate at the robot's limits.", flag="torque-limits/no-torque-limits"
     )
     sign_width: float | None = option(
-        None,
-        "number",
-        "Drive velocity over which friction changes sign.",
-        metavar="V",
-        unset="chosen automatically",
+        None, "number", "Drive velocity over which friction changes sign.", metavar="V", unset="chosen automatically"
     )
     breakaway: float | Literal["auto"] | None = essential(
         None,

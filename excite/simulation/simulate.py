@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace, replace as with_truth
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,11 @@ import numpy as np
 from excite.design.design import Design
 from excite.information.target import friction_of_moving
 from excite.simulation.control import ControlledRobot, RampedDrive, TorqueLimits, broken_loose, controller_of
-from excite.simulation.integration import Progress, SimulatedRun, Steps, simulated_run, steps_for
+from excite.simulation.integration import Progress, Steps, simulated_run, steps_for
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.sensors import friction_at, joint_log, sensor_of, wrench_log_of
 from excite.simulation.settings import AUTO, Impacts, SimulationSettings, one_each
-from excite.simulation.simulation import Simulation, TorqueUse, simulation_outcome, true_parameters
+from excite.simulation.simulation import Simulation, simulation_outcome, torque_uses, true_parameters
 from excite.simulation.simulation_files import read_source
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
 from excite.tasks.friction_file import read_friction
@@ -102,16 +102,8 @@ def simulate(
         settings = replace(settings, breakaway=AUTO)
     curves = read_friction(Path(friction)) if isinstance(friction, str | Path) else friction
     payload = read_load(Path(load)) if isinstance(load, str | Path) else load
-    simulation = simulate_motion(
-        resolved.robot,
-        resolved.task,
-        resolved.motion,
-        settings,
-        friction=curves,
-        load=payload,
-        ramps=resolved.ramps,
-        progress=progress,
-    )
+    given = (resolved.robot, resolved.task, resolved.motion, settings)
+    simulation = simulate_motion(*given, friction=curves, load=payload, ramps=resolved.ramps, progress=progress)
     return replace(simulation, source=resolved)
 
 
@@ -142,10 +134,7 @@ def simulate_motion(
     ramps: GivenTorque | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Simulate a robot that follows a motion, and its sensors.
-
-    Where the motion starts at rest, the robot settles at its start before the run begins.
-    """
+    """Simulate a robot that follows a motion, and its sensors; from rest it settles before the run begins."""
     settings = settings if settings is not None else SimulationSettings()
     sensor = sensor_of(task)
     loaded = robot if load is None else load.on(robot, sensor)
@@ -170,17 +159,12 @@ def simulate_motion(
     simulated = simulated_run(controlled, reference, settings.rate, steps, progress, delayed, impacts).after(lead)
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, simulated, settings, rng)
-    wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, simulated.samples, settings, rng)
+    wrench_log = None if load is None else wrench_log_of(loaded, task, load, simulated.samples, settings, rng)
     truth = {**true_parameters(plant), **({} if load is None else load.values())}
     played = Repeated(motion, settings.periods)
     wanted = played.samples(np.minimum(simulated.samples.time, played.duration))
     outcome = simulation_outcome(
-        moving,
-        wanted,
-        simulated.samples,
-        simulated.command,
-        limited=settings.torque_limits,
-        pushed=ramps is not None,
+        moving, wanted, simulated.samples, simulated.command, limited=settings.torque_limits, pushed=ramps is not None
     )
     return Simulation(
         robot=moving,
@@ -188,16 +172,12 @@ def simulate_motion(
         steps=steps,
         reference=wanted,
         run=simulated,
-        log=with_truth(log, truth=truth, saturated=outcome.saturated),
-        wrench_log=None if wrench_log is None else with_truth(wrench_log, truth=truth),
+        log=replace(log, truth=truth, saturated=outcome.saturated),
+        wrench_log=None if wrench_log is None else replace(wrench_log, truth=truth),
         truth=truth,
-        torques=_torques(TorqueLimits(moving), simulated),
+        torques=torque_uses(moving, simulated.command),
         outcome=outcome,
-        notes=(
-            *notes,
-            *run_notes(plant, steps, simulated.samples, settings, load, ramps),
-            *sensor_notes(settings),
-        ),
+        notes=(*notes, *run_notes(plant, steps, simulated.samples, settings, ramps, load), *sensor_notes(settings)),
     )
 
 
@@ -219,22 +199,8 @@ def _lead(motion: Reference, settings: SimulationSettings) -> int:
     return math.ceil(_SETTLING / settings.bandwidth * settings.rate) if at_rest else 0
 
 
-def _torques(limits: TorqueLimits, simulated: SimulatedRun) -> tuple[TorqueUse, ...]:
-    labels, torques, bounds = limits.of(simulated.command)
-    magnitudes = np.abs(torques)
-    return tuple(
-        TorqueUse(label, float(size.max()), float(bound), int(np.count_nonzero(size > bound)))
-        for label, size, bound in zip(labels, magnitudes.T, bounds, strict=True)
-    )
-
-
 def run_notes(
-    plant: Plant,
-    steps: Steps,
-    samples: Samples,
-    settings: SimulationSettings,
-    load: Payload | None,
-    ramps: GivenTorque | None,
+    plant: Plant, steps: Steps, samples: Samples, options: SimulationSettings, ramps: GivenTorque | None, load: object
 ) -> list[str]:
     """Notes on the sign change of friction, extrapolation, the load, ramps that broke a drive loose, and impacts."""
     notes = []
@@ -249,14 +215,14 @@ def run_notes(
         notes.append("the standard parameters of its link include the load; those of the load alone are listed too")
     if ramps is not None:
         row = dict(drives_with_friction(plant.robot))[ramps.drive]
-        loose = broken_loose(ramps.delayed(0.0), samples.time, samples.q @ row, settings.catch)
+        loose = broken_loose(ramps.delayed(0.0), samples.time, samples.q @ row, options.catch)
         notes.append(
-            f"{ramps.drive} was given {ramps.count} ramps of torque, each until it moves by {settings.catch:g} rad "
+            f"{ramps.drive} was given {ramps.count} ramps of torque, each until it moves by {options.catch:g} rad "
             f"(m); it moved in {sum(loose)} of them"
         )
     return notes + [
         f"an impact of up to {one.torque:g} Nm (N) acts on {one.joint} from {one.time:g} s on for {one.duration:g} s"
-        for one in settings.impact
+        for one in options.impact
     ]
 
 
@@ -308,10 +274,6 @@ def simulation_prediction(settings: SimulationSettings, duration: float, n: int,
     option, value = ("periods", settings.periods) if settings.periods > settings.rate / 2e3 else ("rate", settings.rate)
     parts = [MemoryPart("samples", samples, 1 + 3 * n, FLOAT * samples * numbers, option, value)]
     if wrench:
-        more = duration * settings.wrench_rate
-        parts.append(
-            MemoryPart(
-                "samples of the wrench", more, 7 + n, FLOAT * _OF_WRENCH * more, "wrench_rate", settings.wrench_rate
-            )
-        )
+        rate, more = settings.wrench_rate, duration * settings.wrench_rate
+        parts.append(MemoryPart("samples of the wrench", more, 7 + n, FLOAT * _OF_WRENCH * more, "wrench_rate", rate))
     return WorkPrediction("the simulation", parts, _SECONDS * samples * n)

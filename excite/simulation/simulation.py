@@ -30,22 +30,12 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True)
 class TorqueUse:
-    """Use of one torque limit.
+    """Use of one torque limit."""
 
-    Parameters
-    ----------
-    label : str
-        Name, such as ``drive z2``.
-    peak, limit : float
-        Largest commanded magnitude, and the limit [Nm or N].
-    saturated : int
-        Number of samples at which the command exceeded the limit.
-    """
-
-    label: str
-    peak: float
-    limit: float
-    saturated: int
+    label: str  # such as ``drive z2``
+    peak: float  # largest commanded magnitude [Nm or N]
+    limit: float  # [Nm or N]
+    saturated: int  # number of samples at which the command exceeded the limit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,8 +115,7 @@ class Simulation:
         """
         from excite.simulation.simulation_files import save_simulation
 
-        files = save_simulation(self, log, replace=replace)
-        return files
+        return save_simulation(self, log, replace=replace)
 
     @cached_property
     def record(self) -> SimulatedLog:
@@ -274,21 +263,11 @@ class Tracking:
 
 @dataclass(frozen=True)
 class SimulationOutcome:
-    """Whether the simulated robot did what was asked for.
+    """Whether the simulated robot did what was asked for."""
 
-    Parameters
-    ----------
-    count : int
-        Number of samples.
-    saturated : tuple of Saturation
-        Torques that were cut off at a limit, where that happened.
-    tracking : tuple of Tracking
-        One per joint; none of a run in which a drive is pushed by ramps of torque and not held in position.
-    exceeded : tuple of LimitExcess
-    """
-
-    count: int
-    saturated: tuple[Saturation, ...]
+    count: int  # number of samples
+    saturated: tuple[Saturation, ...]  # torques that were cut off at a limit, where that happened
+    # one per joint; none of a run in which a drive is pushed by ramps of torque and not held in position
     tracking: tuple[Tracking, ...]
     exceeded: tuple[LimitExcess, ...]
 
@@ -391,12 +370,10 @@ def exceeded_limits(robot: Robot, samples: Samples) -> tuple[LimitExcess, ...]:
     found = [*_passed(robot.limits, joints, units, samples.q, samples.dq)]
     transmission = robot.transmission
     if transmission is not None:
-        C = transmission.coupling
         drives = [f"drive {drive.name}" for drive in transmission.drives]
         of_drives = ["m" if prismatic else "rad" for prismatic in _moves_straight(robot)]
-        found += _passed(
-            transmission.limits, drives, of_drives, samples.q @ C.T + transmission.offset, samples.dq @ C.T
-        )
+        z, dz = samples.q @ transmission.coupling.T + transmission.offset, samples.dq @ transmission.coupling.T
+        found += _passed(transmission.limits, drives, of_drives, z, dz)
     return tuple(found)
 
 
@@ -406,40 +383,42 @@ def _moves_straight(robot: Robot) -> list[bool]:
     return [] if robot.transmission is None else [bool(np.any(row[prismatic])) for row in robot.transmission.coupling]
 
 
-def _torque_units(robot: Robot) -> dict[str, str]:
-    """Unit of the torque of every joint and drive, by their labels."""
-    straight = {f"joint {joint.name}": joint.kind == "prismatic" for joint in robot.joints}
-    if robot.transmission is not None:
-        names = (f"drive {drive.name}" for drive in robot.transmission.drives)
-        straight |= dict(zip(names, _moves_straight(robot), strict=True))
-    return {label: "N" if prismatic else "Nm" for label, prismatic in straight.items()}
-
-
 def cut_off_torques(robot: Robot, time: Array, command: Array) -> tuple[Saturation, ...]:
     """Torques of joints and drives of which more was asked for than is allowed, and when."""
     # time (N,); command (N, n)
-    units = _torque_units(robot)
     return tuple(
-        saturation_of(label, bound, units[label], time, size > bound)
-        for label, size, bound in _limited(robot, command)
+        saturation_of(label, bound, unit, time, size > bound)
+        for label, unit, size, bound in _limited(robot, command)
         if np.any(size > bound)
     )
 
 
 def exceeded_torques(robot: Robot, command: Array) -> tuple[LimitExcess, ...]:
     """Limits that torques pass, where nothing cuts them off."""  # command (N, n)
-    units = _torque_units(robot)
     return tuple(
-        LimitExcess("torque", label, units[label], bound, float(size.max()) - bound, float(size.max()) / bound - 1)
-        for label, size, bound in _limited(robot, command)
+        LimitExcess("torque", label, unit, bound, float(size.max()) - bound, float(size.max()) / bound - 1)
+        for label, unit, size, bound in _limited(robot, command)
         if np.any(size > bound)
     )
 
 
-def _limited(robot: Robot, command: Array) -> Iterator[tuple[str, Array, float]]:
-    """Label, magnitude and limit of every limited torque."""
+def torque_uses(robot: Robot, command: Array) -> tuple[TorqueUse, ...]:
+    """Use of every torque limit."""  # command (N, n)
+    return tuple(
+        TorqueUse(label, float(size.max()), bound, int(np.count_nonzero(size > bound)))
+        for label, _, size, bound in _limited(robot, command)
+    )
+
+
+def _limited(robot: Robot, command: Array) -> Iterator[tuple[str, str, Array, float]]:
+    """Label, unit, magnitude and limit of every limited torque."""
+    straight = {f"joint {joint.name}": joint.kind == "prismatic" for joint in robot.joints}
+    if robot.transmission is not None:
+        names = (f"drive {drive.name}" for drive in robot.transmission.drives)
+        straight |= dict(zip(names, _moves_straight(robot), strict=True))
     labels, torques, bounds = TorqueLimits(robot).of(command)
-    yield from zip(labels, np.abs(torques).T, bounds.tolist(), strict=True)
+    units = ("N" if straight[label] else "Nm" for label in labels)
+    yield from zip(labels, units, np.abs(torques).T, bounds.tolist(), strict=True)
 
 
 def _passed(limits: Limits, labels: list[str], units: list[str], q: Array, dq: Array) -> Iterator[LimitExcess]:

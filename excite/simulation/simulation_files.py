@@ -42,7 +42,8 @@ def read_source(
             raise InputError(f"two files to play are given: {source} and {file}")
         return read_settled(Destination(source.parent), lambda: _of_plan(source))
     if (source / PLAN).exists() and not (source / DESIGN).exists():
-        raise InputError(f"{source} holds a friction plan: name the file to play, such as {_some_file(source)}")
+        file = source / load_friction_plan(source).coordinates[0].file
+        raise InputError(f"{source} holds a friction plan: name the file to play, such as {file}")
     return read_settled(
         Destination(source), lambda: _of_design(load_design(source), file, approach_and_return=approach_and_return)
     )
@@ -82,10 +83,6 @@ def _of_plan(file: Path) -> MotionSource:
         file,
         {"design": None, "friction_plan": plan},
     )
-
-
-def _some_file(folder: Path) -> str:
-    return str(folder / load_friction_plan(folder).coordinates[0].file)
 
 
 RATES = ("position", "velocity", "acceleration")
@@ -131,9 +128,8 @@ def read_torque(path: Path, robot: Robot) -> GivenTorque | None:
         raise InputError(f"{path}: one drive at a time can be given torques, there are columns {', '.join(efforts)}")
     drive, known = efforts[0].removesuffix(_EFFORT), [name for name, _ in drives_with_friction(robot)]
     if drive not in known:
-        raise UnknownName(
-            f"{'drive' if robot.transmission else 'joint'} for column {efforts[0]} of {path}", drive, known
-        )
+        kind = "drive" if robot.transmission else "joint"
+        raise UnknownName(f"{kind} for column {efforts[0]} of {path}", drive, known)
     before = ["", *text[:-1]]
     begins = ramping & np.array([a != b for a, b in zip(before, text, strict=True)])
     number = np.where(ramping, np.cumsum(begins), 0)

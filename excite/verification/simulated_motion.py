@@ -13,31 +13,15 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True)
 class MotionError:
-    """How well the motion of one joint is simulated.
+    """How well the motion of one joint is simulated."""
 
-    Parameters
-    ----------
-    name, unit : str
-        Joint, and unit of its position.
-    travel : float
-        Typical travel of the measured motion within one horizon [unit].
-    error : float
-        Root mean square of the difference [unit].
-    relative : float
-        The ratio of the two; infinite where the joint does not move.
-    worst : float
-        Largest difference [unit].
-    worst_time : float
-        When [s].
-    """
-
-    name: str
-    unit: str
-    travel: float
-    error: float
-    relative: float
-    worst: float
-    worst_time: float
+    name: str  # of the joint
+    unit: str  # of its position
+    travel: float  # typical travel of the measured motion within one horizon [unit]
+    error: float  # root mean square of the difference [unit]
+    relative: float  # the ratio of the two; infinite where the joint does not move
+    worst: float  # largest difference [unit]
+    worst_time: float  # when [s]
 
 
 def motion_errors(replay: Replay, measured: Samples, units: dict[str, str]) -> tuple[MotionError, ...]:

@@ -21,26 +21,16 @@ _NOISY = 0.9  # of the raw error: noise is mentioned where the error without it 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on a result, equation by equation.
+    """Verdict on a result, equation by equation."""
 
-    Parameters
-    ----------
-    against : tuple of str
-        Reasons against the result; empty if it holds.
-    remarks : tuple of str
-        Remarks that do not affect the verdict.
-    confirmed, contradicted, undecided : tuple of str
-        Equations whose torques the log confirms, contradicts, and cannot judge; all empty in files of older versions.
-    answers : tuple of str
-        Whether the torques of the log are predicted, whether a possible robot has the parameters, and which of them are
-        known: a sentence each.
-    """
-
-    against: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
+    against: tuple[str, ...] = ()  # reasons against the result; empty if it holds
+    remarks: tuple[str, ...] = ()  # remarks that do not affect the verdict
+    # equations whose torques the log confirms, contradicts, and cannot judge; all empty in files of older versions
     confirmed: tuple[str, ...] = ()
     contradicted: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
+    # a sentence each: whether the torques of the log are predicted, whether a possible robot has the parameters, and
+    # which of them are known
     answers: tuple[str, ...] = ()
 
     @property
@@ -160,33 +150,17 @@ STANDSTILL = 0.02  # of the largest speed of a joint: below, its static friction
 
 @dataclass(frozen=True)
 class TorqueError:
-    """How well one equation is predicted.
-
-    Parameters
-    ----------
-    name, unit : str
-    measured : float
-        Root mean square of the measurements [unit].
-    error : float
-        Root mean square of the difference [unit].
-    relative : float
-        The ratio of the two; infinite where nothing was measured.
-    worst : float
-        Largest difference [unit].
-    worst_time : float
-        When [s].
-    noise, standstill, systematic : float
-        Shares of the squared error: fast changes that no model of the motion explains; the rest of it while the joint
-        is at standstill; and the remainder, an error of the model. Their sum is 1.
-    """
+    """How well one equation is predicted."""
 
     name: str
     unit: str
-    measured: float
-    error: float
-    relative: float
-    worst: float
-    worst_time: float
+    measured: float  # root mean square of the measurements [unit]
+    error: float  # root mean square of the difference [unit]
+    relative: float  # the ratio of the two; infinite where nothing was measured
+    worst: float  # largest difference [unit]
+    worst_time: float  # when [s]
+    # shares of the squared error, of sum 1: fast changes that no model of the motion explains; the rest of it while the
+    # joint is at standstill; and the remainder, an error of the model
     noise: float
     standstill: float
     systematic: float
@@ -199,7 +173,7 @@ class TorqueError:
             "static friction at standstill": self.standstill,
             "the model (friction, gains, flexibility)": self.systematic,
         }
-        return max(parts, key=lambda name: parts[name])
+        return max(parts, key=parts.__getitem__)
 
 
 def torque_errors(
@@ -252,24 +226,13 @@ _QUANTILE = 2.326  # one-sided, 99 %
 
 @dataclass(frozen=True)
 class CorrectedError:
-    """Error of predictions without the noise of what was measured.
+    """Error of predictions without the noise of what was measured."""
 
-    Parameters
-    ----------
-    noise : float
-        Root mean square of the measurement's noise [unit].
-    error : float
-        ``sqrt(max(0, e^2 - noise^2))``, with the root mean square e of the difference [unit].
-    relative : float
-        Of the measurements without their noise, ``error / sqrt(y^2 - noise^2)``; infinite where those are nothing but
-        noise.
-    least : float
-        As `relative`, but what it is at least with a confidence of 99 %: noise is random, and known from one log.
-    """
-
-    noise: float
-    error: float
+    noise: float  # root mean square of the measurement's noise [unit]
+    error: float  # ``sqrt(max(0, e^2 - noise^2))``, with the root mean square e of the difference [unit]
+    # of the measurements without their noise, ``error / sqrt(y^2 - noise^2)``; infinite where those are only noise
     relative: float
+    # as `relative`, but what it is at least with a confidence of 99 %: noise is random, and known from one log
     least: float
 
 
@@ -280,10 +243,9 @@ def corrected_errors(measured: Array, predicted: Array, noise: MeasurementNoise)
     what the measurements have too. Only frequencies of the motion can show an error of the model, so that there is
     much less noise in them than in all.
     """  # measured, predicted (N, r)
-    parts = zip(*_squares(measured, predicted, noise), noise.slow_deviation**2, noise.level, strict=True)
-    return tuple(
-        _corrected(float(e), float(y), float(n), float(v), float(S), noise.duration) for e, y, n, v, S in parts
-    )
+    squares, duration = _squares(measured, predicted, noise), np.full_like(noise.level, noise.duration)
+    parts = np.array([*squares, noise.slow_deviation**2, noise.level, duration])
+    return tuple(_corrected(*part) for part in parts.T.tolist())
 
 
 def corrected_total(measured: Array, predicted: Array, noise: MeasurementNoise) -> CorrectedError:

@@ -29,27 +29,15 @@ _REPLAYED = 60_000  # simulated and measured positions in a file; the figure sho
 
 @dataclass(frozen=True)
 class VerifiedLog:
-    """The log of a verification.
-
-    Parameters
-    ----------
-    file, sha256 : str
-    rows : int
-    start, end : float
-        First and last instant that are used [s].
-    notes : tuple of str
-        What was cut, repaired and assumed.
-    left_out : tuple of (float, float)
-        First and last instant of the stretches that make no equations [s].
-    """
+    """The log of a verification."""
 
     file: str
     sha256: str
     rows: int
-    start: float
-    end: float
-    notes: tuple[str, ...] = ()
-    left_out: Spans = ()
+    start: float  # first instant that is used [s]
+    end: float  # last one
+    notes: tuple[str, ...] = ()  # what was cut, repaired and assumed
+    left_out: Spans = ()  # first and last instant of the stretches that make no equations [s]
 
     @classmethod
     def of(cls, part: PreparedLog) -> VerifiedLog:
@@ -61,20 +49,11 @@ class VerifiedLog:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMotion:
-    """Measured positions of the moving joints.
-
-    Parameters
-    ----------
-    joints : tuple of str, length n
-    time : ndarray, shape (K,)
-        [s]; where a motion is simulated, its instants.
-    q : ndarray, shape (K, n)
-        [rad or m]
-    """
+    """Measured positions of the n moving joints."""
 
     joints: tuple[str, ...] = ()
-    time: Array = field(default_factory=lambda: np.zeros(0))
-    q: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    time: Array = field(default_factory=lambda: np.zeros(0))  # (K,) [s]; where a motion is simulated, its instants
+    q: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (K, n) [rad or m]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

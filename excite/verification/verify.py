@@ -135,10 +135,10 @@ def verify(
     total, event_free = relative_error(measured, torques), relative_error(measured[free], torques[free])
     units = {j.name: j.unit for j in target.robot.joints}
     motions = motion_errors(replay, part.samples, units) if replay is not None and replay.ok else None
-    judged = verdict(
-        errors, corrected, total, whole, result.training_error, motions or (), _doubted(result, replay), tolerances
-    )
-    further = (
+    doubted = _doubted(result, replay)
+    judged = verdict(errors, corrected, total, whole, result.training_error, motions or (), doubted, tolerances)
+    remarks = (
+        *judged.remarks,
         *_motion_remarks(replay, length, horizon),
         *_friction_remarks(result, target, part, recipe),
         *_event_remarks(part, predicted, event_free),
@@ -159,7 +159,7 @@ def verify(
         verdict=replace(
             judged,
             against=(*judged.against, *_other_load(target, part, predicted, judged)),
-            remarks=(*judged.remarks, *further),
+            remarks=remarks,
             answers=(_torques_answer(judged, whole), *answers(result)),
         ),
         corrected=corrected,
@@ -201,24 +201,16 @@ def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
     within = f"torques: within {percent(whole.relative)} of what was measured, without noise"
     if not (judged.contradicted or judged.undecided):
         return f"{within}; each is confirmed"
-    parts = [
-        f"{verb} {', '.join(names)}"
-        for verb, names in (
-            ("confirmed for", judged.confirmed),
-            ("contradicted for", judged.contradicted),
-            ("not to be judged for", judged.undecided),
-        )
-        if names
-    ]
-    return f"{within}; {'; '.join(parts)}"
+    verbs = ("confirmed for", "contradicted for", "not to be judged for")
+    named = zip(verbs, (judged.confirmed, judged.contradicted, judged.undecided), strict=True)
+    return "; ".join([within, *(f"{verb} {', '.join(names)}" for verb, names in named if names)])
 
 
 def _motion_remarks(replay: Replay | None, length: float | None, asked: float) -> tuple[str, ...]:
     """What shortened the horizon, and which windows were simulated."""
     if replay is None or length is None:
         return ()
-    remarks = (horizon_remark(replay, length, asked), sampling_remark(replay, length))
-    return tuple(remark for remark in remarks if remark is not None)
+    return tuple(filter(None, (horizon_remark(replay, length, asked), sampling_remark(replay, length))))
 
 
 def _friction_remarks(

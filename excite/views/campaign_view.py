@@ -4,27 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 from excite.design.campaign import Campaign, Step
 from excite.design.design import Design
 from excite.design.sweeps.sweep_table import DESIGNED, KIND, TABLE, SweepRow, SweepTable
 from excite.registry import name_of
-from excite.views.view import (
-    Column,
-    Drawing,
-    Format,
-    View,
-    ViewTable,
-    headed,
-    numbers,
-    percents,
-    texts,
-)
+from excite.views.view import Column, Drawing, Format, View, ViewTable, headed, texts
 from regressors.models.partial import drive_names
 
 _LEADING = 12  # rows of a summary
 _REASONS = 5  # that stand alone; the table has all
+_FACTS = attrgetter("criterion", "duration", "tightest_limit", "limit_use", "cpu_seconds")
 _MOST_OPTIONS = 5  # as columns of a summary; of more, the name of the cell
 
 
@@ -85,26 +77,16 @@ def _columns(table: SweepTable) -> tuple[Column, ...]:
     return (
         *texts("cell", brief=not often),
         *(Column(name, Format.TEXT, brief=name in often) for name in table.varied),
-        *texts("status", brief=True),
-        *numbers("group", brief=True),
-        *numbers("cond(W)", "criterion", brief=True, digits=4),
-        *numbers("lasts [s]", brief=True),
-        *texts("tightest limit"),
-        *percents("limit used", brief=True),
-        *numbers("CPU [s]"),
-        *texts("reason"),
+        *headed("*status:text, *group, *cond(W):4, *criterion:4, *lasts [s], tightest limit:text, *limit used:%"),
+        *headed("CPU [s], reason:text"),
     )
 
 
 def _cell(row: SweepRow, varied: Sequence[str]) -> tuple[Any, ...]:
-    options, facts = (row.options.get(name, "") for name in varied), row.facts
+    options = (row.options.get(name, "") for name in varied)
+    criterion, duration, tightest, use, seconds = (None,) * 5 if row.facts is None else _FACTS(row.facts)
     begin = (row.cell, *options, row.status, row.group or None, row.condition)
-    if facts is None:
-        return (*begin, None, None, "-", None, None, row.reason)
-    return (
-        *begin, facts.criterion, facts.duration, facts.tightest_limit or "-", facts.limit_use, facts.cpu_seconds,
-        row.reason,
-    )  # fmt: skip
+    return (*begin, criterion, duration, tightest or "-", use, seconds, row.reason)
 
 
 def campaign_view(campaign: Campaign, designs: Sequence[Design] = ()) -> View:
@@ -177,6 +159,5 @@ def _designs(campaign: Campaign, made: Sequence[Sequence[Design]]) -> tuple[View
 
 
 def _selections(campaign: Campaign) -> ViewTable:
-    columns = headed("drives:text, combinations")
     rows = tuple((", ".join(drives), rank) for drives, rank in campaign.subsets)
-    return ViewTable("subsets", "What each selection of drives identifies", columns, rows)
+    return ViewTable("subsets", "What each selection of drives identifies", headed("drives:text, combinations"), rows)

@@ -11,11 +11,10 @@ from excite.design.stated_limits import kept_headline
 from excite.information.matrix import CONVENTIONS
 from excite.optimality.design_bound import CriterionBound, DesignBound
 from excite.optimality.sensitivity import Sensitivity
-from excite.views.view import Column, Format, View, ViewTable, headed, numbers
+from excite.views.view import Column, Format, View, ViewTable, headed
 
 _UNLIKE = "the designs are for different robots, models or moving joints; their numbers are not comparable"
 _LARGER_IS_BETTER = ("smallest_singular_value", "log_det")
-_NOTE = "Marked: the best of each row."
 
 
 def comparison_view(judgements: Sequence[Judgement], bounds: Sequence[DesignBound] = ()) -> View:
@@ -81,10 +80,8 @@ def _friction(judgements: Sequence[Judgement]) -> list[str]:
     identified = [j.friction == "identified" for j in judgements]
     if len(set(identified)) == 1 or judgements[0].channel != "effort":
         return []
-    how = "with" if identified[0] else "without"
-    return [
-        f"only some of the designs identify friction; all are compared like the first one, {how} friction parameters"
-    ]
+    like = "the first one, with" if identified[0] else "the first one, without"
+    return [f"only some of the designs identify friction; all are compared like {like} friction parameters"]
 
 
 def _ranking(judged: Sequence[tuple[Judgement, float]]) -> ViewTable:
@@ -97,9 +94,8 @@ def _ranking(judged: Sequence[tuple[Judgement, float]]) -> ViewTable:
         for j, goal in judged
     )  # fmt: skip
     broken = {(k, 5): "bad" for k, (j, _) in enumerate(judged) if not j.feasible}
-    return ViewTable(
-        "ranking", "Designs by the criterion of the first one", columns, rows, marked=broken, most=len(rows)
-    )
+    title = "Designs by the criterion of the first one"
+    return ViewTable("ranking", title, columns, rows, marked=broken, most=len(rows))
 
 
 def _facts(judgements: Sequence[Judgement]) -> ViewTable:
@@ -133,7 +129,7 @@ def _measures(judgements: Sequence[Judgement], *, marked: bool) -> ViewTable:
         most = max(values) if name.startswith(_LARGER_IS_BETTER) else min(values)
         best |= {(k, 1 + i): "best" for i, value in enumerate(values) if marked and value == most}
         rows.append((name.replace("_", " "), *values, meaning))
-    note = _NOTE if marked else ""
+    note = "Marked: the best of each row." if marked else ""
     return ViewTable("comparison", "Measures of each design", columns, tuple(rows), note=note, marked=best)
 
 
@@ -177,11 +173,8 @@ def _basis(bound: CriterionBound) -> str:
 
 
 def _changes(changes: Sensitivity) -> ViewTable:
-    columns = (
-        *headed("*change of the problem:text"),
-        *numbers(changes.criterion, brief=True, digits=4),
-        *headed("*gain:%"),
-    )
+    criterion = Column(changes.criterion, brief=True, digits=4)
+    columns = (*headed("*change of the problem:text"), criterion, *headed("*gain:%"))
     rows = tuple((row.change, row.value, row.gain) for row in changes.rows)
     title = f"What changes of the problem would bring, found in {changes.cpu_seconds:.1f} s CPU"
     return ViewTable("changes", title, columns, rows, most=5)

@@ -180,10 +180,8 @@ def _obstacles(found: Any) -> Iterator[str]:
     yield f"the same motion would take {found.robot_seconds:.4g} s of robot time; {best}"
 
 
-def _width(parameter: ParameterPrecision) -> str:
-    return (
-        f"{parameter.name}: half-width {parameter.half_width:.3g} of {parameter.allowed:.3g} {parameter.unit} allowed"
-    )
+def _width(p: ParameterPrecision) -> str:
+    return f"{p.name}: half-width {p.half_width:.3g} of {p.allowed:.3g} {p.unit} allowed"
 
 
 def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTable:
@@ -205,10 +203,8 @@ def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTab
     )  # fmt: skip
     note = "An exact extreme is that of the motion at every instant; an enclosed one is a proven bound."
     broken = {(k, 4): "bad" for k, use in enumerate(ranked) if not use["holds"]}
-    return ViewTable(
-        name, title, columns, rows, folded=name != "limits", note=note if name == "limits" else "", marked=broken,
-        most=_NEAR,
-    )  # fmt: skip
+    how: dict[str, Any] = {"note": note} if name == "limits" else {"folded": True}
+    return ViewTable(name, title, columns, rows, marked=broken, most=_NEAR, **how)
 
 
 def _used(use: Mapping[str, Any]) -> float:
@@ -239,9 +235,9 @@ def _predictions(design: Design, content: Mapping[str, Any]) -> ViewTable:
     behind = any("motor_side" in each for each in predicted["parameters"])
     columns = (
         *headed("parameter:text, standard deviation"),
-        *((Column("known beforehand"), Column("both")) if known else ()),
+        *(headed("known beforehand, both") if known else ()),
         *headed("unit:unit"),
-        *((Column("at the motor", Format.TEXT),) if behind else ()),
+        *(texts("at the motor") if behind else ()),
         *headed("combination:unit"),
     )
     rows = tuple(
@@ -272,11 +268,10 @@ def _half_widths(design: Design | None) -> tuple[ViewTable, ...]:
         f"Half-widths of {100 * forecast.level:g} % intervals after {number(forecast.runs, 'run')}, "
         f"with probability {100 * forecast.probability:g} %"
     )
-    columns = headed("parameter:text, half-width, allowed, unit:unit, used:%")
     rows = tuple(
         (p.name, p.half_width, p.allowed, p.unit, None if p.allowed is None else p.use) for p in forecast.parameters
     )
-    return (ViewTable("half-widths", title, columns, rows),)
+    return (ViewTable("half-widths", title, headed("parameter:text, half-width, allowed, unit:unit, used:%"), rows),)
 
 
 def _starts(solver: Mapping[str, Any], began: Mapping[int, float]) -> ViewTable:
@@ -293,5 +288,5 @@ def _starts(solver: Mapping[str, Any], began: Mapping[int, float]) -> ViewTable:
 def _harmonics(solver: Mapping[str, Any]) -> tuple[ViewTable, ...]:
     """What each number of harmonics brought, where the search chose it."""
     rows = tuple((each["harmonics"], each["value"], each["cpu_seconds"]) for each in solver.get("harmonics", ()))
-    columns = tuple(map(Column, ("harmonics", "criterion", "CPU [s]")))
-    return (ViewTable("harmonics", "Numbers of harmonics that were tried", columns, rows),) if rows else ()
+    title = "Numbers of harmonics that were tried"
+    return (ViewTable("harmonics", title, headed("harmonics, criterion, CPU [s]"), rows),) if rows else ()

@@ -12,26 +12,17 @@ from excite.payload.calibrate_gains import CalibratedGains
 from excite.payload.payload_motion import PayloadMotion
 from excite.payload.payload_result import PayloadResult
 from excite.study.next_motion import NextMotion
-from excite.study.predict_accuracy import AccuracyPrediction, ParameterAccuracy
+from excite.study.predict_accuracy import AccuracyPrediction
 from excite.study.time_study import FIGURE, KIND, TimeCourse, TimeStudy
 from excite.tasks.precision_target import PrecisionTarget
 from excite.views.design_view import design_view
-from excite.views.view import (
-    Column,
-    Drawing,
-    View,
-    ViewTable,
-    headed,
-    number,
-    numbers,
-    texts,
-)
+from excite.views.view import Column, Drawing, View, ViewTable, headed, number, texts
 from regressors.errors import listed_names, percent
 
 
 def accuracy_view(prediction: AccuracyPrediction) -> View:
     """View of what repeats of an experiment are predicted to show."""
-    worst = max(prediction.parameters, key=_relative)
+    worst = max(prediction.parameters, key=lambda p: float(p.deviation / abs(p.value)) if p.value else 0.0)
     return View(
         kind="accuracy",
         title=f"predicted accuracy of repeats of {prediction.name}",
@@ -46,15 +37,8 @@ def accuracy_view(prediction: AccuracyPrediction) -> View:
     )
 
 
-def _relative(parameter: ParameterAccuracy) -> float:
-    return float(parameter.deviation / abs(parameter.value)) if parameter.value else 0.0
-
-
 def _predicted(prediction: AccuracyPrediction) -> ViewTable:
-    columns = (
-        *headed("*parameter:text, *expected:4, *unit:unit"),
-        *(Column(name, brief=True, digits=2) for name in ("by torques", "by motion", "deviation", "bias")),
-    )
+    columns = headed("*parameter:text, *expected:4, *unit:unit, *by torques:2, *by motion:2, *deviation:2, *bias:2")
     rows = tuple(
         (p.name, p.value, p.unit, p.by_torques, p.by_motion, p.deviation, p.bias) for p in prediction.parameters
     )
@@ -70,9 +54,7 @@ def study_view(study: TimeStudy) -> View:
         verdict=verdict,
         holds=known,
         summary=tuple(_sentence(course, study.below) for course in study.courses),
-        remarks=tuple(
-            f"{course.name}: {text}" for course in study.courses for text in (*_scatter(course), *course.notes)
-        ),
+        remarks=tuple(f"{c.name}: {text}" for c in study.courses for text in (*_scatter(c), *c.notes)),
         asked=(
             ("robot", study.robot),
             ("motions", ", ".join(course.name for course in study.courses)),
@@ -127,8 +109,7 @@ def _motions(study: TimeStudy) -> ViewTable:
     columns = (
         *headed("*motion:text, *lasts [s]"),
         Column("cond(W)", brief=True, missing="rank too low"),
-        Column(f"all below {share} [s]", brief=True, missing="never"),
-        Column("half [s]", brief=True, missing="never"),
+        *headed(f"*all below {share} [s], *half [s]", missing="never"),
         *headed("*still above, parameters, *last:text"),
     )
     return ViewTable("courses", "Motions", columns, tuple(_motion(course, study.below) for course in study.courses))
@@ -139,16 +120,9 @@ def _motion(course: TimeCourse, below: float) -> tuple[Any, ...]:
     late, final = np.isnan(times), course.relative_deviation[-1]
     ranked = np.sort(np.where(late, np.inf, times))
     worst = int(np.argmax(np.where(late, 1e9 + np.nan_to_num(final, posinf=1e9), times)))
-    return (
-        course.name,
-        float(course.time[-1]),
-        float(course.condition_number[-1]),
-        float(ranked[-1]),
-        float(ranked[(ranked.size - 1) // 2]),
-        int(late.sum()),
-        late.size,
-        f"{course.names[worst]}, {_last(course, worst)}",
-    )
+    ends = (float(x[-1]) for x in (course.time, course.condition_number, ranked))
+    last = f"{course.names[worst]}, {_last(course, worst)}"
+    return (course.name, *ends, float(ranked[(ranked.size - 1) // 2]), int(late.sum()), late.size, last)
 
 
 def _last(course: TimeCourse, k: int) -> str:
@@ -161,33 +135,20 @@ def _last(course: TimeCourse, k: int) -> str:
 
 
 def _parameters(course: TimeCourse, below: float) -> ViewTable:
-    times = course.time_below(below)
     columns = (
         *headed("parameter:text, final value, half of its interval, unit:unit, relative deviation:%"),
-        *numbers(f"within {100 * below:g} % from [s]", missing="never"),
-        *numbers(
-            "true value" if course.reference_kind == "truth" else "description",
-            "scatter of repetitions",
-            "deviation as stated",
-        ),
+        Column(f"within {100 * below:g} % from [s]", missing="never"),
+        Column("true value" if course.reference_kind == "truth" else "description"),
+        *headed("scatter of repetitions, deviation as stated"),
     )
-    rows = tuple(_parameter(course, k, float(times[k])) for k in range(len(course.names)))
-    return ViewTable("course", f"Parameters by {course.name}", columns, rows)
-
-
-def _parameter(course: TimeCourse, k: int, time: float) -> tuple[Any, ...]:
-    deviation = course.deviation[-1, k]
-    scatter = (None, None) if course.scatter is None else (course.scatter[-1, k], deviation)
-    return (
-        course.names[k],
-        course.values[-1, k],
-        course.half_width[-1, k],
-        course.units[k],
-        course.relative_deviation[-1, k],
-        time,
-        course.reference[k],
-        *scatter,
-    )
+    nothing = [None] * len(course.names)
+    scatter, stated = (nothing, nothing) if course.scatter is None else (course.scatter[-1], course.deviation[-1])
+    value, half, relative = (x[-1] for x in (course.values, course.half_width, course.relative_deviation))
+    rows = zip(
+        course.names, value, half, course.units, relative, course.time_below(below), course.reference, scatter, stated,
+        strict=True,
+    )  # fmt: skip
+    return ViewTable("course", f"Parameters by {course.name}", columns, tuple(rows))
 
 
 _ROWS = (
@@ -233,7 +194,7 @@ def _numbers(payload: PayloadResult) -> ViewTable:
 def gains_view(calibrated: CalibratedGains) -> View:
     """View of the gains of drives, calibrated with a known load."""
     gains, factors = calibrated.gains, calibrated.gains.factor
-    columns = (*headed("*drive:text, *factor:4"), *numbers("99 %, +-", brief=True, digits=2))
+    columns = (*headed("*drive:text, *factor:4"), Column("99 %, +-", brief=True, digits=2))
     deviations = (calibrated.quantile * gains.deviation).tolist()
     rows = tuple(zip(gains.drives, factors.tolist(), deviations, strict=True))
     return View(

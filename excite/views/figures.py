@@ -95,22 +95,16 @@ def write_figures(
     return write_view_figures(_view_of(design), folder, formats=formats, width=width)
 
 
-def write_view_figures(
-    view: View, folder: str | Path, *, formats: str | Sequence[str] = ("png",), width: str = "screen"
-) -> list[Path]:
-    """Write the figures of a view."""
+def write_view_figures(view: View, folder: str | Path, **how: Any) -> list[Path]:
+    """Write the figures of a view; formats and width as in `write_figures`."""
     return write_figure_files(
-        lambda: {f"{view.stem}{each.ending}": each.draw() for each in view.figures},
-        folder,
-        view.filed,
-        formats=formats,
-        width=width,
+        lambda: {f"{view.stem}{each.ending}": each.draw() for each in view.figures}, folder, view.filed, **how
     )
 
 
 def _view_of(result: Any) -> View:
     names = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(result).__mro__]
-    known = next((_VIEWS[name] for name in names if name in _VIEWS), None)
+    known = next(filter(None, map(_VIEWS.get, names)), None)
     if known is None:
         raise InputError(
             "expected a design, an identification, a verification, a study, a friction plan, a friction fit, a payload "
@@ -121,15 +115,17 @@ def _view_of(result: Any) -> View:
     return view(result)
 
 
+Drawn = Mapping[str, Figure] | Callable[[], Mapping[str, Figure]]  # by their names, or what draws them
+
 _UNDATED: dict[str, dict[str, Any]] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None, "Creator": None}}
 _PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files that are little smaller
 _PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it along; others, for SVG, are looked up
 
 
-def drawn_figures(draw: Callable[[], Mapping[str, Figure]], width: str = "screen") -> dict[str, Figure]:
-    """Draw figures in the style of a width, with all text literal."""
+def drawn_figures(drawn: Drawn, width: str = "screen") -> dict[str, Figure]:
+    """Draw figures, unless they are drawn, in the style of a width, with all text literal."""
     with drawing_style(width):
-        figures = dict(draw())
+        figures = dict(drawn() if callable(drawn) else drawn)
         for figure in figures.values():
             literal(figure)
             take_sizes(figure)
@@ -137,19 +133,11 @@ def drawn_figures(draw: Callable[[], Mapping[str, Figure]], width: str = "screen
 
 
 def write_figure_files(
-    figures: Mapping[str, Figure] | Callable[[], Mapping[str, Figure]],
-    folder: str | Path,
-    kind: str = "",
-    *,
-    formats: str | Sequence[str] = ("png",),
-    width: str = "screen",
+    drawn: Drawn, folder: str | Path, kind: str = "", *, formats: str | Sequence[str] = ("png",), width: str = "screen"
 ) -> list[Path]:
-    """Write figures, all at once, beside the files of a result that are there already.
-
-    The same figures give the same bytes: files hold no dates, and identifiers do not change.
-    """
+    """Write figures, all at once, beside the files of a result; the same figures give the same bytes."""
     folder, formats = Path(folder), check_formats(formats)
-    made = drawn_figures(figures, width) if callable(figures) else _literal(figures)
+    made = drawn_figures(drawn, width)
     names = figure_names(made, formats)
     if not folder.is_dir():
         raise InputError(f"cannot write {folder / names[0]}: there is no folder {folder}")
@@ -163,15 +151,9 @@ def write_figure_files(
             for form in formats:
                 with replacing(staged / f"{name}.{form}", "wb") as stream:
                     _save(figure, stream, form)
-            if callable(figures):
+            if callable(drawn):
                 figure.clear()  # a figure refers to itself: without this its memory waits for the collector
     return [folder / name for name in names]
-
-
-def _literal(figures: Mapping[str, Figure]) -> Mapping[str, Figure]:
-    for figure in figures.values():
-        literal(figure)
-    return figures
 
 
 def _save(figure: Figure, stream: IO[bytes], form: str) -> None:

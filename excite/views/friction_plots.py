@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -45,6 +45,7 @@ _INSTANTS = 400
 _LEVELS = 3
 _LINE = 12  # of text above a panel [pt]
 _WARMER = 2.0  # [K]
+_BREAK_AWAY: dict[str, Any] = {"color": VERMILLION, "marker": "D", "linestyle": "", "markersize": 4}
 
 
 def friction_figure(robot: str, characteristics: Sequence[Characteristic]) -> Figure:
@@ -65,9 +66,7 @@ def friction_figure(robot: str, characteristics: Sequence[Characteristic]) -> Fi
         Patch(facecolor=BAND, label="its 99 % band"),
     ]
     if any(c.stiction for c in characteristics):
-        handles.append(
-            Line2D([], [], color=VERMILLION, marker="D", linestyle="", markersize=4, label="break-away, mean with 99 %")
-        )
+        handles.append(Line2D([], [], **_BREAK_AWAY, label="break-away, mean with 99 %"))
     legend_below(figure, handles)
     return figure
 
@@ -89,17 +88,7 @@ def _panel(ax: Axes, c: Characteristic) -> None:
     else:
         ax.plot(v, tau, "o", color=DARK, markersize=2.5, zorder=3)
     for mean in mean_break_aways(c.break_aways):
-        ax.errorbar(
-            0.0,
-            mean.torque,
-            mean.interval99,
-            fmt="D",
-            color=VERMILLION,
-            markersize=4,
-            capsize=3,
-            linewidth=0.9,
-            zorder=4,
-        )
+        ax.errorbar(0.0, mean.torque, mean.interval99, capsize=3, linewidth=0.9, zorder=4, **_BREAK_AWAY)
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     ax.axvline(0.0, color=GREY, linewidth=0.6)
     lines = broken("\n".join(_caption_lines(c)), panel_width(ax)).split("\n")
@@ -127,10 +116,8 @@ def _at_one_load(c: Characteristic) -> Array:
     assert c.fit is not None
     v = np.array([p.speed for p in c.points])
     reference = c.fit.form.temperature
-    temperature_rise = [
-        0.0 if reference is None or p.temperature is None else p.temperature - reference for p in c.points
-    ]
-    at = Conditions(v, np.copysign(1.0, v), np.array(temperature_rise), np.full_like(v, _load(c)))
+    rise = [0.0 if reference is None or p.temperature is None else p.temperature - reference for p in c.points]
+    at = Conditions(v, np.copysign(1.0, v), np.array(rise), np.full_like(v, _load(c)))
     return np.asarray(c.fit.form.values(c.fit.values, at)[0] + c.fit.residuals(c.points))
 
 
@@ -165,9 +152,9 @@ def _curve(ax: Axes, c: Characteristic, v: Array) -> None:
     f, half = c.fit.band(v, load=_load(c))
     ax.fill_between(v, f - half, f + half, color=BAND, linewidth=0.0, zorder=1)
     ax.plot(v, f, color=BLUE, linewidth=1.5, zorder=2)
-    if c.fit.form.temperature is None or not np.all(np.isfinite(_temperatures(c))):
-        return
     known = _temperatures(c)
+    if c.fit.form.temperature is None or not np.all(np.isfinite(known)):
+        return
     colours = ScalarMappable(Normalize(known.min(), known.max()), "viridis")
     for level in np.linspace(known.min(), known.max(), _LEVELS):
         warm, _ = c.fit.band(v, level - c.fit.form.temperature, _load(c))
@@ -197,19 +184,19 @@ _GRAVITY = {
 
 def friction_plan_figure(plan: FrictionPlan) -> Figure:
     """Draw position and velocity of every coordinate over its runs, its break-away tests, and its torque ramps."""
-    columns = [column for column in _KINDS if any(column.shows(c) for c in plan.coordinates)]
-    panel = Panel(widths=tuple(column.width for column in columns), height=_RUN_HEIGHT, left=_LEFT, between=_BETWEEN)
+    columns = [kind for kind in _KINDS if any(kind[2](c) for c in plan.coordinates)]
+    panel = Panel(widths=tuple(width for _, width, *_ in columns), height=_RUN_HEIGHT, left=_LEFT, between=_BETWEEN)
     figure, rows = panels(len(plan.coordinates), panel, f"{plan.robot.name}: runs to measure friction")
     for row, c in zip(rows, plan.coordinates, strict=True):
-        for ax, column in zip(row, columns, strict=True):
-            if column.shows(c):
-                column.draw(ax, c)
+        for ax, (name, _, shows, draw) in zip(row, columns, strict=True):
+            if shows(c):
+                draw(ax, c)
             else:
                 ax.set_axis_off()
-                head(ax, f"{c.label}: no {column.name}")
+                head(ax, f"{c.label}: no {name}")
     for ax in rows[-1]:
         ax.set_xlabel(typeset("time [s]"), fontsize=NOTE, color=DARK)
-    legend_below(figure, _legend(columns))
+    legend_below(figure, _legend([name for name, *_ in columns]))
     return figure
 
 
@@ -267,21 +254,12 @@ def _draw_ramps(ax: Axes, c: CoordinatePlan) -> None:
     head(ax, f"drive {c.ramps.drive}: ramps, in another file", f"to {c.ramps.largest:.3g} {c.ramps.unit}")
 
 
-@dataclass(frozen=True)
-class _Column:
-    """Panels of one kind, for the coordinates that have what they show."""
-
-    name: str
-    width: float
-    shows: Callable[[CoordinatePlan], bool]
-    draw: Callable[[Axes, CoordinatePlan], None]
-
-
-_KINDS = (
-    _Column("position", 4.2, lambda c: True, _draw_position),
-    _Column("velocity", 4.2, lambda c: True, _draw_velocity),
-    _Column("break-away tests", 3.6, lambda c: bool(c.breakaways), _draw_breakaways),
-    _Column("ramps of torque", 3.6, lambda c: c.ramps is not None, _draw_ramps),
+# name and width of each column of panels [in], for which coordinates it is, and how it is drawn
+_KINDS: tuple[tuple[str, float, Callable[[CoordinatePlan], bool], Callable[[Axes, CoordinatePlan], None]], ...] = (
+    ("position", 4.2, lambda c: True, _draw_position),
+    ("velocity", 4.2, lambda c: True, _draw_velocity),
+    ("break-away tests", 3.6, lambda c: bool(c.breakaways), _draw_breakaways),
+    ("ramps of torque", 3.6, lambda c: c.ramps is not None, _draw_ramps),
 )
 
 
@@ -312,8 +290,7 @@ def _end(begin: float, c: CoordinatePlan) -> float:
     return min(later, default=c.runs.duration)
 
 
-def _legend(columns: list[_Column]) -> list[Artist]:
-    names = [column.name for column in columns]
+def _legend(names: list[str]) -> list[Artist]:
     tests = "break-away tests" in names
     return [
         Line2D([], [], color=GREY, linewidth=1.0, label="motion"),

@@ -12,16 +12,11 @@ from excite.design.friction_runs.friction_plan import FIGURE, KIND, ORDER, UNITS
 from excite.design.friction_runs.schedule import LONGEST, Schedule
 from excite.friction.constant_speed_windows import FitSettings
 from excite.friction.friction_fit import FIGURE as FRICTION_FIGURE, KIND as FRICTION_FIT, Characteristic, FrictionFit
-from excite.views.view import Column, Drawing, View, ViewTable, headed, numbers
+from excite.views.view import Drawing, View, ViewTable, headed
 
 _LONG = 600.0  # total duration that counts as long [s]
 _MOVES = 1e-9  # of a limit, that is used
-_GRAVITY_OF_PLAN = {
-    "none": "none",
-    "cancels": "cancels",
-    "subtracted": "subtracted by the model",
-    "stated": "cancels, as `balanced` states",
-}
+_GRAVITY_OF_PLAN = {"subtracted": "subtracted by the model", "stated": "cancels, as `balanced` states"}
 _SCHEDULE = {
     "percent": "speeds [% of the largest]", "rate": "samples per second [Hz]", "shortest": "windows last at least [s]",
     "longest": "windows last at most [s]", "stroke": "stroke to each side [rad or m]", "warm_up": "warm-up [s]",
@@ -243,13 +238,15 @@ def _ramps(coordinates: tuple[CoordinatePlan, ...]) -> tuple[ViewTable, ...]:
 
 
 def _windows(coordinates: tuple[CoordinatePlan, ...]) -> ViewTable:
-    numbers = ("part of the largest speed [%]", "speed", "from [s]", "to [s]", "from position", "to position")
+    columns = headed(
+        "coordinate:text, part of the largest speed [%], speed, from [s], to [s], from position, to position"
+    )
     rows = tuple((c.label, w.percent, w.speed, w.start, w.end, w.first, w.last) for c in coordinates for w in c.windows)
-    columns = (*headed("coordinate:text"), *map(Column, numbers))
     return ViewTable("windows", "Windows of constant speed", columns, rows, folded=True)
 
 
-_GRAVITY = {"model": "subtracted by a model", "symmetric": "cancelled by both directions", "none": "none"}
+_GRAVITY = {"model": "subtracted by a model", "symmetric": "cancelled by both directions"}
+_CURVES = Drawing("Friction over speed", FRICTION_FIGURE, "friction_plots.friction_figure")
 _SCATTER = 1.5  # of the points over their noise: what is more is said
 
 
@@ -270,9 +267,7 @@ def friction_fit_view(fit: FrictionFit) -> View:
         ),
         asked=(("robot", fit.robot), *_settings(fit.settings)),
         tables=(_drives(drives), _parameters(drives), _compared(drives), *_break_aways(drives), _points(drives)),
-        figures=(
-            Drawing("Friction over speed", FRICTION_FIGURE, "friction_plots.friction_figure", (fit.robot, drives)),
-        ),
+        figures=(_CURVES.of(fit.robot, drives),),
         filed=FRICTION_FIT,
         facts={
             "robot": fit.robot,
@@ -284,9 +279,10 @@ def friction_fit_view(fit: FrictionFit) -> View:
 
 
 def _verdict(drives: tuple[Characteristic, ...]) -> str:
-    words = [f"{d.drive} by {d.fit.form.name}" for d in drives if d.fit is not None]
+    fitted = [(d.drive, d.fit) for d in drives if d.fit is not None]
+    words = [f"{drive} by {fit.form.name}" for drive, fit in fitted]
     words += [f"{d.drive} by a table of its points" for d in drives if d.fit is None]
-    held = [f"{d.drive} {name}" for d in drives if d.fit is not None for name in d.fit.held]
+    held = [f"{drive} {name}" for drive, fit in fitted for name in fit.held]
     not_known = f" The points bound, but do not determine: {', '.join(held)}." if held else ""
     points, count = sum(len(d.points) for d in drives), len(drives)
     begin = f"Friction curves of {count} drive{'s' * (count > 1)} from {points} windows of constant speed"
@@ -311,27 +307,16 @@ def _settings(settings: FitSettings) -> tuple[tuple[str, str], ...]:
 def _units(unit: str) -> dict[str, str]:
     """Unit of each parameter of a drive."""
     speed, viscous = ("rad/s", "Nm s/rad") if unit == "Nm" else ("m/s", "N s/m")
-    per_kelvin = {"coulomb_temperature": f"{unit}/K", "viscous_temperature": f"{viscous}/K"}
-    return {
-        **dict.fromkeys(("coulomb", "stiction", "offset"), unit),
-        "viscous": viscous,
-        "stribeck": speed,
-        **per_kelvin,
-    }
+    units = dict.fromkeys(("coulomb", "stiction", "offset"), unit) | {"viscous": viscous, "stribeck": speed}
+    return {**units, "coulomb_temperature": f"{unit}/K", "viscous_temperature": f"{viscous}/K"}
 
 
 def _drives(drives: tuple[Characteristic, ...]) -> ViewTable:
     columns = headed("*drive:text, *equation:text, *points, *Coulomb:text, *viscous:text, *scatter")
     rows = tuple(
-        (
-            d.drive,
-            "table" if d.fit is None else d.fit.form.name,
-            len(d.points),
-            _value(d, "coulomb"),
-            _value(d, "viscous"),
-            None if d.fit is None else d.fit.scatter,
-        )
+        (d.drive, equation, len(d.points), _value(d, "coulomb"), _value(d, "viscous"), scatter)
         for d in drives
+        for equation, scatter in [("table", None) if d.fit is None else (d.fit.form.name, d.fit.scatter)]
     )
     return ViewTable("drives", "Curves", columns, rows)
 
@@ -349,7 +334,7 @@ def _value(d: Characteristic, parameter: str) -> str:
 def _parameters(drives: tuple[Characteristic, ...]) -> ViewTable:
     columns = (
         *headed("drive:text, parameter:text, value"),
-        *numbers("lower", "upper", missing="held"),
+        *headed("lower, upper", missing="held"),
         *headed("unit:unit, curve:text"),
     )
     title = "Parameters of the curves with their 99 % intervals; held: the points bound it but do not determine it"

@@ -15,33 +15,28 @@ from matplotlib.patches import Patch
 from excite.identification.estimator import Estimate
 from excite.identification.identification import Identification
 from excite.identification.result import ReferenceValues
-from excite.study.time_study import TimeCourse, TimeStudy
-from excite.views.panels import Panel, Timeline, alike, head, legend_below, pairs, panels, value_axis
+from excite.study.time_study import TimeStudy
+from excite.views.panels import Panel, Timeline, alike, fit_panels, head, legend_below, panels, value_axis
 from excite.views.style import (
     BAND,
     BLUE,
+    COLOURS,
     DARK,
-    GREEN,
     GREY,
     LABEL,
-    ORANGE,
-    PURPLE,
     SKY,
     VERMILLION,
     log_scale,
+    padded,
     plain,
     significant,
 )
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
-MEASURED: dict[str, Any] = {
-    "color": "#BBBBBB",
-    "linewidth": 3.2,
-    "solid_joinstyle": "round",
-}  # light and thick: seen beside the other
+# light and thick: seen beside the other
+MEASURED: dict[str, Any] = {"color": "#BBBBBB", "linewidth": 3.2, "solid_joinstyle": "round"}
 PREDICTED: dict[str, Any] = {"color": BLUE, "linewidth": 1.0}
-_WIDTH, _LOWER = 10.5, 0.6  # [in]
 BINS = 400  # at most, over all logs
 DENSE = 1600  # values of all logs from which on they are drawn as bands
 _FULL = 25  # values in a bin
@@ -50,11 +45,6 @@ _CURVE = 0.8  # width of a curve [pt]
 _ALL = "#D9D9D9"
 _QUANTITIES = {"Nm": "torque", "N": "force", "J": "work", "N s": "impulse", "Nm s": "angular impulse"}
 _LARGE = 0.5  # relative error above which the note is highlighted
-
-
-def fit_panels(count: int, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
-    """Create two panels for each of so many equations, to be drawn in by `draw_fit`."""
-    return pairs(count, Panel((_WIDTH,), 1.3 if count > 1 else 3.0), _LOWER, title)
 
 
 def draw_fit(
@@ -77,7 +67,7 @@ def draw_fit(
     draw_values(lower, timeline, time, log, measured - predicted)
     timeline.dress(upper, bottom=False)
     timeline.dress(lower, bottom=bottom)
-    label_equation(upper, unit)
+    value_axis(upper, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
     value_axis(lower, f"residual\n[{unit}]", 3)
     head(upper, name, *error_note(measured, predicted, unit))
 
@@ -125,11 +115,6 @@ def values_legend(count: int, name: str) -> list[Artist]:
         Patch(color=SKY, label=f"90 % of the {name}s"),
         Patch(color=_ALL, label="all of them"),
     ]
-
-
-def label_equation(ax: Axes, unit: str) -> None:
-    """Write quantity and unit of an equation beside its panel."""
-    value_axis(ax, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
 
 
 def relative_error(measured: Array, predicted: Array) -> str:
@@ -187,7 +172,7 @@ def residuals_figure(result: Identification) -> Figure:
         over_time.axhline(0.0, color=GREY, linewidth=0.6)
         draw_values(over_time, timeline, time, log, e)
         timeline.dress(over_time, bottom=j == count - 1)
-        label_equation(over_time, unit)
+        value_axis(over_time, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
         rms, worst = (significant(float(x), 3) for x in (np.sqrt(np.mean(e**2)), np.abs(e).max()))
         head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
         _draw_autocorrelation(over_lag, time, log, e, bottom=j == count - 1)
@@ -286,8 +271,7 @@ def settled_range(path: Array, value: float, half_width: float, known: float) ->
         low, high = min(low, value - half_width), max(high, value + half_width)
     if np.isfinite(known) and max(low - known, known - high) <= _FAR * (high - low):
         low, high = min(low, known), max(high, known)
-    pad = 0.1 * (high - low) if high > low else max(0.1 * abs(high), 1e-12)
-    return low - pad, high + pad
+    return padded(low, high, 0.1)
 
 
 def _legend(reference: ReferenceValues | None) -> list[Artist]:
@@ -302,7 +286,6 @@ def _legend(reference: ReferenceValues | None) -> list[Artist]:
     return handles
 
 
-_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 _HALF = 0.5  # of the time, after which estimates must be in view
 _FAINT = 0.25
 
@@ -314,20 +297,16 @@ def estimates_over_time_figure(study: TimeStudy) -> Figure:
     panel, most = Panel((2.5 if few else 1.9,), 1.25, left=0.72, between=0.45, least=_LEAST), 4 if few else 6
     figure, flat, _ = alike(count, most, panel, f"{study.robot}: estimates over time", "time [s]")
     _draw_sizes(flat[0], study, [course.condition_number for course in study.courses], "cond(W)")
-    _draw_sizes(flat[1], study, [_largest(course) for course in study.courses], "largest relative deviation")
+    shown = [course.relative_deviation[:, np.isfinite(course.values[-1])] for course in study.courses]
+    _draw_sizes(flat[1], study, [each.max(axis=1, initial=0.0) for each in shown], "largest relative deviation")
     for name, ax in zip(names, flat[2:], strict=True):
         _draw_parameter(ax, study, name)
     legend_below(figure, _legend_of_study(study))
     return figure
 
 
-def _largest(course: TimeCourse) -> Array:
-    seen = np.isfinite(course.values[-1])
-    return np.asarray(course.relative_deviation[:, seen].max(axis=1, initial=0.0))
-
-
 def _colour(k: int) -> str:
-    return _COLOURS[k % len(_COLOURS)]
+    return COLOURS[k % len(COLOURS)]
 
 
 def _draw_sizes(ax: Axes, study: TimeStudy, sizes: list[Array], title: str) -> None:
@@ -358,24 +337,16 @@ def _draw_parameter(ax: Axes, study: TimeStudy, name: str) -> None:
         if np.isfinite(course.reference[j]) and course.reference_kind == "truth":
             ax.axhline(course.reference[j], color=DARK, linestyle=":", linewidth=1.2, zorder=4)
             ends.append(course.reference[j])
-    _set_range(ax, np.array(ends))
+    seen = np.array(ends)[np.isfinite(ends)]
+    if seen.size:
+        ax.set_ylim(*padded(float(seen.min()), float(seen.max()), 0.08))
     value_axis(ax, "", 4)
     head(ax, f"{name} [{unit}]")
 
 
-def _set_range(ax: Axes, seen: Array) -> None:
-    seen = seen[np.isfinite(seen)]
-    if seen.size:
-        low, high = float(seen.min()), float(seen.max())
-        pad = 0.08 * (high - low) if high > low else max(0.1 * abs(high), 1e-12)
-        ax.set_ylim(low - pad, high + pad)
-
-
 def _legend_of_study(study: TimeStudy) -> list[Artist]:
-    handles: list[Artist] = [
-        Line2D([], [], color=_colour(k), linewidth=1.2, label=plain(course.name))
-        for k, course in enumerate(study.courses)
-    ]
+    names = [plain(course.name) for course in study.courses]
+    handles: list[Artist] = [Line2D([], [], color=_colour(k), linewidth=1.2, label=x) for k, x in enumerate(names)]
     if any(course.reference_kind == "truth" for course in study.courses):
         handles.append(Line2D([], [], color=DARK, linestyle=":", linewidth=1.2, label="true value"))
     return handles

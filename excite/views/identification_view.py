@@ -15,20 +15,17 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import KIND
 from excite.study.repetitions import Repetitions
-from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, numbers, text_of
+from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, text_of, texts
 from regressors.errors import percent
 
-_DRAWN = {
-    ending: Drawing(title, ending, function)
-    for ending, title, function in (
-        ("parameters", "Parameters with their 99 % intervals", "parameters_plot.parameters_figure"),
-        ("torques", "Measured and predicted", "identification_plots.torques_figure"),
-        ("residuals", "Residuals", "identification_plots.residuals_figure"),
-        ("estimates", "Estimates over time", "identification_plots.estimates_figure"),
-        ("repetitions", "Repetitions in simulation and predicted intervals", "parameters_plot.repetitions_figure"),
-    )
-}
-TITLES = {name: each.title for name, each in _DRAWN.items()}
+_DRAWN = (
+    Drawing("Parameters with their 99 % intervals", "parameters", "parameters_plot.parameters_figure"),
+    Drawing("Measured and predicted", "torques", "identification_plots.torques_figure"),
+    Drawing("Residuals", "residuals", "identification_plots.residuals_figure"),
+    Drawing("Estimates over time", "estimates", "identification_plots.estimates_figure"),
+    Drawing("Repetitions in simulation and predicted intervals", "repetitions", "parameters_plot.repetitions_figure"),
+)
+TITLES = {each.ending: each.title for each in _DRAWN}
 _SHOWN = 5  # parameters that are least certain
 _WHITE = 0.01  # least probability of residuals that are taken for white
 _RARE = 0.01  # probability of a scatter between logs that noise hardly makes
@@ -138,35 +135,29 @@ def _size(relative: float) -> str:
 
 def _logs(result: Identification) -> ViewTable:
     rows = tuple((log.file, log.rows, log.start, log.end) for log in result.facts.logs)
-    columns = headed("log:text, rows, from [s], to [s]")
-    return ViewTable("logs", "Logs", columns, rows)
+    return ViewTable("logs", "Logs", headed("log:text, rows, from [s], to [s]"), rows)
 
 
 def _parameters(result: Identification) -> ViewTable:
     """Marked: ends of the intervals that contain zero."""
-    estimate, facts = result.estimate, result.facts
-    reference = result.reference
-    values = np.full(len(estimate.names), np.nan) if reference is None else reference.values
+    estimate, facts, reference = result.estimate, result.facts, result.reference
+    known = [] if reference is None else [reference.values.tolist()]
+    motors = [[_at_the_motor(result, k) for k in range(len(estimate.names))]] if facts.motor_sides else []
     columns = (
         *headed("parameter:text"),
-        *numbers("value", missing="not identifiable"),
+        *headed("value", missing="not identifiable"),
         *headed("lower, upper, unit:unit, std. dev., relative:%"),
         *((Column("truth" if reference.kind == "truth" else "described"),) if reference is not None else ()),
-        *((Column("at the motor", Format.TEXT),) if facts.motor_sides else ()),
+        *(texts("at the motor") if facts.motor_sides else ()),
         Column("combination", Format.UNIT, wide=True),
     )
-    rows, marked = [], dict[tuple[int, int], str]()
-    for k, name in enumerate(estimate.names):
-        low, high = estimate.interval[k].tolist()
-        if low <= 0 <= high and math.isfinite(high - low):
-            marked |= {(k, 2): "bad", (k, 3): "bad"}
-        rows.append(
-            (
-                name, float(estimate.values[k]), low, high, estimate.units[k], float(estimate.deviation[k]),
-                float(estimate.relative_deviation[k]), *((float(values[k]),) if reference is not None else ()),
-                *((_at_the_motor(result, k),) if facts.motor_sides else ()), facts.base.expressions[k],
-            )
-        )  # fmt: skip
+    low, high = estimate.interval.T.tolist()
+    rows = zip(
+        estimate.names, estimate.values.tolist(), low, high, estimate.units, estimate.deviation.tolist(),
+        estimate.relative_deviation.tolist(), *known, *motors, facts.base.expressions, strict=True,
+    )  # fmt: skip
+    around_zero = [a <= 0 <= b and math.isfinite(b - a) for a, b in zip(low, high, strict=True)]
+    marked = {(k, column): "bad" for k, holds in enumerate(around_zero) if holds for column in (2, 3)}
     note = "Marked: intervals that contain zero. A dash stands for what the logs do not determine on its own."
     return ViewTable("parameters", TITLES["parameters"], columns, tuple(rows), note=note, marked=marked)
 
@@ -187,19 +178,12 @@ def _each_log(result: Identification) -> tuple[ViewTable, ...]:
     if scatter is None or not result.each:
         return ()
     each, estimate = scatter.each, result.estimate
-    logs = tuple(f"log {k + 1}" for k in range(len(each.logs)))
-    headings = ("parameter", *logs, "together", "unit", "scatter over stated")
-    rows = tuple(
-        (
-            name,
-            *(_with_deviation(each.values[k, j], each.deviations[k, j]) for k in range(len(each.logs))),
-            _with_deviation(estimate.values[j], estimate.deviation[j]),
-            each.units[j],
-            _ratio(scatter.ratios[j], scatter.probabilities[j]),
-        )
-        for j, name in enumerate(each.names)
-    )
-    columns = tuple(Column(heading, Format.UNIT if heading == "unit" else Format.TEXT) for heading in headings)
+    values, deviations = (*each.values, estimate.values), (*each.deviations, estimate.deviation)
+    estimates = (map(_with_deviation, x, deviation) for x, deviation in zip(values, deviations, strict=True))
+    ratios = map(_ratio, scatter.ratios, scatter.probabilities)
+    rows = tuple(zip(each.names, *estimates, each.units, ratios, strict=True))
+    logs = (f"log {k + 1}" for k in range(len(each.logs)))
+    columns = (*texts("parameter", *logs, "together"), *headed("unit:unit, scatter over stated:text"))
     note = "*: less than 1 % probable from noise alone"
     return (ViewTable("each-log", "Each log alone, with its standard deviation", columns, rows, note=note),)
 
@@ -215,8 +199,7 @@ def _ratio(ratio: float, probability: float) -> str:
 def _standard(result: Identification) -> tuple[ViewTable, ...]:
     """Standard parameters, where the estimator has them."""
     rows = tuple(result.estimate.standard.items())
-    columns = headed("parameter:text, value")
-    return (ViewTable("standard", "Standard parameters, SI", columns, rows),) if rows else ()
+    return (ViewTable("standard", "Standard parameters, SI", headed("parameter:text, value"), rows),) if rows else ()
 
 
 def _repetitions(result: Identification) -> tuple[ViewTable, ...]:
@@ -249,14 +232,13 @@ def _conditions(result: Identification) -> ViewTable:
     designed = None if result.design is None else result.design.condition_number
     rows = (("measured", result.condition_number), ("designed", designed))
     note = "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled."
-    columns = headed("equations:text, value")
-    return ViewTable("condition", "Condition of the equations", columns, rows, note=note)
+    return ViewTable("condition", "Condition of the equations", headed("equations:text, value"), rows, note=note)
 
 
 def repetitions_view(result: Identification, repeated: Repetitions) -> View:
     """View of an identification whose figure is that of its repetitions, which it keeps a summary of."""
-    figure = _DRAWN["repetitions"].of(repeated, result.robot.name)
-    return replace(identification_view(result), figures=(figure,))
+    *_, figure = _DRAWN
+    return replace(identification_view(result), figures=(figure.of(repeated, result.robot.name),))
 
 
 def _recipe(recipe: Recipe) -> tuple[tuple[str, str], ...]:
@@ -270,9 +252,9 @@ def _recipe(recipe: Recipe) -> tuple[tuple[str, str], ...]:
 
 def identification_figures(result: Identification) -> tuple[Drawing, ...]:
     """Figures that its estimate and its curves can draw."""
-    drawable = ["parameters", *(("torques", "residuals") if result.curves.time.size else ())]
-    drawable += ["estimates"] if result.estimate.history is not None else []
-    return tuple(_DRAWN[name].of(result) for name in drawable)
+    logged, traced = result.curves.time.size > 0, result.estimate.history is not None
+    shown = {"parameters": True, "torques": logged, "residuals": logged, "estimates": traced}
+    return tuple(each.of(result) for each in _DRAWN if shown.get(each.ending))
 
 
 def side_by_side_view(results: Sequence[Identification]) -> View:
@@ -300,8 +282,8 @@ def side_by_side_view(results: Sequence[Identification]) -> View:
 
 def _intervals(result: Identification) -> dict[str, tuple[float, float]]:
     """Value and half of the interval of each parameter."""
-    values, halves = result.estimate.values, result.estimate.half_width
-    return dict(zip(result.names, zip(values.tolist(), halves.tolist(), strict=True), strict=True))
+    pairs = zip(result.estimate.values.tolist(), result.estimate.half_width.tolist(), strict=True)
+    return dict(zip(result.names, pairs, strict=True))
 
 
 def _agree(known: Sequence[tuple[float, float]]) -> bool:

@@ -20,6 +20,7 @@ from excite.design.design import Design
 from excite.design.stated_limits import checked_text, kept_headline
 from excite.trajectories.sequence import EXCITE
 from excite.views.panels import Panel, ends, legend_below, panels
+from excite.views.player_data import of_some_joints
 from excite.views.style import (
     BAND,
     BLUE,
@@ -41,6 +42,8 @@ from excite.views.style import (
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
+Range = tuple[float, float]
+
 DOT = 4.5  # [pt]
 CURVE = 1.4  # [pt]
 _FAR = 6.0
@@ -51,12 +54,7 @@ _TORQUE = " torque"
 
 
 def draw_limited(
-    ax: Axes,
-    time: Array,
-    values: Array,
-    allowed: tuple[float, float],
-    closest: tuple[float, float, bool] | None,
-    far: float = _FAR,
+    ax: Axes, time: Array, values: Array, allowed: Range, closest: tuple[float, float, bool] | None, far: float = _FAR
 ) -> None:
     """Draw a curve, shade what its limits forbid, and mark the value that comes closest to one."""  # time, values (N,)
     view = view_range(values if closest is None else np.append(values, closest[1]), allowed, far)
@@ -71,7 +69,7 @@ def draw_limited(
     ax.yaxis.set_major_locator(MaxNLocator(5, steps=ROUND))
 
 
-def view_range(values: Array, allowed: tuple[float, float], far: float = _FAR) -> tuple[float, float]:
+def view_range(values: Array, allowed: Range, far: float = _FAR) -> Range:
     """Vertical range of a panel: the curve, and each bound that is not so far off as to flatten the curve."""
     low, high = float(values.min()), float(values.max())
     reach = far * (high - low) if high - low > _FLAT else np.inf
@@ -81,7 +79,7 @@ def view_range(values: Array, allowed: tuple[float, float], far: float = _FAR) -
     return bottom - pad, top + pad
 
 
-def _shade(ax: Axes, allowed: tuple[float, float], view: tuple[float, float]) -> None:
+def _shade(ax: Axes, allowed: Range, view: Range) -> None:
     """Shade the forbidden range, from each bound in view to the panel's edge."""
     for bound, edge in zip(allowed, view, strict=True):
         if view[0] < bound < view[1]:
@@ -97,7 +95,7 @@ def write_use(ax: Axes, use: LimitUse | None, bound: float, owner: str = "") -> 
     return len(lines)
 
 
-def _used(use: LimitUse | None, bound: float, owner: str, view: tuple[float, float]) -> tuple[str, str]:
+def _used(use: LimitUse | None, bound: float, owner: str, view: Range) -> tuple[str, str]:
     """Use of a limit as text, and the text's colour."""
     if use is None:
         return "no limit", GREY
@@ -108,23 +106,11 @@ def _used(use: LimitUse | None, bound: float, owner: str, view: tuple[float, flo
     return (text, DARK) if use.holds else (f"{text}, BROKEN", VERMILLION)
 
 
-@dataclass(frozen=True, eq=False)
-class LimitedTorque:
-    """Torque of a joint or a drive over the whole motion."""
-
-    name: str  # of the joint, or ``drive NAME``
-    unit: str
-    values: Array  # (N,) without Coulomb friction [Nm or N]
-    allowed: tuple[float, float]  # limits, less the reserve and Coulomb friction [Nm or N]
-    use: LimitUse  # use of the limit by the exciting motion
-
-
-def limited_torques(design: Design, motion: Samples) -> list[LimitedTorque]:
-    """Every limited torque of a design; none where its torques are not checked."""
+def limited_torques(design: Design, motion: Samples) -> list[tuple[str, Array, Range, LimitUse]]:
+    """Name, values without Coulomb friction, limits less this and the reserve, and use of every checked torque."""
     uses = {use.label: use for use in design.limits if use.label.endswith(_TORQUE)}
     joints = design.robot.joint_names if design.approach_and_return is not None else design.moving.joint_names
-    index = [design.robot.joint_names.index(name) for name in joints]
-    samples = Samples(motion.time, *(x[:, index] for x in (motion.q, motion.dq, motion.ddq, motion.dddq)))
+    samples = of_some_joints(motion, design.robot, joints)
     torques = []
     known = design.nonlinear if design.approach_and_return is None else design.imposed_on(joints)
     for limit in known if uses else ():
@@ -134,8 +120,7 @@ def limited_torques(design: Design, motion: Samples) -> list[LimitedTorque]:
         for k, label in enumerate(limit.labels):
             if label in uses:
                 allowed = float(limit.lower[k]), float(limit.upper[k])
-                name = label.removesuffix(_TORQUE).removeprefix("joint ")
-                torques.append(LimitedTorque(name, limit.units[k], values[:, k], allowed, uses[label]))
+                torques.append((label.removesuffix(_TORQUE).removeprefix("joint "), values[:, k], allowed, uses[label]))
     return torques
 
 
@@ -181,7 +166,7 @@ class MotionFunction:
         motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[derivative]
         return np.asarray(motion @ self.row + (self.offset if derivative == 0 else 0.0))
 
-    def allowed(self, derivative: int) -> tuple[float, float]:
+    def allowed(self, derivative: int) -> Range:
         """Range that all bounds together allow, infinite where there is none."""
         bounds = self.bounds[derivative]
         lower = max((bound.lower - bound.shift for bound in bounds), default=-np.inf)
@@ -201,21 +186,16 @@ def motion_functions(
         tuple(row): MotionFunction(joint.name, row, joint.unit)
         for joint, row in zip(robot.joints, np.eye(robot.n), strict=True)
     }
-    joints = set(functions)
     for limit in limits:
         for k, label in enumerate(limit.labels):
-            key = tuple(limit.matrix[k] + 0.0)
-            if key not in functions:
-                functions[key] = MotionFunction(
-                    "", limit.matrix[k], limit.units[k].split("/")[0], float(limit.offset[k])
-                )
-            function, owner = functions[key], label.removesuffix(f" {limit.quantity}")
+            new = MotionFunction("", limit.matrix[k], limit.units[k].split("/")[0], float(limit.offset[k]))
+            function = functions.setdefault(tuple(limit.matrix[k] + 0.0), new)
+            owner = label.removesuffix(f" {limit.quantity}")
             shift = float(limit.offset[k]) - function.offset if limit.derivative == 0 else 0.0
             bound = Bound(owner, float(limit.lower[k]), float(limit.upper[k]), shift, use_of[label])
             function.bounds[limit.derivative].append(bound)
-    for key, function in functions.items():
-        if key not in joints:
-            function.name = _name(function, robot)
+    for function in functions.values():
+        function.name = function.name or _name(function, robot)
     return list(functions.values())
 
 
@@ -241,27 +221,19 @@ def motion_figure(design: Design) -> Figure:
     spans = design.sequence.spans()
     torques = limited_torques(design, whole)
     figure, rows = _panels(design, len(functions), columns, len(torques))
-    samples, begin = _of_moving_joints(design, whole), spans[EXCITE][0]
+    samples, begin = of_some_joints(whole, design.robot, design.moving.joint_names), spans[EXCITE][0]
     for row, function in zip(rows, functions, strict=False):
         _draw_row(row, function, samples, begin)
-    for ax, torque in zip(rows[-1], torques, strict=False):
-        _draw_torque(ax, torque, whole.time, begin)
-    for ax in figure.axes:
-        _shade_transfers(ax, spans)
+    for ax, (name, values, allowed, use) in zip(rows[-1], torques, strict=False):
+        draw_limited(ax, whole.time, values, allowed, (begin + use.time, use.extreme, use.holds), far=np.inf)
+        ax.set_ylabel(f"{'force' if use.unit == 'N' else 'torque'} [{use.unit}]", fontsize=NOTE, color=DARK)
+        _write_name(ax, name, write_use(ax, use, use.bound))
+    for segment, (start, end) in spans.items():
+        for ax in figure.axes if segment != EXCITE else ():
+            ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
     _label_times(figure)
     legend_below(figure, _legend(transfers=len(spans) > 1))
     return figure
-
-
-def _of_moving_joints(design: Design, whole: Samples) -> Samples:
-    index = [design.robot.joint_names.index(name) for name in design.moving.joint_names]
-    return Samples(whole.time, *(x[:, index] for x in (whole.q, whole.dq, whole.ddq, whole.dddq)))
-
-
-def _shade_transfers(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
-    for segment, (start, end) in spans.items():
-        if segment != EXCITE:
-            ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
 
 
 def _panels(design: Design, rows: int, columns: int, torques: int) -> tuple[Figure, list[list[Axes]]]:
@@ -329,15 +301,6 @@ def _write_name(ax: Axes, name: str, lines: int) -> None:
     letters = int(72.0 * min(_PANEL_WIDTH, panel_width(ax)) / (_NAME_LETTER * size_of("axes.labelsize")))
     text = "\n".join(textwrap.wrap(ends(name, _NAME_LINES * letters), letters, break_on_hyphens=False))
     ax.set_title(typeset(text) + lines * "\n", **_NAME_STYLE)
-
-
-def _draw_torque(ax: Axes, torque: LimitedTorque, time: Array, begin: float) -> None:
-    use = torque.use
-    closest = begin + use.time, use.extreme, use.holds
-    draw_limited(ax, time, torque.values, torque.allowed, closest, far=np.inf)
-    ax.set_ylabel(f"{'force' if torque.unit == 'N' else 'torque'} [{torque.unit}]", fontsize=NOTE, color=DARK)
-    lines = write_use(ax, use, use.bound)
-    _write_name(ax, torque.name, lines)
 
 
 def _label_times(figure: Figure) -> None:

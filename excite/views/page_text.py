@@ -150,9 +150,8 @@ def _with_code(text: str) -> Any:
     from markupsafe import Markup, escape
 
     parts = _CODE.split(printable(text))
-    return Markup("").join(
-        Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(parts)
-    )
+    code = Markup("<code>{}</code>")
+    return Markup("").join(code.format(part) if k % 2 else escape(part) for k, part in enumerate(parts))
 
 
 _LARGEST = 4_000_000  # bytes of a picture that a page takes in
@@ -195,7 +194,7 @@ def pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[PageFi
 def no_pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[str, ...]:
     """What a page says where a result has none of its figures as PNG or SVG; see `pictures`."""
     entry = read_manifest(folder).get(kind)
-    if entry is None or any(_picture(folder, entry, name) is not None for name in titles):
+    if entry is None or any(_picture(folder, entry, name) for name in titles):
         return ()
     return (f"figures of the logs are left out: {folder} has none as PNG or SVG; `figures='png'` writes them",)
 
@@ -249,8 +248,8 @@ def dark_rules(figures: Iterable[str]) -> str:
 
 def dark(colour: str) -> str:
     """The colour on a dark page."""
-    lightness, *hue = _oklab(colour)
-    chroma = float(np.hypot(hue[0], hue[1]))
+    lightness, *hue = _TO_LAB @ np.cbrt(_TO_CONES @ _linear(colour))
+    chroma = np.hypot(*hue)
     if colour.lower() == "#ffffff":
         return CARD
     if chroma < _GREY or lightness > _TINT:
@@ -260,26 +259,10 @@ def dark(colour: str) -> str:
     return _in_gamut(new, np.array(hue))
 
 
-def luminance(colour: str) -> float:
-    """Relative luminance of WCAG 2, from 0 to 1."""
-    return float(np.array([0.2126, 0.7152, 0.0722]) @ _linear(colour))
-
-
-def contrast(one: str, other: str) -> float:
-    """Contrast ratio of WCAG 2, from 1 to 21."""
-    low, high = sorted((luminance(one), luminance(other)))
-    return (high + 0.05) / (low + 0.05)
-
-
 def _linear(colour: str) -> Array:
     """Red, green and blue in proportion to light."""
     rgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
     return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-
-
-def _oklab(colour: str) -> tuple[float, float, float]:
-    lightness, a, b = _TO_LAB @ np.cbrt(np.asarray(_TO_CONES @ _linear(colour)))
-    return float(lightness), float(a), float(b)
 
 
 def _in_gamut(lightness: float, hue: Array) -> str:

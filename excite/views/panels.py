@@ -46,6 +46,7 @@ NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "b
 _NUMBER = 3.0  # height that a number takes on a vertical axis in a column, over the size of its font
 _HANDLE = 9  # letters that the line of a legend's entry takes, with the space around it
 _ABOVE, _RIGHT = 0.8, 0.25  # [in]
+_WIDE, _LOWER = 10.5, 0.6  # width of a panel over the whole width, and height of a lower one [in]
 
 
 @dataclass(frozen=True)
@@ -105,11 +106,11 @@ def alike(
     return figure, flat[:count], above
 
 
-def pairs(rows: int, panel: Panel, lower: float, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
-    """Create a panel per row over the whole width, and a lower one of its own height below each."""
-    tall, text = rows * (panel.height + lower), _ABOVE + (rows - 1) * panel.between + panel.below
-    figure = figure_of(panel.widths[0] + panel.left + _RIGHT, tall + text, title, text)
-    axes = figure.subplots(2 * rows, 1, height_ratios=(panel.height, lower) * rows)
+def fit_panels(rows: int, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
+    """Create a panel over the whole width for each of so many equations, and a lower one below each."""
+    height, text = 1.3 if rows > 1 else 3.0, _ABOVE + (rows - 1) * Panel.between + Panel.below
+    figure = figure_of(_WIDE + Panel.left + _RIGHT, rows * (height + _LOWER) + text, title, text)
+    axes = figure.subplots(2 * rows, 1, height_ratios=(height, _LOWER) * rows)
     for ax in axes:
         tidy(ax)
     return figure, list(zip(axes[::2], axes[1::2], strict=True))
@@ -363,13 +364,9 @@ def write_columns(ax: Axes, places: Sequence[float], columns: Sequence[NumberCol
         heading = {**style, "va": "bottom", "xycoords": "axes fraction", "fontsize": LABEL, "color": DARK}
         ax.annotate(column.heading, (1.0, 1.0), (at, 6), ha=column.side, **heading)
         for k, (place, text) in enumerate(zip(places, column.texts, strict=True)):
-            marked = bool(column.marked) and column.marked[k]
-            look: dict[str, Any] = {
-                "color": VERMILLION if marked else DARK,
-                "fontweight": "bold" if marked else "normal",
-            }
+            colour, weight = (VERMILLION, "bold") if column.marked and column.marked[k] else (DARK, "normal")
             where: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "fontsize": NOTE, "ha": column.side}
-            ax.annotate(text, (1.0, place), (at, 0), **where, **look, **style)
+            ax.annotate(text, (1.0, place), (at, 0), color=colour, fontweight=weight, **where, **style)
         begin += column.width + _APART
 
 

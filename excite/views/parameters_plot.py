@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.stats
@@ -66,7 +65,7 @@ def parameters_figure(result: Identification) -> Figure:
     """Draw every parameter with its 99 % interval, beside known values where there are any."""
     reference = result.reference
     compared = reference is not None and bool(np.any(np.isfinite(reference.values)))
-    table = _Table.of(result)
+    table = _table(result)
     numbers = _numbers(result, table, reference if compared else None)
     count, unseen = len(result.estimate.names), len(result.estimate.unseen)
     title = f"{result.robot.name}: {count} parameter{'s' if count != 1 else ''}, 99 % intervals"
@@ -74,51 +73,40 @@ def parameters_figure(result: Identification) -> Figure:
     figure, panels = _layout(table.height, columns_inches(numbers), compared, title)
     exact = panels[-1]
     _draw_half_widths(exact, result, table)
-    handles: list[Artist] = [Patch(color=BLUE, label="half-width of the 99 % interval over the value")]
-    if compared and reference is not None:
-        handles = [*_draw_differences(panels[0], result, table, reference), *handles]
+    handles = _draw_differences(panels[0], result, table, reference) if compared and reference is not None else []
     for ax in panels if len(panels) > columns_that_fit(len(panels), _LEAST_PANEL) else panels[:1]:
         _write_names(ax, result, table)
     if column_width() > _LEAST:  # else the numbers have no room
         write_columns(exact, [place for _, _, place in table.rows], numbers)
+    handles.append(Patch(color=BLUE, label="half-width of the 99 % interval over the value"))
     handles.append(Patch(color=FORBIDDEN, label="interval contains zero"))
     legend_below(figure, handles)
     return figure
 
 
-@dataclass(frozen=True)
-class _Table:
+class _Table(NamedTuple):
     """Rows of the figure: titles of groups, and the parameters of each with their labels."""
 
-    titles: tuple[tuple[str, float], ...]  # each with its place from the top, in heights of a row
-    rows: tuple[tuple[int, str, float], ...]  # number, label and place of each parameter
+    titles: list[tuple[str, float]]  # each with its place from the top, in heights of a row
+    rows: list[tuple[int, str, float]]  # number, label and place of each parameter
     height: float  # of all
 
-    @classmethod
-    def of(cls, result: Identification) -> _Table:
-        names, base = result.estimate.names, result.target.base
-        expressions = dict(zip(base.names, base.expressions, strict=True))
-        labels = [
-            row if isinstance(row, str) else
-            parameter_label(names[row], expressions.get(names[row], names[row]), _EXPRESSION_LENGTH, "result.json")
-            for row in _rows(result)
-        ]  # fmt: skip
-        places, height = row_places(labels)
-        placed = list(zip(_rows(result), labels, places.tolist(), strict=True))
-        titles = tuple((row, place) for row, _, place in placed if isinstance(row, str))
-        rows = tuple((row, label, place) for row, label, place in placed if not isinstance(row, str))
-        return cls(titles, rows, height)
 
-
-def _rows(result: Identification) -> list[int | str]:
-    """Group names, each followed by the indices of the group's parameters."""
+def _table(result: Identification) -> _Table:
+    names, base = result.estimate.names, result.target.base
+    expressions = dict(zip(base.names, base.expressions, strict=True))
     groups = {column.name: str(column.group) for column in result.target.model.columns}
-    of = [groups.get(name, "other") for name in result.estimate.names]
-    rows: list[int | str] = []
+    rows: list[tuple[int | None, str]] = []  # titles have no number
     for group, title in _GROUPS.items():
-        own = [k for k, name in enumerate(of) if name == group]
-        rows += [title, *own] if own else []
-    return rows
+        own = [(k, name) for k, name in enumerate(names) if groups.get(name, "other") == group]
+        rows += [(None, title)] if own else []
+        for k, name in own:
+            label = parameter_label(name, expressions.get(name, name), _EXPRESSION_LENGTH, "result.json")
+            rows.append((k, label))
+    places, height = row_places([label for _, label in rows])
+    placed = [(k, label, place) for (k, label), place in zip(rows, places.tolist(), strict=True)]
+    titles = [(label, place) for k, label, place in placed if k is None]
+    return _Table(titles, [(k, label, place) for k, label, place in placed if k is not None], height)
 
 
 def _layout(rows: float, numbers: float, compared: bool, title: str) -> tuple[Figure, list[Axes]]:
@@ -135,8 +123,7 @@ def _layout(rows: float, numbers: float, compared: bool, title: str) -> tuple[Fi
 
 
 def _write_names(ax: Axes, result: Identification, table: _Table) -> None:
-    style: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "center"}
-    style |= {"xytext": (-6, 0), "xycoords": ("axes fraction", "data")}
+    style: dict[str, Any] = {**_ON_THE_LEFT, "xytext": (-6, 0), "xycoords": ("axes fraction", "data")}
     for title, place in table.titles:
         ax.annotate(title, (0.0, place), **style, fontsize=LABEL, fontweight="bold", color=DARK)
     for row, label, place in table.rows:
@@ -209,7 +196,7 @@ def _draw_half_widths(ax: Axes, result: Identification, table: _Table) -> None:
             continue
         ax.barh([place], [min(percent[row], _WORST)], height=0.62, color=BLUE)
         if percent[row] > _WORST:
-            ax.annotate(_beyond(float(percent[row])), (_WORST, place), (-4, 0), **_CUT)
+            ax.annotate(_beyond(float(percent[row])), (_WORST, place), (-4, 0), **_ON_THE_LEFT, **_CUT)
     log_scale(ax.xaxis, low, _WORST)
     ax.set_xlabel(beside_names("half-width of the interval / |value| [%]", ax), fontsize=LABEL, color=DARK)
     ax.set_title("relative uncertainty", **_HEADING)
@@ -228,24 +215,22 @@ def _beyond(percent: float) -> str:
 
 def _numbers(result: Identification, table: _Table, reference: ReferenceValues | None) -> list[NumberColumn]:
     """Estimates, half-widths and known values, in the order of the rows."""
-    estimate = result.estimate
-    rows = [k for k, _, _ in table.rows]
-    pairs = {k: (float(estimate.values[k]), float(estimate.half_width[k])) for k in rows}
-    seen = {k: np.isfinite(value) for k, (value, _) in pairs.items()}
-    columns = [
-        NumberColumn("estimate", [typeset(decimal(*pairs[k])) if seen[k] else "" for k in rows]),
-        NumberColumn(
-            "half-width",
-            [typeset(f"± {decimal(pairs[k][1], pairs[k][1])} {estimate.units[k]}") if seen[k] else "" for k in rows],
-            side="left",
-        ),
+    estimate, rows = result.estimate, [k for k, _, _ in table.rows]
+    units, halves = [estimate.units[k] for k in rows], estimate.half_width[rows].tolist()
+
+    def written(values: Array) -> list[str]:
+        pairs = zip(values[rows].tolist(), halves, strict=True)
+        return [typeset(decimal(value, half)) if np.isfinite(value) else "" for value, half in pairs]
+
+    estimates = written(estimate.values)
+    widths = [
+        typeset(f"± {decimal(half, half)} {unit}") if known else ""
+        for known, half, unit in zip(estimates, halves, units, strict=True)
     ]
+    columns = [NumberColumn("estimate", estimates), NumberColumn("half-width", widths, side="left")]
     if reference is None:
         return columns
-    known = [
-        typeset(decimal(float(value), pairs[k][1])) if np.isfinite(value := reference.values[k]) else "" for k in rows
-    ]
-    return [*columns, NumberColumn(_HEADINGS.get(reference.kind, reference.kind), known)]
+    return [*columns, NumberColumn(_HEADINGS.get(reference.kind, reference.kind), written(reference.values))]
 
 
 def decimal(value: float, half_width: float) -> str:
@@ -259,15 +244,9 @@ def decimal(value: float, half_width: float) -> str:
     return significant(rounded, 2 + max(0, int(np.floor(np.log10(abs(rounded)))) - exponent)) if rounded else "0"
 
 
+_ON_THE_LEFT: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "center"}
 _HEADING: dict[str, Any] = {**NAME_STYLE, "fontweight": "normal"}
-_CUT: dict[str, Any] = {
-    "textcoords": "offset points",
-    "ha": "right",
-    "va": "center",
-    "fontsize": NOTE,
-    "color": "white",
-    "fontweight": "bold",
-}
+_CUT: dict[str, Any] = {"fontsize": NOTE, "color": "white", "fontweight": "bold"}
 
 
 FIGURE = "repetitions"

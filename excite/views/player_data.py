@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from constraints.collision_limits import Clearance
-from constraints.geometry import Box, HalfSpace, Obstacle, Part, World
+from constraints.geometry import Box, HalfSpace, Obstacle, World
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from constraints.shapes import urdf_meshes
 from excite.design.design import Design
+from excite.storage.records import chosen
 from excite.tasks.task import Task
 from excite.views.page_text import raised
 from regressors.errors import InputError
@@ -70,9 +71,7 @@ def player_data(
         "dq": _short(motion.dq, 7),
         "segments": [{"name": name, "end": end} for name, end in motion.segments],
         "limits": [_limit(course, number) for course in courses],
-        "values": _short(np.column_stack([course.values for course in courses]), 5)
-        if courses
-        else [[]] * len(motion.q),
+        "values": _short(np.array([course.values for course in courses]).reshape(len(courses), len(motion.time)).T, 5),
         "tip": robot.n - 1,
         "tool": list(task.limits.tool_point),
         "joint_size": _JOINT_SIZE * max(0.1, sum(float(np.linalg.norm(j.translation)) for j in robot.joints)),
@@ -90,21 +89,16 @@ def _short(values: Array, digits: int) -> Any:
 
 def body_data(robot: Robot, number: Mapping[str, int]) -> list[dict[str, Any]]:
     """Links, then branches, each with the joint that carries it."""
-    bodies, before = [], 0
-    for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
-        bodies.append({"name": link.name, "parent": before, "row": np.eye(robot.n)[k].tolist(), "offset": 0.0})
-        before = number[link.name]
-        bodies[-1] |= _joint(joint)
-    for branch in robot.branches:
-        row, parent = branch.coupling.tolist(), number[branch.parent]
-        bodies.append({"name": branch.name, "parent": parent, "row": row, "offset": branch.offset})
-        bodies[-1] |= _joint(branch.joint)
-    return bodies
-
-
-def _joint(joint: Any) -> dict[str, Any]:
-    placed = {name: getattr(joint, name).tolist() for name in ("rotation", "translation", "axis")}
-    return {"kind": joint.kind, **placed}
+    parents = [0, *(number[link.name] for link in robot.links[:-1])]
+    chain = zip(robot.links, robot.joints, parents, np.eye(robot.n), [0.0] * robot.n, strict=True)
+    branches: Iterator[Any] = ((b, b.joint, number[b.parent], b.coupling, b.offset) for b in robot.branches)
+    return [
+        {
+            "name": body.name, "parent": parent, "row": row.tolist(), "offset": offset, "kind": joint.kind,
+            **{name: getattr(joint, name).tolist() for name in ("rotation", "translation", "axis")},
+        }
+        for body, joint, parent, row, offset in (*chain, *branches)
+    ]  # fmt: skip
 
 
 def _limit(course: LimitCourse, number: Mapping[str, int]) -> dict[str, Any]:
@@ -150,19 +144,11 @@ def player_motion(design: Design, robot_file: str | None = None) -> dict[str, An
     """Everything that the player of a page needs of a design, as plain values."""
     robot = design.task.limits.applied(design.robot)
     samples, _ = design.sequence.sampled()
-    shown = _some(samples)
+    shown = samples.rows(chosen(samples.time.size, FRAMES))
     ends = tuple((name, end) for name, (_, end) in design.sequence.spans().items())
     courses = limit_courses(design, robot, shown)
     motion = PlayedMotion(shown.time, shown.q, shown.dq, ends, courses, _ABOUT)
     return player_data(motion, robot, design.task, design.shape, robot_file)
-
-
-def _some(samples: Samples) -> Samples:
-    """At most `FRAMES` of the samples, both ends among them."""
-    count = samples.time.size
-    index = np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(int))
-    motion = (samples.q, samples.dq, samples.ddq, samples.dddq)
-    return Samples(samples.time[index], *(each[index] for each in motion))
 
 
 def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitCourse]:
@@ -173,8 +159,7 @@ def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitC
     """
     whole = design.approach_and_return is not None
     joints = robot.joint_names if whole else design.moving.joint_names
-    index = [robot.joint_names.index(name) for name in joints]
-    motion = Samples(samples.time, *(x[:, index] for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))
+    motion = of_some_joints(samples, robot, joints)
     linear = linear_limits(robot if whole else design.moving)
     bodies = bodies_of(robot, joints, linear)
     courses = [course for limit in linear for course in linear_courses(limit, motion, bodies)]
@@ -183,6 +168,12 @@ def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitC
         near = isinstance(constraint, Clearance)
         (distances if near else courses).extend(nonlinear_courses(constraint, motion, bodies))
     return [*tightest(courses), *nearest_pairs(distances)]
+
+
+def of_some_joints(samples: Samples, robot: Robot, joints: Sequence[str]) -> Samples:
+    """Motion of some joints of a robot."""
+    index = [robot.joint_names.index(name) for name in joints]
+    return Samples(samples.time, *(x[:, index] for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))
 
 
 def nearest_pairs(distances: Sequence[LimitCourse]) -> list[LimitCourse]:
@@ -235,15 +226,14 @@ def player_shapes(
     robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None = None
 ) -> dict[str, Any]:
     """Entries ``meshes``, ``capsules``, ``objects``, ``drawn_as`` and ``left_out`` of the player's data."""
-    world = task.limits.known_world
-    known = world if world is not None else shape
+    worlds = [each for each in (task.limits.known_world, shape) if each is not None]
     meshes, reasons = ([], ()) if robot_file is None else _meshes(robot, task, robot_file, number)
-    parts = () if known is None or meshes else known.parts
+    parts = worlds[0].parts if worlds and not meshes else ()
     drawn = "meshes of its URDF" if meshes else "capsules" if parts else "lines through the frames of its joints"
     return {
         "meshes": meshes,
-        "capsules": [_part(part, number) for part in parts if part.link in number],
-        "objects": [_object(each) for own in (world, shape) if own is not None for each in own.obstacles],
+        "capsules": [{"body": number[each.link], **_capsule(each.capsule)} for each in parts if each.link in number],
+        "objects": [_object(each) for world in worlds for each in world.obstacles],
         "drawn_as": drawn,
         "left_out": _left_out(reasons),
     }
@@ -269,13 +259,8 @@ def _meshes(
 ) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
     """Meshes of few triangles, and what is said of files that are left out."""
     read = urdf_meshes(Path(robot_file), robot, task.base_link, snap_angles=task.snap_angles)
-    together = {name: [each.triangles for each in read.meshes if each.link == name] for name in number}
-    meshes = [
-        {"body": number[name], **decimated(np.concatenate(triangles)).to_dict()}
-        for name, triangles in together.items()
-        if triangles
-    ]
-    return meshes, read.left_out
+    together = {k: [each.triangles for each in read.meshes if each.link == name] for name, k in number.items()}
+    return [{"body": k, **decimated(np.concatenate(x)).to_dict()} for k, x in together.items() if x], read.left_out
 
 
 def _left_out(reasons: Sequence[str]) -> str:
@@ -286,24 +271,17 @@ def _left_out(reasons: Sequence[str]) -> str:
     return f"Some meshes of its URDF are not shown: {reasons[0]}{more}."
 
 
-def _part(part: Part, number: Mapping[str, int]) -> dict[str, Any]:
-    return {"body": number[part.link], **_capsule(part.capsule)}
-
-
 def _capsule(capsule: Capsule) -> dict[str, Any]:
     return {"from": list(capsule.start), "to": list(capsule.end), "radius": capsule.radius}
 
 
 def _object(each: Obstacle) -> dict[str, Any]:
-    shape = each.shape
-    place: dict[str, Any]
+    shape, name = each.shape, {"name": each.name}
     if isinstance(shape, Box):
-        place = {"kind": "box", "centre": list(shape.centre), "size": list(shape.size), "rpy": list(shape.rpy)}
-    elif isinstance(shape, HalfSpace):
-        place = {"kind": "plane", "normal": list(shape.normal), "offset": shape.offset}
-    else:
-        place = {"kind": "capsule", **_capsule(shape)}
-    return {"name": each.name, **place}
+        return name | {"kind": "box", "centre": list(shape.centre), "size": list(shape.size), "rpy": list(shape.rpy)}
+    if isinstance(shape, HalfSpace):
+        return name | {"kind": "plane", "normal": list(shape.normal), "offset": shape.offset}
+    return {**name, "kind": "capsule", **_capsule(shape)}
 
 
 _CELLS = (192, 128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # along the longest side

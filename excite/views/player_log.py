@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from constraints.certificate import LimitUse
 from constraints.collision_limits import Collisions
 from constraints.geometry import World
 from constraints.linear import linear_limits
 from excite.design.friction_runs.friction_plan import CoordinatePlan, FrictionPlan
 from excite.simulation.simulation_files import read_source
+from excite.storage.records import chosen
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.reference import MotionSource, SampledMotion, played_uses
 from excite.tasks.stored_files import StoredRobot
@@ -29,6 +29,7 @@ from excite.views.player_data import (
     matches,
     nearest_pairs,
     nonlinear_courses,
+    of_some_joints,
     player_data,
     tightest,
 )
@@ -95,7 +96,7 @@ def _motion(logged: LoggedMotion, robot: Robot, task: Task, looks: Appearance) -
         if one.sum() > 1:
             dq[one] = np.gradient(q[one], own[one], axis=0)
     known = looks.shapes.get(robot.sha256())
-    world = task.limits.known_world if task.limits.known_world is not None else known
+    world = known if task.limits.known_world is None else task.limits.known_world
     moving = np.array([name in logged.joints for name in whole.joint_names])
     samples = Samples(time, q, dq, np.zeros_like(q), np.zeros_like(q))
     courses = [*_courses(whole, world, moving, samples), *_torques(logged, own, at, whole)]
@@ -107,10 +108,8 @@ def _kept(logged: LoggedMotion) -> Index:
     """Instants that are shown, of each log as many."""
     numbers = np.unique(logged.log)
     most = max(2, min(_FRAMES, _MOST // numbers.size))
-    parts = [np.flatnonzero(logged.log == k) for k in numbers]
-    return np.concatenate(
-        [p[np.unique(np.linspace(0, p.size - 1, min(p.size, most)).round().astype(int))] for p in parts]
-    )
+    parts = (np.flatnonzero(logged.log == k) for k in numbers)
+    return np.concatenate([part[chosen(part.size, most)] for part in parts])
 
 
 def _in_sequence(own: Array, log: Index, names: Sequence[str]) -> tuple[Array, tuple[tuple[str, float], ...]]:
@@ -128,15 +127,13 @@ def _courses(robot: Robot, world: World | None, moving: NDArray[np.bool_], sampl
     """Positions and velocities of the joints that move and their drives, and distances where shapes are known."""
     linear = [limit for limit in linear_limits(robot) if limit.derivative < 2]
     bodies = bodies_of(robot, robot.joint_names, linear)
-    touched = {
-        label for limit in linear for label, row in zip(limit.labels, limit.matrix, strict=True) if row[moving].any()
-    }
+    touched = {label for x in linear for label, row in zip(x.labels, x.matrix, strict=True) if row[moving].any()}
     courses = [course for limit in linear for course in linear_courses(limit, samples, bodies)]
     yield from tightest([course for course in courses if f"{course.owner} {course.quantity}" in touched])
     if world is None:
         return
     index = np.flatnonzero(moving).tolist()
-    part = Samples(samples.time, *(x[:, index] for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))
+    part = of_some_joints(samples, robot, [robot.joint_names[k] for k in index])
     distances = Collisions(world).imposed(robot, of_joints(robot, index))
     yield from nearest_pairs([course for limit in distances for course in nonlinear_courses(limit, part, bodies)])
 
@@ -158,6 +155,7 @@ def _torques(logged: LoggedMotion, own: Array, log: Index, robot: Robot) -> Iter
                 yield LimitCourse(owner, quantity, unit, -limit, limit, shown, links.get(owner, ()))
 
 
+_MOVED = 0.5  # from one pose to the next [s]
 _ABOUT_PLAN = (
     "The runs of the coordinates follow each other; you move the robot from one pose to the next. Torques are not "
     "shown: they are what is to be measured. Values between samples are interpolated; the certified extremes are in "
@@ -174,13 +172,9 @@ def looked_at(plan: FrictionPlan, c: CoordinatePlan, source: MotionSource) -> Co
     """The coordinate with limits of joints and drives as the samples of its file keep them."""
     sampled = {label for limit in linear_limits(plan.robot) if limit.derivative < 3 for label in limit.labels}
     uses, broken = played_uses(source)
-    computed = (use if use in broken else _within(use) for use in uses if use.label in sampled)
-    return replace(c, limits=(*computed, *(use for use in c.limits if use.label not in sampled)))
-
-
-def _within(use: LimitUse) -> LimitUse:
-    """What interpolation between samples adds is no excess."""
-    return replace(use, margin=max(use.margin, 0.0))
+    computed = [use for use in uses if use.label in sampled]  # what interpolation between samples adds is no excess
+    kept = (use if use in broken else replace(use, margin=max(use.margin, 0.0)) for use in computed)
+    return replace(c, limits=(*kept, *(use for use in c.limits if use.label not in sampled)))
 
 
 def motion_of_plan(
@@ -210,15 +204,14 @@ def _frames(runs: Samples, most: int) -> Index:
 def _joined(
     runs: Sequence[tuple[CoordinatePlan, MotionSource]],
 ) -> tuple[Array, Array, Array, tuple[tuple[str, float], ...]]:
-    times, positions, velocities, segments, end = [], [], [], [], 0.0
+    parts, segments, end = [], [], -_MOVED
     for c, source in runs:
         assert isinstance(source.motion, SampledMotion)
         each = source.motion.given
-        kept = _frames(each, _FRAMES)
-        times.append(each.time[kept] - each.time[0] + end)
-        positions.append(each.q[kept])
-        velocities.append(each.dq[kept])
-        end = float(times[-1][-1])
+        kept = each.rows(_frames(each, _FRAMES))
+        time = kept.time - each.time[0] + (end + _MOVED)
+        end = float(time[-1])
+        parts.append((time, kept.q, kept.dq))
         segments.append((c.label, end))
-        end += 0.5  # from one pose to the next
-    return np.concatenate(times), np.concatenate(positions), np.concatenate(velocities), tuple(segments)
+    time, q, dq = map(np.concatenate, zip(*parts, strict=True))
+    return time, q, dq, tuple(segments)

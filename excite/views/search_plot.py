@@ -16,22 +16,19 @@ from excite.design.design import Design
 from excite.design.start_results import RUNNING, StartResult
 from excite.design.sweeps.sweep_table import SweepRow, SweepTable
 from excite.information.matrix import CONVENTIONS
-from excite.information.precision_forecast import PrecisionForecast, PrecisionSearch
+from excite.information.precision_forecast import ParameterPrecision, PrecisionForecast, PrecisionSearch
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
 from excite.views.panels import Panel, alike, bar_panel, ends, head, legend_below
 from excite.views.style import (
     BLUE,
+    COLOURS,
     DARK,
-    GREEN,
     GREY,
     LABEL,
     LETTER,
     NOTE,
-    ORANGE,
-    PURPLE,
     ROUND,
-    SKY,
     VERMILLION,
     broken,
     column_width,
@@ -44,9 +41,9 @@ from excite.views.style import (
     size_of,
     tidy,
 )
+from excite.views.view import number
 from regressors.errors import InputError
 from regressors.robot.columns import COULOMB
-from regressors.samples import Array
 
 _MANY = 12  # number of other starts above which their lines are thinner
 _SYMBOLS = {
@@ -56,10 +53,10 @@ _SYMBOLS = {
     "logdet": "det(W'W / N)^(-1/2b)",
     "trace": "√ tr (W'W / N)^-1",
 }
-_MEASURES = {
-    ("condition", "gautier"): "condition_number",
-    ("condition", "pivoted"): "condition_number_pivoted",
-    ("condition", "orthonormal"): "condition_number_orthonormal",
+_MEASURES = {  # by the base
+    "gautier": "condition_number",
+    "pivoted": "condition_number_pivoted",
+    "orthonormal": "condition_number_orthonormal",
 }
 
 
@@ -69,13 +66,13 @@ def convergence_figure(design: Design) -> Figure:
     ax = figure.subplots()
     tidy(ax)
     others = [start for start in design.starts if start.index != design.best_start]
-    best = [start for start in design.starts if start.index == design.best_start]
     thin = 1.0 if len(others) <= _MANY else 0.5
     for start in others:
         _draw_start(ax, start, GREY, thin, order=2.0)
-    for start in best:
-        _draw_start(ax, start, BLUE, 2.0, order=3.0)
-        _name_end(ax, start)
+    for start in design.starts:
+        if start.index == design.best_start:
+            _draw_start(ax, start, BLUE, 2.0, order=3.0)
+            _name_end(ax, start)
     _scale(ax, design.starts)
     name = name_of(design.task.objective.criterion)
     symbol = _SYMBOLS.get(name, name)
@@ -90,17 +87,9 @@ def convergence_figure(design: Design) -> Figure:
     return figure
 
 
-def running_minimum(history: Sequence[float]) -> Array:
-    """Best value so far at every iterate."""
-    return np.asarray(np.minimum.accumulate(np.asarray(history, dtype=float)))
-
-
-def _drawable(values: Array) -> Array:
-    return np.where(np.isfinite(values), values, np.nan)
-
-
 def _draw_start(ax: Axes, start: StartResult, colour: str, width: float, order: float) -> None:
-    history, lowest = _drawable(np.asarray(start.history)), _drawable(running_minimum(start.history))
+    both = np.stack([start.history, np.minimum.accumulate(start.history)])
+    history, lowest = np.where(np.isfinite(both), both, np.nan)
     iterate = np.arange(history.size)
     ax.plot(iterate, history, ":", color=colour, linewidth=0.9, zorder=order - 0.5)
     ax.plot(iterate, lowest, color=colour, linewidth=width, zorder=order)
@@ -110,7 +99,7 @@ def _draw_start(ax: Axes, start: StartResult, colour: str, width: float, order: 
 
 def _name_end(ax: Axes, start: StartResult) -> None:
     """Write the best value below the end of the start's line, where there are few other lines."""
-    value = float(running_minimum(start.history)[-1])
+    value = float(np.min(start.history))
     style: dict[str, Any] = {"fontsize": NOTE, "fontweight": "bold", "color": BLUE, "zorder": 4.0}
     style["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
     ax.annotate(significant(value, 4), (len(start.history) - 1, value), (0, -13), textcoords="offset points", **style)
@@ -129,10 +118,9 @@ def _scale(ax: Axes, starts: Sequence[StartResult]) -> None:
 
 
 def _title(design: Design) -> str:
-    count = design.number_of_starts
     unfinished = sum(start.status == RUNNING for start in design.starts)
     stopped = f" ({unfinished} unfinished)" if unfinished else ""
-    return f"{design.robot.name}: search from {count} start{'s' if count != 1 else ''}{stopped}"
+    return f"{design.robot.name}: search from {number(design.number_of_starts, 'start')}{stopped}"
 
 
 def _explanation(design: Design) -> str:
@@ -140,19 +128,15 @@ def _explanation(design: Design) -> str:
     objective = design.task.objective
     as_measured = not objective.weighted and objective.prior is None and not objective.after
     plain = as_measured and objective.scale == "unit" and not objective.interest
-    measure = _MEASURES.get((name_of(objective.criterion), objective.base)) if plain else None
+    measure = _MEASURES.get(objective.base) if plain and name_of(objective.criterion) == "condition" else None
     best = next(start for start in design.starts if start.index == design.best_start)
     if measure is None:
         return f"minimised: {minimised_text(design.task)}; best start {significant(best.value, 4)}"
     solver = significant(min(best.history), 4)
-    soft = " (with smoothed friction signs)" if _smoothed(design) else ""
+    smoothed = any(column.kind == COULOMB for column in design.target.model.standard_columns)
+    soft = " (with smoothed friction signs)" if smoothed else ""
     written = f"{significant(design.criteria[measure], 4)} in the written file ({design.task.output.rate:g} Hz)"
     return f"minimised: {CONVENTIONS[measure]}\nbest start: {solver} in the solver{soft}, {written}"
-
-
-def _smoothed(design: Design) -> bool:
-    """Whether the model has Coulomb friction, whose sign is smooth for the solver."""
-    return any(column.kind == COULOMB for column in design.target.model.standard_columns)
 
 
 def _legend(design: Design) -> list[Line2D]:
@@ -172,35 +156,26 @@ _LEAST = 3.0  # width of a panel with its names [in]
 
 def precision_figure(design: Design) -> Figure:
     """Draw robot time against precision, and the half-width of each parameter over the allowed one."""
-    _, forecast = _of(design)
-    shown = sorted((p for p in forecast.parameters if p.allowed is not None), key=lambda p: -p.use)[:_MOST_PARAMETERS]
-    title = f"{design.robot.name}: {_runs(forecast)}, {forecast.robot_seconds:.4g} s of robot time"
-    height = max(4.8, 1.6 + 0.2 * len(shown))
+    search, forecast = design.precision_search, design.precision
+    if search is None or forecast is None:
+        raise InputError("no precision was sought for this design; `design_for_precision` seeks one")
+    asked = sorted((p for p in forecast.parameters if p.allowed is not None), key=lambda p: -p.use)
+    runs = f"{number(forecast.runs, 'run')} of {forecast.seconds:.4g} s"
+    title = f"{design.robot.name}: {runs}, {forecast.robot_seconds:.4g} s of robot time"
+    height = max(4.8, 1.6 + 0.2 * min(len(asked), _MOST_PARAMETERS))
     if columns_that_fit(2, _LEAST) == 2:
         figure = figure_of(12.5, height, title, text=height)
         left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
     else:
         figure = figure_of(6.0, 4.8 + height, title, text=height)
         left, right = figure.subplots(2, 1, height_ratios=(3.0, height))
-    _draw_front(left, design)
-    _draw_parameters(right, forecast, len(shown))
+    _draw_front(left, search, forecast, max(design.task.objective.max_time, forecast.robot_seconds))
+    _draw_parameters(right, forecast, asked)
     return figure
 
 
-def _of(design: Design) -> tuple[PrecisionSearch, PrecisionForecast]:
-    if design.precision_search is None or design.precision is None:
-        raise InputError("no precision was sought for this design; `design_for_precision` seeks one")
-    return design.precision_search, design.precision
-
-
-def _runs(forecast: PrecisionForecast) -> str:
-    return f"{forecast.runs} run{'s' * (forecast.runs > 1)} of {forecast.seconds:.4g} s"
-
-
-def _draw_front(ax: Axes, design: Design) -> None:
-    search, forecast = _of(design)
+def _draw_front(ax: Axes, search: PrecisionSearch, forecast: PrecisionForecast, longest: float) -> None:
     tidy(ax)
-    longest = max(design.task.objective.max_time, forecast.robot_seconds)
     for trial in search.trials:
         seconds, use = [n * trial.seconds for n, _ in trial.course], [use for _, use in trial.course]
         ax.plot(seconds, use, "-", color=GREY, alpha=0.4, linewidth=0.8, zorder=1.5)
@@ -221,9 +196,8 @@ def _draw_front(ax: Axes, design: Design) -> None:
     _explain(ax, text)
 
 
-def _draw_parameters(ax: Axes, forecast: PrecisionForecast, count: int) -> None:
-    asked = sorted((p for p in forecast.parameters if p.allowed is not None), key=lambda p: -p.use)
-    shown = asked[:count]
+def _draw_parameters(ax: Axes, forecast: PrecisionForecast, asked: Sequence[ParameterPrecision]) -> None:
+    shown = asked[:_MOST_PARAMETERS]
     colours = [VERMILLION if p.use > 1.0 else BLUE for p in shown]
     ax.barh(range(len(shown)), [p.use for p in shown], height=0.62, color=colours)
     ax.axvline(1.0, color=DARK, linewidth=0.8, linestyle="--")
@@ -236,8 +210,7 @@ def _draw_parameters(ax: Axes, forecast: PrecisionForecast, count: int) -> None:
     ax.set_xlabel("half-width / allowed", fontsize=LABEL, color=DARK)
     left_out = len(asked) - len(shown)
     more = f"; {left_out} more are narrower" if left_out else ""
-    text = f"{100 * forecast.level:g} % intervals, with probability {100 * forecast.probability:g} %{more}"
-    _explain(ax, text)
+    _explain(ax, f"{100 * forecast.level:g} % intervals, with probability {100 * forecast.probability:g} %{more}")
 
 
 def _explain(ax: Axes, text: str) -> None:
@@ -246,7 +219,6 @@ def _explain(ax: Axes, text: str) -> None:
 
 FIGURE = "campaign"
 _MOST_PANELS, _COLUMNS, _MOST_LABELS, _LETTERS = 6, 3, 12, 14
-_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 _PANEL = Panel((4.2,), 2.9, between=0.95, below=1.35)
 _ROOM = 1.15  # above the largest and below the smallest condition number
 _RANGE = 1e3  # of condition numbers that are told apart
@@ -261,7 +233,7 @@ def sweep_figure(table: SweepTable) -> Figure:
     figure, flat, _ = alike(len(names), columns, _PANEL, f"sweep: {designed} of {len(table.rows)} cells designed")
     for ax, name in zip(flat, names, strict=True):
         _draw(ax, table, name)
-    shown = list(table.groups)[: len(_COLOURS)]
+    shown = list(table.groups)[: len(COLOURS)]
     handles = [_handle(table.groups[group][0], group) for group in shown]
     if len(table.groups) > len(shown):
         handles.append(Line2D([], [], color=GREY, marker=".", linestyle="", label="other groups"))
@@ -270,17 +242,13 @@ def sweep_figure(table: SweepTable) -> Figure:
     return figure
 
 
-def _values(table: SweepTable, name: str) -> list[str]:
-    """Values of an option in the order of the table; rows without it have an empty one."""
-    return list(dict.fromkeys(_value(row, name) for row in table.rows))
-
-
 def _value(row: SweepRow, name: str) -> str:
+    """Value of an option, empty in rows without it."""
     return row.cell if name == _WHOLE else row.options.get(name, "")
 
 
 def _draw(ax: Axes, table: SweepTable, name: str) -> None:
-    values = _values(table, name)
+    values = list(dict.fromkeys(_value(row, name) for row in table.rows))
     place = {value: k for k, value in enumerate(values)}
     groups, conditions = table.groups, [row.condition for row in table.rows if np.isfinite(row.condition)]
     top = _RANGE * min(conditions, default=1.0)
@@ -321,7 +289,7 @@ def _write_values(ax: Axes, table: SweepTable, name: str, values: list[str]) -> 
 
 
 def _colour(group: int) -> str:
-    return _COLOURS[group - 1] if group <= len(_COLOURS) else GREY
+    return COLOURS[group - 1] if group <= len(COLOURS) else GREY
 
 
 def _handle(row: SweepRow, group: int) -> Line2D:

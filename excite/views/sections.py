@@ -6,13 +6,12 @@ import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from excite.design.campaign import Campaign, Step
+from excite.design.campaign import Campaign
 from excite.design.comparison import compare
 from excite.design.design import Design
 from excite.design.design_folder import design_content
@@ -36,7 +35,7 @@ from excite.views.comparison_view import bound_view, comparison_view
 from excite.views.design_view import design_view
 from excite.views.experiment_views import accuracy_view, payload_view, study_view
 from excite.views.friction_views import friction_fit_view, friction_plan_view
-from excite.views.identification_view import TITLES, identification_view, side_by_side_view
+from excite.views.identification_view import TITLES, identification_view
 from excite.views.page_text import PageFigure, PageSection, drawn, no_pictures, pictures
 from excite.views.player_data import player_motion
 from excite.views.player_log import Appearance, LoggedMotion, looked_at, motion_of_plan, played, source_of
@@ -86,34 +85,31 @@ def _drawn(view: View, prefix: str, *commands: Sequence[str], missing: tuple[str
 
 
 def _of_design(design: Design, prefix: str, looks: Appearance, path: Path | None) -> PageSection:
-    whole, missing = _whole(design)
-    view, task = design_view(design, whole=whole is not None), design_content(design)["task"]
-    believed = design.believed if isinstance(design, Design) else ()
+    missing = _missing(design)
+    view, task = design_view(design, whole=not missing), design_content(design)["task"]
     unchecked = (f"not checked: {each}" for each in design.unchecked)
-    view = replace(view, holds=design.feasible, remarks=(*believed, *unchecked, *view.remarks))
+    view = replace(view, holds=design.feasible, remarks=(*design.believed, *unchecked, *view.remarks))
     folder = "designs/again" if design.folder is None else f"{design.folder}-again"
     again = ["excite", "design", str(task["robot"]), "--task", "task.yaml", "--out", folder]
     compared = ["excite", "compare", str(design.folder or "designs/this"), folder]
-    section = replace(_drawn(view, prefix, again, compared, missing=missing), task=_task_file(task))
-    if whole is None:
-        return section
-    return replace(section, motion=player_motion(whole, looks.file_of(whole.robot, whole.task)))
+    motion = None if missing else player_motion(design, looks.file_of(design.robot, design.task))
+    return replace(_drawn(view, prefix, again, compared, missing=missing), task=_task_file(task), motion=motion)
 
 
-def _whole(design: Design) -> tuple[Design | None, tuple[str, ...]]:
-    """The design with its limits as functions; why it cannot be had, where it names parts that are not given."""
+def _missing(design: Design) -> tuple[str, ...]:
+    """Why the limits of a design cannot be had as functions, where it names parts that are not given."""
     try:
         _ = design.target, design.nonlinear, design.starts
     except ExciteError as error:
-        return None, (f"figures and the 3D player are left out: {error}",)
-    return design, ()
+        return (f"figures and the 3D player are left out: {error}",)
+    return ()
 
 
 def _task_file(task: Mapping[str, Any]) -> str:
     """The same task as the text of a task file, an option per line; JSON is YAML."""
     limits = {name: value for name, value in (task.get(_LIMITS) or {}).items() if value is not None}
-    plain = {name: value for name, value in task.items() if value is not None and name != _LIMITS}
-    options = {**plain, **({_LIMITS: limits} if limits else {})}
+    options = {name: value for name, value in task.items() if value is not None and name != _LIMITS}
+    options |= {_LIMITS: limits} if limits else {}
     lines = (f"{json.dumps(name)}: {json.dumps(value, ensure_ascii=False)}" for name, value in options.items())
     return "{\n  " + ",\n  ".join(lines) + "\n}\n"
 
@@ -121,14 +117,8 @@ def _task_file(task: Mapping[str, Any]) -> str:
 def comparison_section(designs: Sequence[Design]) -> PageSection:
     """Several designs under the metrics of the first one, see `excite.design.comparison.compare`."""
     judged = compare(designs)
-    return PageSection(
-        comparison_view(judged), commands=(shlex.join(["excite", "compare", *(j.name for j in judged)]),)
-    )
-
-
-def parameters_section(results: Sequence[Identification]) -> PageSection:
-    """Parameters of several identifications side by side."""
-    return PageSection(side_by_side_view(results))
+    again = shlex.join(["excite", "compare", *(j.name for j in judged)])
+    return PageSection(comparison_view(judged), commands=(again,))
 
 
 def _of_identification(result: Identification, prefix: str, looks: Appearance, path: Path | None) -> PageSection:
@@ -262,18 +252,14 @@ def _of_fit(fit: FrictionFit, prefix: str, looks: Appearance, path: Path | None)
 def _of_study(study: TimeStudy, prefix: str, looks: Appearance, path: Path | None) -> PageSection:
     view = study_view(study)
     # logs stand alone, designs behind their option
-    sources = (([c.name] if Path(c.name).suffix else ["--design", c.name]) for c in study.courses)
-    words = [word for each in sources for word in each]
+    words = [word for c in study.courses for word in ([c.name] if Path(c.name).suffix else ["--design", c.name])]
     again = ["excite", "study", study.robot, *words, "--below", f"{100 * study.below:g}", "--out", "studies/again"]
     return _drawn(replace(view, title=str(path.parent) if path else view.title), prefix, again)
 
 
 def _of_campaign(campaign: Campaign, designs: Sequence[Design]) -> PageSection:
     """A campaign; designs of the page that move drives of its motions are listed."""
-    commands = map(partial(_design, campaign), range(1, len(campaign.steps) + 1), campaign.steps)
+    words = ["excite", "design", campaign.robot, "--model", campaign.model, "--drives"]
+    drives = enumerate((",".join(step.drives) for step in campaign.steps), 1)
+    commands = (shlex.join([*words, each, "--out", f"designs/motion-{k}"]) for k, each in drives)
     return PageSection(campaign_view(campaign, designs), commands=tuple(commands))
-
-
-def _design(campaign: Campaign, number: int, step: Step) -> str:
-    words = ["excite", "design", campaign.robot, "--model", campaign.model, "--drives", ",".join(step.drives)]
-    return shlex.join([*words, "--out", f"designs/motion-{number}"])

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 from excite.simulation.simulation import SimulatedLog, Simulation
-from excite.views.view import (
-    View,
-    ViewTable,
-    headed,
-)
+from excite.views.view import View, ViewTable, headed
 from regressors.errors import listed_names, percent
 
 _NEGLIGIBLE = 1e-4  # tracking error over the range of motion
@@ -17,13 +13,12 @@ def simulation_view(simulation: Simulation | SimulatedLog) -> View:
     """View of a simulation, or of what was written of one."""
     log = simulation.record if isinstance(simulation, Simulation) else simulation
     what, settings = f"{log.duration:g} s of {log.robot}", log.settings
-    kept = f"Simulated {what}: the motion was followed{_followed(log)}"
+    lost = f"the motion does not hold: {listed_names(log.failures, 3)}"
+    kept = f"the motion was followed{_followed(log)}"
     return View(
         kind="simulation",
         title=f"simulation of {log.robot}",
-        verdict=kept
-        if log.holds
-        else f"Simulated {what}, but the motion does not hold: {listed_names(log.failures, 3)}",
+        verdict=f"Simulated {what}: {kept}" if log.holds else f"Simulated {what}, but {lost}",
         holds=log.holds,
         summary=(
             f"{log.samples} samples at {settings['rate']:g} Hz; {settings['controller']} of {settings['bandwidth']:g} "
@@ -55,6 +50,5 @@ def _torques(log: SimulatedLog) -> ViewTable:
 
 
 def _tracking(log: SimulatedLog) -> ViewTable:
-    columns = headed("joint:text, largest, rms, unit:unit")
     rows = tuple((each.joint, each.error, each.rms, each.unit) for each in log.tracking)
-    return ViewTable("tracking", "Tracking error", columns, rows)
+    return ViewTable("tracking", "Tracking error", headed("joint:text, largest, rms, unit:unit"), rows)

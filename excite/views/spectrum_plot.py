@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -52,8 +51,7 @@ _LEAST = 5.0  # width of a figure with room for whole sentences and numbers [in]
 _UNCLEAR = 100.0  # [%]: from here on the deviation is larger than the parameter
 
 
-@dataclass(frozen=True)
-class RelativeAccuracy:
+class RelativeAccuracy(NamedTuple):
     """Predicted accuracy of a base parameter, relative to its size."""
 
     predicted: PredictedAccuracy
@@ -159,12 +157,9 @@ def _draw_bars(ax: Axes, column: Sequence[RelativeAccuracy], places: Array) -> N
         if known:
             ax.barh([place], [each.percent], height=0.62, **unit_style(each.predicted.unit))
         where: dict[str, Any] = {"xycoords": "data" if known else ("axes fraction", "data"), "va": "center"}
-        style: dict[str, Any] = {
-            "textcoords": "offset points",
-            "fontsize": NOTE - 0.5,
-            "color": DARK if known else GREY,
-        }
-        number = ax.annotate(each.text, (each.percent if known else 0.0, place), (3, 0), **where, **style)
+        style: dict[str, Any] = {"textcoords": "offset points", "fontsize": NOTE - 0.5}
+        at, colour = (each.percent, DARK) if known else (0.0, GREY)
+        number = ax.annotate(each.text, (at, place), (3, 0), color=colour, **where, **style)
         number.set_in_layout(False)  # it has room in the panel
 
 

@@ -40,6 +40,7 @@ TITLE, LABEL, NOTE = (float(SCREEN[f"{what}size"]) for what in ("figure.title", 
 
 # Palette of Okabe and Ito (2008), "Color universal design".
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 FORBIDDEN = "#F7DCC6"  # vermillion, light enough to draw on
 BAND = "#CFE6F3"  # blue, light enough to draw on
 GREY, DARK = "#8C8C8C", "#333333"
@@ -129,6 +130,12 @@ def low(height: float) -> float:
     return height if column_width() == float("inf") else _LOW * height
 
 
+def padded(low: float, high: float, share: float) -> tuple[float, float]:
+    """A range with room above and below, a share of its height."""
+    pad = share * (high - low) if high > low else max(0.1 * abs(high), 1e-12)
+    return low - pad, high + pad
+
+
 def tidy(ax: Axes) -> None:
     """Give a panel a light grid, small numbers, and lines only where they are read."""
     ax.grid(True, color=SCREEN["grid.color"], linewidth=SCREEN["grid.linewidth"])
@@ -182,11 +189,10 @@ def take_sizes(figure: Figure) -> None:
             _thin(artist, thin)
     for legend in (each for each in figure.findobj(Legend) if isinstance(each, Legend)):
         for handle in legend.legend_handles:
-            if handle is not None:
-                _thin(handle, thin)
+            _thin(handle, thin)
 
 
-def _thin(artist: Artist, share: float) -> None:
+def _thin(artist: Artist | None, share: float) -> None:
     if isinstance(artist, Line2D):
         artist.set(linewidth=share * float(artist.get_linewidth()), markersize=share * float(artist.get_markersize()))
     elif isinstance(artist, Patch):

@@ -145,7 +145,8 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
         result_json.RESULT: partial(load_result, part=part),
     }
     found = [read(folder) for name, read in readers.items() if (folder / name).exists()]
-    found += [read for path in _files(folder) if (read := _record(path, read_json(path).get("schema"))) is not None]
+    files = [path for pattern in _RECORDS for path in sorted(folder.glob(pattern))]
+    found += [read for path in files if (read := _record(path, read_json(path).get("schema"))) is not None]
     if not found:
         raise InputError(
             f"{folder} holds neither a design ({design_folder.DESIGN}), nor an identification ({result_json.RESULT}), "
@@ -153,11 +154,6 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
             "(fit.json), a study (study.json) or a campaign (campaign.json)"
         )
     return found
-
-
-def _files(folder: Path) -> list[Path]:
-    """Files of a folder that may hold a record."""
-    return [path for pattern in _RECORDS for path in sorted(folder.glob(pattern))]
 
 
 def _record(path: Path, schema: object) -> Filed | None:

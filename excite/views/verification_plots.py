@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,13 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from excite.simulation.replay import Replay
+from excite.verification.verification import Verification
 from excite.views.identification_plots import (
     MEASURED,
     PREDICTED,
     draw_fit,
     error_text,
     fit_legend,
-    fit_panels,
     relative_error,
 )
 from excite.views.panels import (
@@ -29,6 +30,7 @@ from excite.views.panels import (
     bar_panel,
     ends,
     extremes,
+    fit_panels,
     head,
     legend_below,
     panels,
@@ -38,10 +40,6 @@ from excite.views.panels import (
 from excite.views.style import DARK, LABEL, NOTE, ORANGE, PURPLE, SKY, VERMILLION, figure_of, significant, typeset
 from regressors.errors import InputError
 from regressors.samples import Array
-
-if TYPE_CHECKING:
-    from excite.simulation.replay import Replay
-    from excite.verification.verification import Verification
 
 _PARTS: tuple[tuple[str, dict[str, Any], str], ...] = (
     ("noise", {"facecolor": SKY}, "noise of the measurement"),
@@ -145,10 +143,9 @@ def error_parts_figure(verification: Verification) -> Figure:
     for name, look, _ in _PARTS:
         share = np.array([100.0 * float(getattr(torque, name)) for torque in torques])
         ax.barh(places, share, left=begin, height=0.62, **look, **_EDGE)
-        for place, left, wide in zip(places, begin, share, strict=True):
+        for place, left, wide in zip(places.tolist(), begin, share, strict=True):
             if wide > 100.0 * _READABLE:
-                text = f"{wide:.0f} %"
-                ax.text(left + wide / 2, float(place), text, ha="center", va="center", fontsize=NOTE, color="black")
+                ax.text(left + wide / 2, place, f"{wide:.0f} %", ha="center", va="center", fontsize=NOTE, color="black")
         begin = begin + share
     errors = (
         error_text(t.error, t.measured, t.unit, f"{significant(100 * t.relative, 3)} %").removeprefix("rms error ")
@@ -158,6 +155,5 @@ def error_parts_figure(verification: Verification) -> Figure:
     bar_panel(ax, -0.5, len(torques) - 0.5, places.tolist(), [torque.name for torque in torques])
     ax.set_xlim(0.0, 100.0)
     ax.set_xlabel("part of the mean squared error [%]", fontsize=LABEL, color=DARK)
-    handles = [Patch(**look, **_EDGE, label=meaning) for _, look, meaning in _PARTS]
-    legend_below(figure, handles)
+    legend_below(figure, [Patch(**look, **_EDGE, label=meaning) for _, look, meaning in _PARTS])
     return figure

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 
 from excite.verification.verification import Verification
-from excite.views.view import Drawing, View, ViewTable, headed, texts
+from excite.views.view import Drawing, View, ViewTable, headed
 from regressors.errors import percent
 
 TITLES = {
@@ -22,7 +22,6 @@ def verification_view(verification: Verification, name: str = "") -> View:
     """View of a verification, whose files begin with a name."""
     v, log = verification, verification.log
     name = name or f"verification-{PurePath(log.file).stem}"
-    tolerances = {"torque": v.tolerances.torque, "motion": v.tolerances.motion}
     robot = {} if v.robot is None else {"robot": v.robot.name, "robot_sha256": v.robot.sha256()}
     return View(
         kind="verification",
@@ -31,7 +30,7 @@ def verification_view(verification: Verification, name: str = "") -> View:
         holds=v.holds,
         summary=(_predicted(v), *v.verdict.answers),
         remarks=(*v.verdict.remarks, *log.notes),
-        asked=tuple((f"tolerance of the {name}", f"{100 * value:g} %") for name, value in tolerances.items()),
+        asked=tuple((f"tolerance of the {name}", f"{100 * value:g} %") for name, value in vars(v.tolerances).items()),
         tables=(_torques(v), _parts(v), *_motions(v), _errors(v)),
         figures=_figures(v),
         filed=name,
@@ -45,6 +44,8 @@ def verifications_view(judged: Sequence[Verification]) -> View:
     if len(judged) == 1:
         return verification_view(judged[0])
     negative = sum(not each.holds for each in judged)
+    worse = f"Do not rely on the result: it does not hold on {negative} of {len(judged)} logs."
+    better = f"The result predicts each of {len(judged)} logs: you can rely on it for motions of these kinds."
     columns = headed("*log:text, *verdict:text, *error of torques:%, *largest of a motion:%")
     rows = tuple(
         (
@@ -58,9 +59,7 @@ def verifications_view(judged: Sequence[Verification]) -> View:
     return View(
         kind="verification",
         title=f"verification on {len(judged)} logs",
-        verdict=f"Do not rely on the result: it does not hold on {negative} of {len(judged)} logs."
-        if negative
-        else f"The result predicts each of {len(judged)} logs: you can rely on it for motions of these kinds.",
+        verdict=worse if negative else better,
         holds=not negative,
         remarks=tuple(f"{v.log.file}: {text}" for v in judged for text in (*v.verdict.against, *v.verdict.remarks)),
         tables=(ViewTable("logs", "Verdict on each log", columns, rows),),
@@ -81,21 +80,16 @@ def _predicted(v: Verification) -> str:
 
 def _torques(v: Verification) -> ViewTable:
     moved = {motion.name: motion.relative for motion in v.motions or ()}
-    judged = {
-        "confirms": v.verdict.confirmed,
-        "contradicts": v.verdict.contradicted,
-        "cannot judge": v.verdict.undecided,
-    }
-    says = {name: verb for verb, names in judged.items() for name in names}
+    says = dict.fromkeys(v.verdict.confirmed, "confirms") | dict.fromkeys(v.verdict.contradicted, "contradicts")
+    says |= dict.fromkeys(v.verdict.undecided, "cannot judge")
     less: Sequence[float | None] = [part.relative for part in v.corrected] or [None] * len(v.torques)
     columns = headed(
         "*equation:text, measured, *torque error, *unit:unit, *of measured:%, less noise:%, *this log:text, "
         "*simulated motion:%, worst, at [s]"
     )
     rows = tuple(
-        (t.name, t.measured, t.error, t.unit, t.relative, part, says.get(t.name), moved.get(t.name), *worst)
-        for t, part in zip(v.torques, less, strict=True)
-        for worst in ((t.worst, t.worst_time),)
+        (t.name, t.measured, t.error, t.unit, t.relative, x, says.get(t.name), moved.get(t.name), t.worst, t.worst_time)
+        for t, x in zip(v.torques, less, strict=True)
     )
     return ViewTable("torques", "Predicted against measured", columns, rows)
 
@@ -121,8 +115,8 @@ def _errors(v: Verification) -> ViewTable:
         ("on this log, without the noise of the measurement", None if whole is None else whole.relative),
         ("on the logs of the identification", v.training_error),
     )
-    columns = (*texts(""), *headed("relative error:%"))
-    return ViewTable("errors", "Error of the predicted torques over all equations", columns, rows)
+    title = "Error of the predicted torques over all equations"
+    return ViewTable("errors", title, headed(":text, relative error:%"), rows)
 
 
 def _figures(v: Verification) -> tuple[Drawing, ...]:

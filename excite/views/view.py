@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, replace
 from enum import Enum
 from importlib import import_module
+from itertools import compress
 from typing import Any
 
 from excite.tasks.option import options_of
@@ -51,10 +52,9 @@ class ViewTable:
     @property
     def brief(self) -> ViewTable:
         """The columns of a short summary."""
-        kept = [k for k, column in enumerate(self.columns) if column.brief]
-        columns = tuple(self.columns[k] for k in kept)
-        rows = tuple(tuple(row[k] for k in kept) for row in self.rows)
-        return replace(self, columns=columns, rows=rows, marked={})
+        kept = [column.brief for column in self.columns]
+        columns, *rows = (tuple(compress(each, kept)) for each in (self.columns, *self.rows))
+        return replace(self, columns=columns, rows=tuple(rows), marked={})
 
 
 @dataclass(frozen=True)
@@ -143,35 +143,19 @@ def _is_default(name: str, value: Any, usual: Any) -> bool:
     return value is None or value == usual or (isinstance(value, list) and tuple(value) == usual)
 
 
-UNIT, BRIEF_UNIT = Column("unit", Format.UNIT), Column("unit", Format.UNIT, brief=True)
-
-
 def texts(*headings: str, **how: Any) -> tuple[Column, ...]:
     """Columns of texts."""
     return tuple(Column(heading, Format.TEXT, **how) for heading in headings)
 
 
-def numbers(*headings: str, **how: Any) -> tuple[Column, ...]:
-    """Columns of numbers."""
-    return tuple(Column(heading, **how) for heading in headings)
-
-
-def percents(*headings: str, **how: Any) -> tuple[Column, ...]:
-    """Columns of fractions in percent."""
-    return tuple(Column(heading, Format.PERCENT, **how) for heading in headings)
-
-
 _FORMATS = {"text": Format.TEXT, "unit": Format.UNIT, "%": Format.PERCENT, "kept": Format.KEPT}
 
 
-def headed(headings: str) -> tuple[Column, ...]:
-    """Columns by their headings, as ``*drive:text, torque, *used:%``.
-
-    A star marks those of a short summary; behind the colon is the format, or the digits of a number in a summary.
-    """
+def headed(headings: str, **how: Any) -> tuple[Column, ...]:
+    """Columns by headings, as ``*drive:text, x:2, used:%``: starred in a summary; a format, or a number's digits."""
     columns = []
     for each in headings.split(", "):
         heading, _, form = each.removeprefix("*").partition(":")
         digits = int(form) if form.isdigit() else Column.digits
-        columns.append(Column(heading, _FORMATS.get(form, Format.NUMBER), each.startswith("*"), digits=digits))
+        columns.append(Column(heading, _FORMATS.get(form, Format.NUMBER), each.startswith("*"), digits=digits, **how))
     return tuple(columns)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -59,7 +58,7 @@ def clearance_figure(design: Design) -> Figure:
     panel = Panel(widths=(3.4,), height=1.5, left=0.65, between=0.62, least=_LEAST)
     title = _title(design, uses, len(nearest))
     figure, flat, (overview,) = alike(len(nearest), _COLUMNS, panel, title, "time [s]", whole=1)
-    time, scale = design.samples.time, _Scale.of(nearest, distances)
+    time, scale = design.samples.time, _scale(nearest, distances)
     for use in nearest[1:]:
         overview.plot(time, _MILLIMETRES * distances[use.label], **_OTHERS)
     if nearest:
@@ -80,56 +79,42 @@ def _title(design: Design, uses: Sequence[LimitUse], shown: int) -> str:
 
 
 def _uses(design: Design) -> list[LimitUse]:
-    labels = {label for limit in _limits(design) for label in limit.labels}
+    labels = {label for limit in design.nonlinear if isinstance(limit, Clearance) for label in limit.labels}
     return [use for use in design.limits if use.label in labels]
-
-
-def _limits(design: Design) -> list[Clearance]:
-    return [limit for limit in design.nonlinear if isinstance(limit, Clearance)]
 
 
 def _distances(design: Design) -> dict[str, Array]:
     """Smallest of each label's functions at every instant [m]."""
     distances: dict[str, Array] = {}
-    for limit in _limits(design):
+    for limit in (each for each in design.nonlinear if isinstance(each, Clearance)):
         shown = limit.shown(limit.values(design.samples))
         for label in dict.fromkeys(limit.labels):
             distances[label] = shown[:, [other == label for other in limit.labels]].min(axis=1)
     return distances
 
 
-@dataclass(frozen=True)
-class _Scale:
-    """Scale of all panels: linear up to the clearance, logarithmic above it [mm]."""
-
-    bottom: float
-    linear: float
-    top: float
-
-    @classmethod
-    def of(cls, uses: Sequence[LimitUse], distances: Mapping[str, Array]) -> _Scale:
-        linear = max((_MILLIMETRES * use.bound for use in uses), default=1.0)
-        values = np.concatenate([[linear], *(_MILLIMETRES * distances[use.label] for use in uses)])
-        lowest = min([0.0, float(values.min()), *(_MILLIMETRES * use.extreme for use in uses)])
-        return cls(1.1 * lowest, linear, max(1.3 * float(values.max()), 3.0 * linear))
-
-    def apply(self, ax: Axes) -> None:
-        ax.set_yscale("symlog", linthresh=self.linear, linscale=_LINEAR)
-        ax.set_ylim(self.bottom, self.top)
-        ax.yaxis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=self.linear, subs=[1.0, 3.0]))
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: typeset(f"{value:.4g}")))
-        ax.yaxis.set_minor_locator(NullLocator())
-        ax.set_ylabel("distance [mm]", fontsize=NOTE, color=DARK)
+def _scale(uses: Sequence[LimitUse], distances: Mapping[str, Array]) -> tuple[float, float, float]:
+    """Bottom and top of all panels, and between them the clearance, up to which their scale is linear [mm]."""
+    linear = max((_MILLIMETRES * use.bound for use in uses), default=1.0)
+    values = np.concatenate([[linear], *(_MILLIMETRES * distances[use.label] for use in uses)])
+    lowest = min([0.0, float(values.min()), *(_MILLIMETRES * use.extreme for use in uses)])
+    return 1.1 * lowest, linear, max(1.3 * float(values.max()), 3.0 * linear)
 
 
-def _draw(ax: Axes, time: Array, distance: Array, use: LimitUse, scale: _Scale) -> None:
+def _draw(ax: Axes, time: Array, distance: Array, use: LimitUse, scale: tuple[float, float, float]) -> None:
+    bottom, linear, top = scale
     bound, extreme = _MILLIMETRES * use.bound, _MILLIMETRES * use.extreme
     ax.plot(time, _MILLIMETRES * distance, **_NEAREST)
-    ax.axhspan(scale.bottom, bound, color=FORBIDDEN, linewidth=0, zorder=0.5)
+    ax.axhspan(bottom, bound, color=FORBIDDEN, linewidth=0, zorder=0.5)
     ax.axhline(bound, color=VERMILLION, linewidth=1.0, zorder=1.5)
     ax.plot([use.time], [extreme], "o", color=_colour(use), markersize=4.5, clip_on=False, zorder=3)
     ax.set_xlim(time[0], time[-1])
-    scale.apply(ax)
+    ax.set_yscale("symlog", linthresh=linear, linscale=_LINEAR)
+    ax.set_ylim(bottom, top)
+    ax.yaxis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=linear, subs=[1.0, 3.0]))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: typeset(f"{value:.4g}")))
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.set_ylabel("distance [mm]", fontsize=NOTE, color=DARK)
 
 
 def _colour(use: LimitUse) -> str:
@@ -174,37 +159,35 @@ def workspace_figure(design: Design) -> Figure:
     poses = link_poses(robot, whole_pose(robot, design.moving.joint_names, samples.q))
     last = poses[robot.links[-1].name]
     path = last[:, :3, :3] @ np.array(design.task.limits.tool_point) + last[:, :3, 3]
-    nearest = _nearest_time(design)
-    shown = [*np.linspace(0, len(path) - 1, _POSES + 1).round().astype(int)[:-1].tolist()]
-    shown += [] if nearest is None else [int(np.argmin(np.abs(samples.time - nearest)))]
+    nearest = min(_uses(design), key=lambda use: use.extreme, default=None)
+    shown = np.linspace(0, len(path) - 1, _POSES + 1).round().astype(int)[:-1].tolist()
+    shown += [] if nearest is None else [int(np.argmin(np.abs(samples.time - nearest.time)))]
     links = [[_moved(part.capsule, poses[part.link][k]) for part in parts if part.link in poses] for k in shown]
-    view = _View.of(path, [capsule for pose in links for capsule in pose], obstacles)
-    notes = broken(textwrap.fill("; ".join(view.notes), _LETTERS), column_width())
+    middle, half, said = _seen(path, [capsule for pose in links for capsule in pose], obstacles)
+    notes = broken(textwrap.fill("; ".join(said), _LETTERS), column_width())
     height = min(_SIDE, column_width() / columns_that_fit(3, Panel.least) / low(1.0))
     panel = Panel(widths=(_SIDE,) * 3, height=height, below=0.95 + 0.16 * len(notes.splitlines()))
     figure, axes = panels(1, panel, f"{design.robot.name}: tool and obstacles")
     for ax, plane in zip(axes[0], _VIEWS, strict=True):
         for obstacle in obstacles:
-            _draw_obstacle(ax, obstacle.shape, plane, 10 * view.half)
+            _draw_obstacle(ax, obstacle.shape, plane, 10 * half)
         for k, pose in enumerate(links):
             style = _SOME if k < _POSES else _NEAREST_LINKS
             for capsule in pose:
                 ax.add_patch(Polygon(_outline(capsule, plane), **style))
         ax.plot(path[:, plane[0]], path[:, plane[1]], **_PATH)
-        view.apply(ax, plane)
+        x0, y0 = middle[list(plane)]
+        ax.set_aspect("equal", adjustable="box")
+        ax.set_xlim(x0 - half, x0 + half)
+        ax.set_ylim(y0 - half, y0 + half)
+        ax.set_xlabel(f"{_AXES[plane[0]]} [m]", fontsize=LABEL, color=DARK)
+        value_axis(ax, f"{_AXES[plane[1]]} [m]")
     legend_below(figure, _legend_of_views(nearest), title=plain(notes), title_fontsize=NOTE)
     return figure
 
 
-def _nearest_time(design: Design) -> float | None:
-    """When two bodies come nearest to each other [s]."""
-    labels = {label for limit in design.nonlinear if isinstance(limit, Clearance) for label in limit.labels}
-    uses = [use for use in design.limits if use.label in labels]
-    return min(uses, key=lambda use: use.extreme).time if uses else None
-
-
-def _legend_of_views(nearest: float | None) -> list[Artist]:
-    near = [] if nearest is None else [f"where two bodies are nearest, at {significant(nearest, 3)} s"]
+def _legend_of_views(nearest: LimitUse | None) -> list[Artist]:
+    near = [] if nearest is None else [f"where two bodies are nearest, at {significant(nearest.time, 3)} s"]
     return [
         Line2D([], [], **_PATH, label="path of the tool"),
         Patch(**_SOME, label=f"links at {_POSES} equally spaced instants"),
@@ -213,44 +196,25 @@ def _legend_of_views(nearest: float | None) -> list[Artist]:
     ]
 
 
-@dataclass(frozen=True)
-class _View:
-    """The cube that all views show."""
-
-    middle: Array  # (3,) [m]
-    half: float  # half of its side [m]
-    notes: tuple[str, ...]  # obstacles that it does not show, or not as a whole
-
-    @classmethod
-    def of(cls, path: Array, links: Sequence[Capsule], obstacles: Sequence[Obstacle]) -> _View:
-        """The smallest cube around the path, the links, and every obstacle that is not far too large for it."""
-        corners = np.vstack([path, *(_extent(capsule) for capsule in links)])
-        least, most = corners.min(axis=0), corners.max(axis=0)
-        largest = _HUGE * float((most - least).max())
-        low, high, cut, tilted = least, most, [], []
-        for obstacle in obstacles:
-            ends = np.array(list(_points_in_view(obstacle.shape, 0.5 * (least + most))))
-            if not ends.size:
-                tilted.append(obstacle.name)
-                continue
-            lower, upper = ends.min(axis=0), ends.max(axis=0)
-            if float((np.maximum(most, upper) - np.minimum(least, lower)).max()) > largest:
-                cut.append(obstacle.name)
-            else:
-                low, high = np.minimum(low, lower), np.maximum(high, upper)
-        notes = [f"too large or too far off to be shown as a whole: {', '.join(cut)}"] if cut else []
-        notes += [f"not drawn, as planes that no view shows edge-on: {', '.join(tilted)}"] if tilted else []
-        half = (0.5 + _MARGIN) * float((high - low).max())
-        return cls(0.5 * (low + high), half, tuple(notes))
-
-    def apply(self, ax: Axes, plane: tuple[int, int]) -> None:
-        """Set a panel's ranges and labels."""
-        (x0, y0), half = self.middle[list(plane)], self.half
-        ax.set_aspect("equal", adjustable="box")
-        ax.set_xlim(x0 - half, x0 + half)
-        ax.set_ylim(y0 - half, y0 + half)
-        ax.set_xlabel(f"{_AXES[plane[0]]} [m]", fontsize=LABEL, color=DARK)
-        value_axis(ax, f"{_AXES[plane[1]]} [m]")
+def _seen(path: Array, links: Sequence[Capsule], obstacles: Sequence[Obstacle]) -> tuple[Array, float, list[str]]:
+    """Middle and half side of the cube around path, links and obstacles not far too large [m]; notes on the others."""
+    corners = np.vstack([path, *(_extent(capsule) for capsule in links)])
+    least, most = corners.min(axis=0), corners.max(axis=0)
+    largest = _HUGE * float((most - least).max())
+    low, high, cut, tilted = least, most, [], []
+    for obstacle in obstacles:
+        ends = np.array(list(_points_in_view(obstacle.shape, 0.5 * (least + most))))
+        if not ends.size:
+            tilted.append(obstacle.name)
+            continue
+        lower, upper = ends.min(axis=0), ends.max(axis=0)
+        if float((np.maximum(most, upper) - np.minimum(least, lower)).max()) > largest:
+            cut.append(obstacle.name)
+        else:
+            low, high = np.minimum(low, lower), np.maximum(high, upper)
+    notes = [f"too large or too far off to be shown as a whole: {', '.join(cut)}"] if cut else []
+    notes += [f"not drawn, as planes that no view shows edge-on: {', '.join(tilted)}"] if tilted else []
+    return 0.5 * (low + high), (0.5 + _MARGIN) * float((high - low).max()), notes
 
 
 def _extent(capsule: Capsule) -> Array:

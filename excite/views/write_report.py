@@ -13,10 +13,11 @@ from excite.storage.atomic import replacing
 from excite.storage.records import complete
 from excite.storage.result_folder import replace_files, result_file
 from excite.views.campaign_view import designs_of
+from excite.views.identification_view import side_by_side_view
 from excite.views.page_text import PageSection, page_text
 from excite.views.player_data import matches
 from excite.views.player_log import Appearance
-from excite.views.sections import comparison_section, parameters_section, section_of
+from excite.views.sections import comparison_section, section_of
 from excite.views.subjects import Filed, Subject, subjects_of
 from regressors.arguments import checked
 from regressors.errors import ExciteError, InputError, TakenError
@@ -94,16 +95,9 @@ def report_text(
 
 def _shapes(subjects: Iterable[Subject]) -> dict[str, World]:
     """Shapes of robots that designs hold, by the hashes of their descriptions."""
-    designs = [each for each in subjects if isinstance(each, Design)]
-    known = {each.robot.sha256(): _shape(each) for each in designs}
+    designs = [(each, each.task.limits.world) for each in subjects if isinstance(each, Design)]
+    known = {d.robot.sha256(): world if isinstance(world, World) else d.shape for d, world in designs}
     return {name: shape for name, shape in known.items() if shape is not None}
-
-
-def _shape(design: Design) -> World | None:
-    world = design.task.limits.world
-    if isinstance(world, World):
-        return world
-    return design.shape
 
 
 def _check_robot(subjects: Iterable[Subject], file: str) -> None:
@@ -121,21 +115,19 @@ def _comparisons(subjects: Sequence[Subject]) -> list[PageSection]:
         designs = [each for each in designs if each not in own]
     results = [each for each in subjects if isinstance(each, Identification)]
     sections = [comparison_section(designs)] if len(designs) > 1 else []
-    return [*sections, *([parameters_section(results)] if len(results) > 1 else [])]
+    return sections + ([PageSection(side_by_side_view(results))] if len(results) > 1 else [])
 
 
 def _section(subject: Subject, prefix: str, looks: Appearance, of_page: Sequence[Subject]) -> PageSection:
     """Section of a subject; of one that was read from a file, entries that are missing are named."""
-    source = _source(subject)
-    if source is None:
-        return section_of(subject, prefix, looks, of_page)
-    path, kind = source
     try:
         return section_of(subject, prefix, looks, of_page)
     except ExciteError:
         raise
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        with complete(path, kind):
+        if (source := _source(subject)) is None:
+            raise
+        with complete(*source):
             raise error
 
 

@@ -29,7 +29,7 @@ from excite.storage.result_folder import replace_result, result_folder
 from excite.tasks.task import Task
 from excite.views import style
 from excite.views.figures import LARGE, drawn_figures, svg_text, write_figure_files
-from excite.views.page_text import CARD, contrast, dark, dark_rules
+from excite.views.page_text import CARD, _linear, dark, dark_rules
 from excite.views.panels import (
     LINES,
     Panel,
@@ -285,26 +285,28 @@ def test_the_same_figure_has_the_same_text() -> None:
 def test_long_curves_become_a_picture() -> None:
     text = svg_text(figure(20000), "p", "l")
     assert len(text) < LARGE
-    images = list(ElementTree.fromstring(text).iter("image"))
-    assert images
-    assert all(str(each.get("href")).startswith("data:image/png") for each in images)
+    images = ElementTree.fromstring(text).iter("image")
+    assert {str(each.get("href")).partition(";")[0] for each in images} == {"data:image/png"}
 
 
 # Colours of figures on a dark page: readable, of the same hue, and still different from each other.
-
-
-MEANINGS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
 
 
 def _hue(colour: str) -> float:
     return colorsys.rgb_to_hsv(*(int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)))[0]
 
 
+def contrast(one: str, other: str) -> float:
+    """Contrast ratio of WCAG 2, from 1 to 21, by the relative luminance of both."""
+    low, high = sorted(float(np.array([0.2126, 0.7152, 0.0722]) @ _linear(colour)) for colour in (one, other))
+    return (high + 0.05) / (low + 0.05)
+
+
 def test_colours_keep_their_meaning_on_a_dark_page() -> None:
-    for colour in MEANINGS:
+    for colour in style.COLOURS:
         assert contrast(dark(colour), CARD) >= 3.0
         assert abs(_hue(dark(colour)) - _hue(colour)) < 0.04
-    for one, other in itertools.combinations(map(dark, MEANINGS), 2):
+    for one, other in itertools.combinations(map(dark, style.COLOURS), 2):
         assert max(abs(int(one[k : k + 2], 16) - int(other[k : k + 2], 16)) for k in (1, 3, 5)) > 40, (one, other)
     assert min(contrast(dark(colour), CARD) for colour in (style.DARK, "#000000")) >= 4.5  # of text
     faint = [contrast(dark(colour), CARD) for colour in (style.BAND, style.FORBIDDEN, "#DDDDDD", "#EDEDED")]
@@ -367,8 +369,7 @@ BUILT_IN = {*PARAMETER_UNITS, *(unit for _, *units in _DRIVE_COLUMNS.values() fo
 
 
 def look(unit: str) -> tuple[object, object]:
-    style = unit_style(unit)
-    return style["facecolor"], style["hatch"]
+    return unit_style(unit)["facecolor"], unit_style(unit)["hatch"]
 
 
 def test_every_unit_of_a_built_in_model_has_a_look_of_its_own() -> None:

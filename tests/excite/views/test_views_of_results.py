@@ -147,6 +147,7 @@ def test_the_worst_parameter_is_named(course: TimeCourse) -> None:
         some = dataclasses.replace(
             course,
             names=tuple(course.names[k] for k in kept),
+            units=course.units[: len(kept)],
             values=course.values[:, kept],
             deviation=course.deviation[:, kept],
             reference=course.reference[kept],

@@ -24,9 +24,10 @@ from excite.identification.result import RepeatedParameter, RepetitionSummary
 from excite.information.matrix import CONVENTIONS
 from excite.study.time_study import load_time_study
 from excite.tasks.friction_file import write_friction
-from excite.views.page_text import page_text
+from excite.views.identification_view import side_by_side_view
+from excite.views.page_text import PageSection, page_text
 from excite.views.player_log import Appearance
-from excite.views.sections import commands_of, comparison_section, parameters_section, section_of
+from excite.views.sections import commands_of, comparison_section, section_of
 from excite.views.write_report import report_text
 from regressors.errors import InputError
 from regressors.robot.friction.curve import CoulombViscous
@@ -140,7 +141,7 @@ def test_identification_and_verification(tmp_path: Path) -> None:
 
 def test_several_results_are_compared(folder: Path) -> None:
     designs = [excite.load_design(folder)] * 2
-    sections = [comparison_section(designs), parameters_section([result("old"), result("new")])]
+    sections = [comparison_section(designs), PageSection(side_by_side_view([result("old"), result("new")]))]
     parsed = ParsedPage(page_text(sections))
     criteria = [judgement.criteria for judgement in excite.compare(designs)]
     assert parsed.numbers("comparison") == [[each[name] for each in criteria] for name in CONVENTIONS]
