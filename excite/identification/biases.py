@@ -311,7 +311,7 @@ def friction_mismatch(estimate: Estimate, observations: Observations, context: C
     if not rank or not np.all(np.isfinite(C)):
         return None
     bound = rank * scipy.stats.f.isf(_CHANCE, rank, max(other.degrees_of_freedom, 1))
-    if c @ np.linalg.solve(C, c) <= bound:
+    if c @ np.linalg.pinv(C, hermitian=True) @ c <= bound:
         return None
     moments = np.zeros_like(estimate.covariance)
     moments[np.ix_(seen, seen)] = np.outer(reach @ c, reach @ c) + reach @ C @ reach.T

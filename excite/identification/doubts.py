@@ -350,7 +350,7 @@ def other_motion(travelled: Samples, rng: np.random.Generator) -> Samples:
     low, high = travelled.q.min(axis=0), travelled.q.max(axis=0)
     speed, acceleration = _rms(travelled.dq), _rms(travelled.ddq)
     moving = (high - low > 1e-6 * (high - low).max(initial=0.0)) & (speed > 0)
-    rate = float(np.median(acceleration[moving] / speed[moving]))  # of the harmonics [rad/s]
+    rate = float(np.median(acceleration[moving] / speed[moving])) if moving.any() else 1.0  # of the harmonics [rad/s]
     numbers = np.arange(1, HARMONICS + 1)  # mean squares of acceleration and velocity over the base frequency squared:
     period = 2 * np.pi * np.sqrt(float(np.sum(numbers**4) / np.sum(numbers**2))) / rate
     time = np.arange(_POINTS) * (period / _POINTS)
