@@ -47,6 +47,10 @@ if TYPE_CHECKING:
 
 def doubts_of(result: Identification) -> tuple[Doubt, ...]:
     """Reasons why a result cannot be right; empty if there are none."""
+    if len(result.estimate.unseen) == len(result.names):
+        what = f"the logs show none of the {len(result.names)} parameters"
+        cause = "they are too short, or what moves in them is as small as their noise"
+        return (Doubt(what, cause, "record a designed motion (`design_trajectory`)", about="torques"),)
     target = instantaneous_target(result.robot, result.task, result.recipe)
     noise = _derivatives(result)
     residual = _residual(result, target, noise)
@@ -56,15 +60,6 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
             checks += [_mass_matrix(result, target, noise), _gravity(result, target)]
         checks.append(
             impossible_parameters(result.estimate, result.target.base, _shares(result), noise, _tried(result))
-        )
-    if len(result.estimate.unseen) == len(result.names):
-        checks.append(
-            Doubt(
-                f"the logs show none of the {len(result.names)} parameters",
-                "they are too short, or what moves in them is as small as their noise",
-                "record a designed motion (`design_trajectory`)",
-                about="torques",
-            )
         )
     found = tuple(doubt for doubt in checks if doubt is not None)
     timed = any(choice.name == "delay" for choice in result.choices)

@@ -60,6 +60,7 @@ _SPOILT = "the log is spoilt:"
 _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
+_OF_LOG = 0.1  # of the shortest log: longer delays are not searched
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
 
 
@@ -137,6 +138,7 @@ class FaultSearch:
     target: IdentificationTarget
     samples: Samples  # (N,)
     step: float  # [s]
+    longest: float  # delay that is searched [s]
     # those measured some steps later than the instants, (n,) -> (N, n): whole steps, since noise between two measured
     # values is less than in each
     torques: Callable[[Index], Array]
@@ -168,7 +170,8 @@ class FaultSearch:
         described = None if implausible_inertias(target.robot) else _described(target)
         step = float(np.median(np.diff(parts[0].samples.time)))
         signs = signs_of_bodies(target.base)
-        return FaultSearch(target, joined, step, torques, _noise(uniform), described, signs, friction)
+        longest = _OF_LOG * min(float(np.ptp(part.samples.time)) for part in parts)
+        return FaultSearch(target, joined, step, longest, torques, _noise(uniform), described, signs, friction)
 
     @cached_property
     def plain(self) -> Equations:
@@ -242,10 +245,12 @@ class FaultSearch:
     def _delayed(self, which: Index) -> Fit:
         """The torques of some joints late by the best delay."""
         names = self.target.robot.joint_names
-        grid = np.unique(np.round(_DELAYS / self.step).astype(int))
+        grid = np.unique(np.round(np.clip(_DELAYS, -self.longest, self.longest) / self.step).astype(int))
         sizes = {0: np.inf}
 
         def size(steps: int) -> float:
+            if abs(steps) * self.step > self.longest:
+                return np.inf
             if steps not in sizes:
                 sizes[steps] = self._fit(delay_fault(names, steps * which, self.step)).size
             return sizes[steps]
