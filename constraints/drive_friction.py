@@ -14,7 +14,7 @@ from regressors.robot.columns import COULOMB, VISCOUS, drive_column
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.robot.friction.load_and_temperature import Loaded, Warm
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, Transmission, drive_numbers, transmission_of
 from regressors.samples import Array
 
 
@@ -49,11 +49,10 @@ def drive_friction(
     """Friction of every drive; only the viscous part where a drive does not move or its friction is unknown."""
     curves = FrictionCurves({}) if curves is None else curves
     curves.check(robot)
-    transmission = robot.transmission
-    names = robot.joint_names if transmission is None else [drive.name for drive in transmission.drives]
-    numbers = robot.link_numbers if transmission is None else range(1, len(names) + 1)
-    turning = np.any(np.abs(_coupling(robot) @ motion.matrix) > 1e-12, axis=1)
-    fastest = [_fastest(robot, k) for k in range(len(names))]
+    transmission, numbers = transmission_of(robot), drive_numbers(robot)
+    names = [drive.name for drive in transmission.drives]
+    turning = np.any(np.abs(transmission.coupling @ motion.matrix) > 1e-12, axis=1)
+    fastest = _fastest(robot, transmission)
     bounds = []
     for k, (number, name) in enumerate(zip(numbers, names, strict=True)):
         curve, viscous = curves.curve(name), known.get(drive_column(number, VISCOUS).name, 0.0)
@@ -84,15 +83,10 @@ def _largest(bound: FrictionBound, fastest: float) -> float:
     return viscous + max(abs(bound.lower), abs(bound.upper))
 
 
-def _fastest(robot: Robot, k: int) -> float:
-    """Largest speed of a drive within the velocity limits of the joints and its own [rad/s or m/s]."""
-    row = np.abs(_coupling(robot)[k])
-    joints = float(row[row > 0] @ robot.limits.velocity[row > 0])
-    return joints if robot.transmission is None else min(joints, float(robot.transmission.limits.velocity[k]))
-
-
-def _coupling(robot: Robot) -> Array:
-    return np.eye(robot.n) if robot.transmission is None else robot.transmission.coupling
+def _fastest(robot: Robot, transmission: Transmission) -> list[float]:
+    """Largest speed of each drive within the velocity limits of the joints and its own [rad/s or m/s]."""
+    joints = (row[row > 0] @ robot.limits.velocity[row > 0] for row in np.abs(transmission.coupling))
+    return [min(float(x), y) for x, y in zip(joints, transmission.limits.velocity.tolist(), strict=True)]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from regressors.models.partial import PartialMotion
-from regressors.robot.robot import Limits, Robot
+from regressors.robot.robot import Limits, Robot, linear_drives, transmission_of
 from regressors.samples import Array, Samples
 
 OTHER = "other"  # what a constraint limits, in a word, where it does not say
@@ -110,12 +110,9 @@ def joint_limits(robot: Robot) -> list[LinearConstraint]:
 
 def drive_limits(robot: Robot) -> list[LinearConstraint]:
     """The same limits of the drive coordinates z = C q + z0; none for a robot without a transmission."""
-    transmission = robot.transmission
-    if transmission is None:
-        return []
+    transmission = transmission_of(robot)
     names = tuple(f"drive {drive.name}" for drive in transmission.drives)
-    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
-    units = tuple("m" if np.any(row[prismatic] != 0.0) else "rad" for row in transmission.coupling)
+    units = tuple("m" if linear else "rad" for linear in linear_drives(robot))
     return _from_limits(transmission.limits, transmission.coupling, transmission.offset, names, units)
 
 

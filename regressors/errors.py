@@ -62,14 +62,11 @@ def cut(text: str, most: int = LONGEST) -> str:
 def shortened(value: object) -> str:
     """``repr`` of a value, its middle left out where it is long."""
     try:
-        text = repr(value[: 2 * LONGEST] + value[-LONGEST:] if isinstance(value, str) and _long(value) else value)
+        long = isinstance(value, str) and len(value) > 4 * LONGEST
+        text = repr(value[: 2 * LONGEST] + value[-LONGEST:] if long else value)  # type: ignore[index]
     except ValueError:  # Python refuses to print integers of thousands of digits
         return "a very long number"
     return cut(text)
-
-
-def _long(text: str) -> bool:
-    return len(text) > 4 * LONGEST
 
 
 def long_name(name: str) -> str | None:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.models.drives import SMALLEST_SPEED, drive_rows
+from regressors.models.drives import SMALLEST_SPEED
 from regressors.robot.columns import (
     ASYMMETRY,
     COULOMB,
@@ -22,7 +22,7 @@ from regressors.robot.columns import (
     Terms,
 )
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, drive_numbers, transmission_of
 from regressors.samples import Array, Index
 
 
@@ -127,10 +127,8 @@ class DriveConstants:
 
 def drives_of(robot: Robot, terms: Terms, sign_width: float) -> DriveConstants:
     """Drives of a robot that have parameters; one per joint, without rotor, where it has no transmission."""
-    n, none = robot.n, np.zeros(0, dtype=np.intp)
-    if robot.transmission is None:
-        return DriveConstants(tuple(drive_rows(robot)), np.eye(n), np.zeros(n), none, (), terms, sign_width)
-    C, offset, drives = robot.transmission.coupling, robot.transmission.offset, robot.transmission.drives
+    transmission = transmission_of(robot)
+    drives = transmission.drives
     moving = [k for k, drive in enumerate(drives) if not drive.rests]
     rotors = np.array([i for i, k in enumerate(moving) if drives[k].rotor_inertia is not None], dtype=np.intp)
     gears = tuple(drives[moving[i]].ratio for i in rotors)
@@ -139,8 +137,9 @@ def drives_of(robot: Robot, terms: Terms, sign_width: float) -> DriveConstants:
             raise InputError(
                 f"gear function {type(gear).__name__} has no JAX counterpart; expected a constant ratio or a ball screw"
             )
-    numbers = tuple(k + 1 for k in moving)
-    return DriveConstants(numbers, C[moving], offset[moving], rotors, gears, terms, sign_width)
+    numbers = tuple(drive_numbers(robot)[k] for k in moving)
+    C, offset = transmission.coupling[moving], transmission.offset[moving]
+    return DriveConstants(numbers, C, offset, rotors, gears, terms, sign_width)
 
 
 def _ratio(gear: GearFunction, z: jax.Array) -> jax.Array:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 PARAMETERS_PER_LINK = 10
-_IXX, _IXY, _IXZ, _IYY, _IYZ, _IZZ = range(4, 10)
+_TENSOR = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])  # places of a tensor's entries in theta
 
 
 def parameter_names(link: int) -> tuple[str, ...]:
@@ -53,14 +53,7 @@ def from_centre_of_mass(mass: float, centre: ArrayLike, inertia: ArrayLike) -> A
 
 def inertia_tensor(theta: ArrayLike) -> Array:
     """Inertia tensor about the frame's origin [kg m^2], shape (3, 3), of one body's ten parameters."""
-    t = np.asarray(theta, dtype=float)
-    return np.array(
-        [
-            [t[_IXX], t[_IXY], t[_IXZ]],
-            [t[_IXY], t[_IYY], t[_IYZ]],
-            [t[_IXZ], t[_IYZ], t[_IZZ]],
-        ]
-    )
+    return np.asarray(np.asarray(theta, dtype=float)[_TENSOR])
 
 
 def pseudo_inertia(theta: ArrayLike) -> Array:

@@ -21,7 +21,7 @@ from regressors.arguments import checked
 from regressors.errors import Finding, InputError, UnknownName, long_name
 from regressors.quantities import place_of
 from regressors.robot.gears import ConstantRatio, GearFunction
-from regressors.robot.inertia import PARAMETERS_PER_LINK, Array
+from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, skew
 from regressors.robot.shapes import Part
 
 JointKind = Literal["revolute", "prismatic"]
@@ -113,8 +113,7 @@ class Joint(_Rebuilt):
             T[:3, :3] = self.rotation
             T[:3, 3] += self.rotation @ (self.axis * q)
             return T
-        x, y, z = self.axis
-        K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        K = skew(self.axis)
         T[:3, :3] = self.rotation @ (np.eye(3) + np.sin(q) * K + (1 - np.cos(q)) * K @ K)
         return T
 
@@ -487,6 +486,24 @@ class Robot(_Rebuilt):
         content = {key: value for key, value in self.description().items() if key not in ("source", "shapes")}
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def transmission_of(robot: Robot) -> Transmission:
+    """How its drives move its joints; where that is not stated, each by one of its own, of which nothing is known."""
+    if robot.transmission is not None:
+        return robot.transmission
+    return Transmission(np.eye(robot.n), tuple(map(Drive, robot.joint_names)), Limits.none(robot.n))
+
+
+def drive_numbers(robot: Robot) -> tuple[int, ...]:
+    """Number of each of these drives in parameter names."""
+    return robot.link_numbers if robot.transmission is None else tuple(range(1, len(robot.transmission.drives) + 1))
+
+
+def linear_drives(robot: Robot) -> tuple[bool, ...]:
+    """Whether each of these drives moves a prismatic joint."""
+    prismatic = [joint.kind == "prismatic" for joint in robot.joints]
+    return tuple(bool(np.any(row[prismatic])) for row in transmission_of(robot).coupling)
 
 
 def _check_name(name: object) -> None:

@@ -40,7 +40,7 @@ from regressors.robot.friction.load_and_temperature import (
     torques_at_drives,
 )
 from regressors.robot.friction.uncertainty import CurveUncertainty, changed, curve_parameters, uncertainty_at
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
 
@@ -128,7 +128,7 @@ class FrictionCurves:
     @classmethod
     def of_robot(cls, robot: Robot) -> FrictionCurves:
         """Coulomb and viscous friction of the drives whose description states it."""
-        drives = () if robot.transmission is None else robot.transmission.drives
+        drives = transmission_of(robot).drives
         known = {d.name: [x for x in (d.coulomb, d.viscous) if x is not None and np.isfinite(x)] for d in drives}
         stated = {d.name: CoulombViscous(_stated(d.coulomb), _stated(d.viscous)) for d in drives if not d.rests}
         return cls({name: curve for name, curve in stated.items() if known[name]})
@@ -217,7 +217,7 @@ class FrictionCurves:
 
     def check(self, robot: Robot) -> None:
         """Raise `UnknownName` for a curve whose name no drive of the robot has."""
-        known = robot.joint_names if robot.transmission is None else [d.name for d in robot.transmission.drives]
+        known = [drive.name for drive in transmission_of(robot).drives]
         for name in self.curves:
             if name not in known:
                 raise UnknownName("drive" if robot.transmission else "joint", name, known)
