@@ -15,7 +15,7 @@ import numpy as np
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, Shape, vector_of
 from regressors.robot.inertia import skew
-from regressors.robot.robot import BASE, Joint, Robot
+from regressors.robot.robot import BASE, Joint, Robot, finite_ranges
 from regressors.robot.shapes import Capsule
 from regressors.robot.symbolic.kinematics import relative_pose, sparse
 from regressors.samples import Array
@@ -37,10 +37,6 @@ def _at(pose: Pose, point: Array) -> ca.SX:
     return pose[1] + ca.mtimes(pose[0], sparse(point))
 
 
-def _squared(vector: ca.SX) -> ca.SX:
-    return ca.sumsqr(vector)
-
-
 def _clipped(value: ca.SX, low: Array | float, high: Array | float) -> ca.SX:
     return ca.fmin(ca.fmax(value, low), high)
 
@@ -49,11 +45,11 @@ def _to_line(point: ca.SX, pose: Pose, capsule: Capsule, reach: float) -> Gap:
     """Squared distance of a point from the line of a capsule."""
     start = _at(pose, np.array(capsule.start))
     if capsule.length == 0:
-        return Gap(_squared(point - start), reach, True)
+        return Gap(ca.sumsqr(point - start), reach, True)
     line = ca.mtimes(pose[0], sparse(np.subtract(capsule.end, capsule.start)))
     t = ca.SX.sym("t")
     nearest = _clipped(ca.dot(point - start, line) / capsule.length**2, 0.0, 1.0)
-    return Gap(_squared(point - start - t * line), reach, True, ((t, nearest),))
+    return Gap(ca.sumsqr(point - start - t * line), reach, True, ((t, nearest),))
 
 
 def _to_box(point: ca.SX, box: Box, reach: float) -> Gap:
@@ -61,7 +57,7 @@ def _to_box(point: ca.SX, box: Box, reach: float) -> Gap:
     local = ca.mtimes(sparse(box.rotation.T), point - sparse(np.array(box.centre)))
     half = np.array(box.size) / 2
     y = ca.SX.sym("y", 3)
-    return Gap(_squared(local - y), reach, True, ((y, _clipped(local, -half, half)),))
+    return Gap(ca.sumsqr(local - y), reach, True, ((y, _clipped(local, -half, half)),))
 
 
 def gaps(capsule: Capsule, pose: Pose, shape: Shape, other: Pose, tolerance: float) -> list[Gap]:
@@ -175,10 +171,7 @@ def why_not_mounted(robot: Robot, parts: Sequence[Part], surface: Obstacle) -> s
     least 5 % of random poses within the limits all are above it.
     """
     assert isinstance(surface.shape, HalfSpace)
-    low, high = (
-        np.where(np.isfinite(end), end, side)
-        for end, side in ((robot.limits.lower, -np.pi), (robot.limits.upper, np.pi))
-    )
+    low, high = finite_ranges(robot)
     q = np.vstack([np.clip(0.0, low, high), np.random.default_rng(0).uniform(low, high, (_POSES, robot.n))])
     height = {link: values - surface.shape.offset for link, values in _heights(robot, parts, surface.shape, q).items()}
     moving = {link: values for link, values in height.items() if np.ptp(values) > 1e-9}

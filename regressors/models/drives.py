@@ -122,18 +122,18 @@ def drive_columns(
     terms: Terms,
     sign_width: float = 0.0,
     carried: Mapping[int, ca.SX] | None = None,
-) -> tuple[tuple[Column, ...], ca.SX]:
-    """Columns of the drives as joint torques: rotors first, then friction by kind."""  # result (n, len(columns)
+) -> ca.SX:
+    """Joint torques of the columns of `column_list`."""  # result (n, len(columns))
     loads = carried or {}
     rotors = [d for d in drives if d.has_rotor and terms.rotor]
     torques = [d.row.T * rotor_torque(d) for d in rotors]
     for kind, d in friction_terms(drives, terms):
         torques.append(d.row.T * friction_torque(kind, d, terms, sign_width, loads.get(d.number)))
-    return column_list(drives, terms), ca.horzcat(ca.SX(drives[0].row.numel() if drives else 0, 0), *torques)
+    return ca.horzcat(ca.SX(drives[0].row.numel() if drives else 0, 0), *torques)
 
 
 def column_list(drives: tuple[DriveMotion, ...], terms: Terms) -> tuple[Column, ...]:
-    """Columns of the drives without their torques, see `drive_columns`."""
+    """Columns of the drives: rotors first, then friction by kind."""
     rotors = (drive_column(d.number, ROTOR) for d in drives if d.has_rotor and terms.rotor)
     return (*rotors, *(drive_column(d.number, kind, linear=d.linear) for kind, d in friction_terms(drives, terms)))
 

@@ -15,10 +15,11 @@ import casadi as ca
 import numpy as np
 import scipy.sparse
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError
 from regressors.models.drives import drive_rows
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.models.reduction import CoulombFriction, Reduction, coulomb_friction
+from regressors.quantities import place_of
 from regressors.robot.columns import DIRECTED_KINDS, Column, Terms
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
@@ -384,13 +385,6 @@ class RegressorModel(ABC):
         return np.ones((samples.time.size, sum(c.kind in DIRECTED_KINDS for c in self.standard_columns)))
 
 
-def _index(name: str, labels: Sequence[str], numbers: Sequence[str]) -> int:
-    for names in (labels, numbers):
-        if name in names:
-            return names.index(name)
-    raise UnknownName("equation", name, (f"{k} ({label})" for k, label in zip(numbers, labels, strict=True)))
-
-
 @dataclass(frozen=True, eq=False)
 class TorqueEquations:
     """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``, from which equations of motion are built.
@@ -447,8 +441,7 @@ class PartialModel(RegressorModel):
             )
         self.model, self.motion = model, motion
         self.robot, self.columns, self.reduction = model.robot, model.columns, model.composition
-        numbers = [str(k) for k in range(1, len(motion.labels) + 1)]
-        self.used = sorted({_index(equation, motion.labels, numbers) for equation in equations or motion.labels})
+        self.used = sorted({place_of("equation", equation, motion.labels) for equation in equations or motion.labels})
         torque = {"rad": "Nm", "m": "N"}
         self.row_labels = tuple((motion.labels[k], torque[motion.units[k]]) for k in self.used)
 

@@ -88,15 +88,12 @@ class Window:
         if time.size < 2:
             raise InputError(f"a window needs two samples or more, given {time.size}")
         spacing = float(time[-1] - time[0]) / max(time.size - 1, 1)
-        length, step = (_samples(x, spacing, what) for x, what in ((self.length, "length"), (self._step, "step")))
+        length = _samples(self.length, spacing, "length")
+        step = length if self.step is None else _samples(self.step, spacing, "step")
         if length >= time.size:
             raise InputError(f"a window of {self.length:g} s is longer than the motion of {time[-1] - time[0]:g} s")
         first = np.arange(0, time.size - length, step)
         return first, first + length
-
-    @property
-    def _step(self) -> float:
-        return self.step if self.step is not None else self.length
 
 
 def _samples(seconds: float, spacing: float, what: str) -> int:

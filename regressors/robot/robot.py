@@ -468,24 +468,30 @@ class Robot(_Rebuilt):
 
     def description(self) -> dict[str, object]:
         """The whole robot as plain lists, numbers and strings, ready for JSON."""
-        plain = _plain(self)
-        assert isinstance(plain, dict)
-        del plain["notes"]
+        content = plain(self)
+        assert isinstance(content, dict)
+        del content["notes"]
         # robots without them keep the hash that they had before there were branches, or homes
         if not self.branches:
-            del plain["branches"]
+            del content["branches"]
         if self.home is None:
-            del plain["home"]
-        del plain["shapes"]
+            del content["home"]
+        del content["shapes"]
         if self.shapes:
-            plain["shapes"] = [part.to_dict() for part in self.shapes]
-        return plain
+            content["shapes"] = [part.to_dict() for part in self.shapes]
+        return content
 
     def sha256(self) -> str:
         """Hash of the content, independent of the format and the place of the file that it was read from."""
         content = {key: value for key, value in self.description().items() if key not in ("source", "shapes")}
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def finite_ranges(robot: Robot) -> tuple[Array, Array]:
+    """Lower and upper position limits of the joints; half a turn either way where there is none."""
+    lower, upper = robot.limits.lower, robot.limits.upper
+    return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
 
 
 def transmission_of(robot: Robot) -> Transmission:
@@ -534,19 +540,20 @@ def _check_branches(robot: Robot) -> None:
         raise InputError(f"{here}: two links or branches share a number: {', '.join(map(str, numbers))}")
 
 
-def _plain(value: object) -> object:
+def plain(value: object) -> object:
+    """Nested dicts and lists of plain values, which JSON holds, and which can be compared."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        fields = {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
         untyped = isinstance(value, Robot | Joint | Link | Branch | Limits)
         return fields if untyped else {"type": type(value).__name__, **fields}
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, frozenset):
-        return sorted(_plain(item) for item in value)  # type: ignore[type-var]
+        return sorted(plain(item) for item in value)  # type: ignore[type-var]
     if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not np.isfinite(value):
         return str(value)
     return value

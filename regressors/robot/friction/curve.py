@@ -154,7 +154,13 @@ class Wrapped(FrictionCurve):
 
     def __post_init__(self) -> None:
         if self.curve.layer > self.layer or (self.curve.layer == self.layer and not self.repeatable):
-            raise _wrong_order(self.curve, self)
+            inside, around = type(self.curve).__name__, type(self).__name__
+            wrong = f"friction: a {inside} curve must not be inside"
+            if inside == around:
+                raise InputError(f"{wrong} another one, which would ignore it")
+            raise InputError(
+                f"{wrong} a {around} one, which would ignore it; put it outermost, {inside}({around}(...), ...)"
+            )
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """Torque of the curve inside."""
@@ -189,17 +195,6 @@ class Scaled(Wrapped):
     def at(self, temperature: float | None) -> FrictionCurve:
         """``factor * curve``."""
         return Scaled(self.curve.at(temperature), self.factor)
-
-
-def _wrong_order(inner: FrictionCurve, outer: FrictionCurve) -> InputError:
-    """Error for curves that wrap each other in the wrong order."""
-    inside, around = type(inner).__name__, type(outer).__name__
-    if inside == around:
-        return InputError(f"friction: a {inside} curve must not be inside another one, which would ignore it")
-    return InputError(
-        f"friction: a {inside} curve must not be inside a {around} one, which would ignore it; put it outermost, "
-        f"{inside}({around}(...), ...)"
-    )
 
 
 def directed(dz: ArrayLike, direction: ArrayLike | None) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
@@ -16,68 +16,38 @@ import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.robot.friction.curve import (
-    CoulombViscous,
-    FrictionCurve,
-    FunctionFriction,
-    Scaled,
-    Side,
-    Stribeck,
-    TableFriction,
+    CoulombViscous as CoulombViscous,
+    FrictionCurve as FrictionCurve,
+    FunctionFriction as FunctionFriction,
+    Scaled as Scaled,
+    Side as Side,
+    Stribeck as Stribeck,
+    TableFriction as TableFriction,
 )
 from regressors.robot.friction.load_and_temperature import (
-    Loaded,
-    Slope,
-    Warm,
+    Loaded as Loaded,
+    Slope as Slope,
+    Warm as Warm,
     carried,
-    carried_along,
+    carried_along as carried_along,
     carried_expression,
-    drive_temperatures,
-    drives_with_friction,
+    drive_temperatures as drive_temperatures,
+    drives_with_friction as drives_with_friction,
     loading,
     scaled,
-    smooth_direction,
+    smooth_direction as smooth_direction,
     table_part,
-    torques_at_drives,
+    torques_at_drives as torques_at_drives,
 )
-from regressors.robot.friction.uncertainty import CurveUncertainty, changed, curve_parameters, uncertainty_at
-from regressors.robot.robot import Robot, transmission_of
+from regressors.robot.friction.uncertainty import (
+    CurveUncertainty as CurveUncertainty,
+    changed as changed,
+    curve_parameters as curve_parameters,
+    uncertainty_at,
+)
+from regressors.robot.robot import Robot, plain, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
-
-__all__ = [
-    "CoulombViscous",
-    "CurveUncertainty",
-    "FrictionCurve",
-    "FrictionCurves",
-    "FunctionFriction",
-    "Loaded",
-    "Scaled",
-    "Side",
-    "Slope",
-    "Stribeck",
-    "TableFriction",
-    "Warm",
-    "carried_along",
-    "changed",
-    "curve_parameters",
-    "drive_temperatures",
-    "drives_with_friction",
-    "smooth_direction",
-    "torques_at_drives",
-]
-
-
-def _plain(value: object) -> object:
-    """Nested lists of plain values, which can be compared where dataclasses of arrays cannot."""
-    if isinstance(value, Mapping):
-        return {name: _plain(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if is_dataclass(value) and not isinstance(value, type):
-        return [type(value).__name__, *(_plain(getattr(value, field.name)) for field in fields(value))]
-    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +87,7 @@ class FrictionCurves:
         """True for the same curves with the same uncertainty."""
         if not isinstance(other, FrictionCurves):
             return NotImplemented
-        return _plain((self.curves, self.uncertainty)) == _plain((other.curves, other.uncertainty))
+        return plain((self.curves, self.uncertainty)) == plain((other.curves, other.uncertainty))
 
     __hash__ = None  # type: ignore[assignment]
 
