@@ -19,6 +19,7 @@ from regressors.models.drives import (
     friction_terms,
     friction_torque,
 )
+from regressors.models.model import RegressorModel
 from regressors.models.reduction import Reduction, reduction_by
 from regressors.models.windows import Mask, Window, WindowModel
 from regressors.robot.columns import COULOMB, OFFSET, Terms
@@ -86,7 +87,7 @@ class EnergyModel(WindowModel):
         """Terms, windows and sign width."""
         return {"terms": self.terms, "window": self.window, "sign_width": self.sign_width}
 
-    def instantaneous(self) -> DifferentialModel:
+    def instantaneous(self) -> RegressorModel:
         """Model of the torques whose work this model integrates.
 
         Raises
@@ -95,9 +96,7 @@ class EnergyModel(WindowModel):
             A subclass with further columns, whose torques are not known here.
         """
         model = DifferentialModel(self.robot, self.terms, sign_width=self.sign_width)
-        if model.columns != self.columns:
-            raise InputError(f"{type(self).__name__} does not name the model of single instants that it integrates")
-        return model
+        return model if model.columns == self.columns else super().instantaneous()
 
     def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Energy per parameter, h(q, dq): links, then rotors ``1/2 (F'(z) dz)^2``; friction stores none."""
