@@ -44,29 +44,30 @@ class _Rows:
         middle = _middle(A, lower, upper)
         if middle is not None:
             return middle, 1.0
-        n = A.shape[1]
-        result = scipy.optimize.linprog(
-            np.concatenate([np.zeros(n), [-1.0]]),
-            A_ub=np.vstack([np.hstack([A, half]), np.hstack([-A, half])]),
-            b_ub=np.concatenate([upper, -lower]),
-            bounds=[(None, None)] * n + [(None, 1.0)],
-            method="highs",
-        )
-        return result.x[:n], float(result.x[n])
+        best = _least(A, lower, upper, half, np.array([-1.0]), (None, 1.0))
+        return best[:-1], float(best[-1])
 
     def least_widening(self) -> Array:
         """Widenings with the least sum, relative to the half ranges, that leave a pose; one number per row [-]."""
         half = 0.5 * (self.upper - self.lower)
         k, n = self.A.shape
-        slack = -np.diag(half)
-        result = scipy.optimize.linprog(
-            np.concatenate([np.zeros(n), np.ones(k)]),
-            A_ub=np.vstack([np.hstack([self.A, slack]), np.hstack([-self.A, slack])]),
-            b_ub=np.concatenate([self.upper, -self.lower]),
-            bounds=[(None, None)] * n + [(0.0, None)] * k,
-            method="highs",
-        )
-        return np.asarray(result.x[n:] * half)
+        best = _least(self.A, self.lower, self.upper, -np.diag(half), np.ones(k), (0.0, None))
+        return np.asarray(best[n:] * half)
+
+
+def _least(
+    A: Array, lower: Array, upper: Array, slack: Array, cost: Array, bounds: tuple[float | None, float | None]
+) -> Array:
+    """The q and t of least ``cost' t`` with ``lower + slack t <= A q <= upper - slack t`` and t within bounds."""
+    n = A.shape[1]
+    result = scipy.optimize.linprog(
+        np.concatenate([np.zeros(n), cost]),
+        A_ub=np.vstack([np.hstack([A, slack]), np.hstack([-A, slack])]),
+        b_ub=np.concatenate([upper, -lower]),
+        bounds=[(None, None)] * n + [bounds] * len(cost),
+        method="highs",
+    )
+    return np.asarray(result.x)
 
 
 def _middle(A: Array, lower: Array, upper: Array) -> Array | None:

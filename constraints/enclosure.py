@@ -42,24 +42,7 @@ class Enclosure:
 
     def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
         """Certificate of each label of the constraint that was enclosed, in the quantity that is reported."""
-        shown = constraint.shown
-        times = (self.extrema.low_time, self.extrema.high_time)
-        seen = Extrema(shown(self.extrema.low), shown(self.extrema.high), *times)
-        bounds = _Shown(
-            constraint.labels, constraint.units, shown(constraint.lower), shown(constraint.upper), constraint.quantity
-        )
-        return worst_of_each(limit_uses(bounds, seen, ENCLOSED))
-
-
-@dataclass(eq=False)
-class _Shown:
-    """Bounds as they are reported."""
-
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    lower: Array
-    upper: Array
-    quantity: str
+        return worst_of_each(limit_uses(constraint, self.extrema, ENCLOSED, constraint.shown))
 
 
 def enclose(
@@ -155,21 +138,12 @@ def _bernstein(length: Array, coefficients: Array) -> Array:
 def piecewise_extrema(breaks: Array, coefficients: Array) -> Extrema:
     """Extrema of piecewise polynomials, from the roots of their derivatives and both ends of every piece."""
     # breaks (m + 1,); coefficients (d + 1, m, k)
-    length = np.diff(breaks)
-    count = coefficients.shape[2]
-    low, high = np.full(count, np.inf), np.full(count, -np.inf)
-    low_time, high_time = np.zeros(count), np.zeros(count)
-    for i, h in enumerate(length):
-        for k in range(count):
-            piece = coefficients[:, i, k]
-            local = np.concatenate([[0.0, h], _stationary(piece, h)])
-            value = np.polyval(piece, local)
-            least, most = int(np.argmin(value)), int(np.argmax(value))
-            if value[least] < low[k]:
-                low[k], low_time[k] = value[least], breaks[i] + local[least]
-            if value[most] > high[k]:
-                high[k], high_time[k] = value[most], breaks[i] + local[most]
-    return Extrema(low, high, low_time, high_time)
+    values, times = [], []
+    for pieces in coefficients.transpose(2, 1, 0):  # of one function
+        local = [np.concatenate([[0.0, h], _stationary(p, h)]) for p, h in zip(pieces, np.diff(breaks), strict=True)]
+        values.append(np.concatenate([np.polyval(p, t) for p, t in zip(pieces, local, strict=True)]))
+        times.append(np.concatenate([start + t for start, t in zip(breaks[:-1], local, strict=True)]))
+    return Extrema.among(values, times)
 
 
 def _stationary(piece: Array, length: float) -> Array:
@@ -195,21 +169,16 @@ def chebyshev_extrema(values: Array, duration: float) -> Extrema:
     angle = np.pi * np.arange(degree + 1) / degree
     weights = np.full(degree + 1, 2.0 / degree)
     weights[[0, -1]] /= 2
-    low, high, low_time, high_time = [], [], [], []
+    found, times = [], []
     for column in values.T[:, ::-1]:  # from t = T, where the cosine is one, back to 0
         series = np.cos(np.outer(np.arange(degree + 1), angle)) @ (weights * column)
         series[[0, -1]] /= 2
         size = np.abs(series).max(initial=0.0)
         kept = chebyshev.chebtrim(np.where(np.abs(series) > 1e-15 * size, series, 0.0)) if size > 0 else np.zeros(1)
         points = np.concatenate([[-1.0, 1.0], np.cos(angle), _roots(np.asarray(chebyshev.chebder(kept), dtype=float))])
-        extrema = chebyshev.chebval(points, kept)
-        least, most = int(np.argmin(extrema)), int(np.argmax(extrema))
-        low.append(extrema[least])
-        high.append(extrema[most])
-        low_time.append(points[least])
-        high_time.append(points[most])
-    seconds = [0.5 * duration * (1.0 + np.array(x)) for x in (low_time, high_time)]
-    return Extrema(np.array(low), np.array(high), *seconds)
+        found.append(chebyshev.chebval(points, kept))
+        times.append(0.5 * duration * (1.0 + points))
+    return Extrema.among(found, times)
 
 
 def _roots(series: Array) -> Array:
