@@ -14,12 +14,12 @@ import numpy as np
 
 from constraints.geometry import Part, enclosing_capsule, enclosing_cylinder
 from regressors.errors import InputError
-from regressors.input_files import in_bytes, read_bytes
+from regressors.input_files import in_bytes, read_bytes, reading
 from regressors.memory_cap import memory_cap
 from regressors.readers.chain_ends import resting_pose
 from regressors.readers.urdf_elements import XmlElement, robot_element
 from regressors.readers.urdf_tree import UrdfTree, parse_tree
-from regressors.robot.inertia import rotation_from_rpy
+from regressors.robot.inertia import pose_of, rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
 from regressors.robot.shapes import Capsule
 from regressors.samples import Array
@@ -84,10 +84,8 @@ def carried_links(
     path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
 ) -> Iterator[tuple[str, XmlElement, Array]]:
     """Every ``<link>`` of a URDF, the link of the robot or base that carries it, and its pose in that frame."""
-    try:
+    with reading(f"the URDF file {str(path)!r}"):
         content = read_bytes(path)
-    except OSError as error:
-        raise InputError(f"cannot read the URDF file {str(path)!r}: {error.strerror}") from error
     tree = parse_tree(content, path.name, snap_angles=snap_angles)
     moving = {link.name for link in robot.links}
     poses = _poses(tree)
@@ -129,10 +127,8 @@ def placed_shape(element: XmlElement) -> tuple[XmlElement, Array]:
     shapes = [shape for geometry in element.below("geometry") for shape in geometry.children if ":" not in shape.tag]
     if len(shapes) != 1:
         raise InputError("expected one shape in <geometry>")
-    place = np.eye(4)
-    place[:3, :3] = rotation_from_rpy(numbers_of(origin, "rpy", "0 0 0"))
-    place[:3, 3] = numbers_of(origin, "xyz", "0 0 0")
-    return shapes[0], place
+    R = rotation_from_rpy(numbers_of(origin, "rpy", "0 0 0"))
+    return shapes[0], pose_of(R, numbers_of(origin, "xyz", "0 0 0"))
 
 
 def _around(shape: XmlElement, path: Path) -> Capsule:

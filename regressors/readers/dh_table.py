@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from regressors.errors import LONGEST_NAME, InputError, UnknownName, shortened
-from regressors.input_files import read_text
+from regressors.input_files import read_text, reading
 from regressors.robot.gears import ConstantRatio
-from regressors.robot.inertia import Array, from_centre_of_mass, transport
+from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
 from regressors.robot.robot import Drive, Joint, JointKind, Limits, Link, Robot, Transmission
 
 CONVENTIONS = ("standard", "modified")
@@ -71,10 +71,8 @@ def read_dh_table(path: str | Path) -> Robot:
     Ixx, Ixy, Ixz, Iyy, Iyz, Izz``, and of its drive ``ratio, rotor_inertia, viscous, coulomb``.
     """
     path = Path(path)
-    try:
+    with reading(repr(str(path))):
         lines = read_text(path, encoding="utf-8-sig").splitlines()
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
     head = dict(_said(line) for line in lines if line.startswith("#"))
     convention = head.get("convention", "")
     if convention not in CONVENTIONS:
@@ -211,8 +209,7 @@ def _joints(rows: list[_Row], convention: str) -> list[Joint]:
 def _parameters(row: _Row, convention: str) -> Array | None:
     if "mass" not in row:
         return None
-    xx, xy, xz, yy, yz, zz = row.array(*_INERTIA)
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    tensor = inertia_tensor(row.array("mass", *_CENTRE, *_INERTIA))
     theta = from_centre_of_mass(row["mass"], row.array(*_CENTRE), tensor)
     if convention == "modified":
         return theta

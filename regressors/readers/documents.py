@@ -22,7 +22,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
 from regressors.errors import InputError, shortened
-from regressors.input_files import read_text
+from regressors.input_files import read_text, reading
 from regressors.quantities import fault
 
 FieldPath = tuple[str | int, ...]
@@ -68,10 +68,8 @@ class Document:
 
 def read_document(path: str | Path, what: str) -> Document:
     """Content of a YAML file; messages name what it is, such as a ``task file``."""
-    try:
+    with reading(f"{what} {path}"):
         text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read {what} {path}: {getattr(error, 'strerror', None) or error}") from error
     return parse_document(text, str(path))
 
 

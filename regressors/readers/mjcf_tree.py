@@ -14,7 +14,7 @@ import numpy as np
 
 from regressors.readers.angles import QUATERNION, AngleReader
 from regressors.readers.urdf_tree import Mimic, TreeJoint, UrdfTree
-from regressors.robot.inertia import Array, from_centre_of_mass, transport
+from regressors.robot.inertia import Array, from_centre_of_mass, pose_of, transport
 from regressors.robot.robot import Joint
 
 try:
@@ -48,7 +48,7 @@ def tree_of_model(model: Any, name: str, source: str, equal: Equalities, *, snap
     for body in range(1, model.nbody):
         parent = int(model.body_parentid[body])
         R = angles.turned(rotation_of_quaternion(model.body_quat[body]), f"link {bodies[body]!r}")
-        link, T = bodies[parent], in_link[parent] @ _pose(model.body_pos[body], R)
+        link, T = bodies[parent], in_link[parent] @ pose_of(R, model.body_pos[body])
         begin = int(model.body_jntadr[body])
         own = range(begin, begin + int(model.body_jntnum[body]))
         for joint in own:
@@ -90,7 +90,7 @@ def _joint(
     axis = angles.axis(axis, f"joint {names[0]!r}", " ".join(f"{part:.7g}" for part in axis), QUATERNION)
     at_zero = Joint(names[0], "revolute" if hinge else "prismatic", np.eye(3), anchor, axis)
     start = equal.held.get(number, 0.0) - float(model.qpos0[model.jnt_qposadr[number]])
-    pose, back = T @ at_zero.motion(start), _shift(-anchor)
+    pose, back = T @ at_zero.motion(start), pose_of(np.eye(3), -anchor)
     if number in equal.held:
         return _fixed(*names, pose), back
     limited = bool(model.jnt_limited[number])
@@ -141,18 +141,6 @@ def rotation_of_quaternion(quaternion: Array) -> Array:
             [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
         ]
     )
-
-
-def _pose(position: Array, R: Array) -> Array:
-    T = _shift(position)
-    T[:3, :3] = R
-    return T
-
-
-def _shift(position: Array) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = position
-    return T
 
 
 def _free_name(name: str, taken: Sequence[str | None]) -> str:

@@ -18,7 +18,7 @@ from xml.parsers import expat
 import numpy as np
 
 from regressors.errors import Finding, InputError, TooLargeError, long_name, shortened
-from regressors.input_files import read_bytes
+from regressors.input_files import read_bytes, reading
 from regressors.robot.inertia import Array
 
 _ELEMENTS = 100_000  # of a document
@@ -158,10 +158,8 @@ def xml_kind(path: str | Path) -> str:
     """
     if Path(path).suffix.lower() == ".xacro":
         return XACRO
-    try:
+    with reading(repr(str(path))):
         content = read_bytes(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
     tag, name = _outermost(content), Path(path).name
     if tag == "sdf":
         raise InputError(f"{name}: SDF is not read, expected URDF, xacro or MJCF; give the URDF that it was made from")

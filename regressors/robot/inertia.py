@@ -78,13 +78,19 @@ def from_pseudo_inertia(J: ArrayLike) -> Array:
     return np.concatenate([[J[3, 3]], J[:3, 3], tensor[np.triu_indices(3)]])
 
 
+def pose_of(rotation: ArrayLike, translation: ArrayLike) -> Array:
+    """Pose of a frame from its axes and its origin, shape (4, 4)."""  # rotation (3, 3); translation (3,)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation, translation
+    return T
+
+
 def transport(rotation: ArrayLike, translation: ArrayLike) -> Array:
     """Linear map that re-expresses a body's parameters in another frame.
 
     With ``T`` the pose of the body's frame in the new one, ``J_new = T J T'``; this returns the 10 x 10 matrix of
     that map on ``theta``.
     """  # rotation (3, 3); translation (3,)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation, translation
+    T = pose_of(rotation, translation)
     unit = np.eye(PARAMETERS_PER_LINK)
     return np.column_stack([from_pseudo_inertia(T @ pseudo_inertia(e) @ T.T) for e in unit])
