@@ -5,7 +5,7 @@ Lengths in m, angles in rad. A sphere is a capsule of length zero.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -256,7 +256,7 @@ def enclosing_cylinder(radius: float, length: float) -> Capsule:
     return Capsule((0.0, 0.0, -a), (0.0, 0.0, a), float(np.hypot(radius, length / 2 - a)) * (1 + _SLACK))
 
 
-def vector_of(values: Array) -> Vector:
+def vector_of(values: Iterable[float]) -> Vector:
     """Three numbers."""
     x, y, z = (float(value) for value in values)
     return x, y, z
