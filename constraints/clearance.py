@@ -193,14 +193,10 @@ def _heights(robot: Robot, parts: Iterable[Part], plane: HalfSpace, q: Array) ->
     heights: dict[str, Array] = {}
     for part in (part for part in parts if part.link in poses):
         pose = poses[part.link]
-        for end in _ends(part.capsule):
+        for end in (part.capsule.start, part.capsule.end):
             own = (pose[:, :3, :3] @ np.array(end) + pose[:, :3, 3]) @ np.array(plane.normal)
             heights[part.link] = np.minimum(own, heights.get(part.link, np.inf))
     return heights
-
-
-def _ends(capsule: Capsule) -> list[tuple[float, float, float]]:
-    return [capsule.start, capsule.end]
 
 
 _OF_LENGTH = 0.05

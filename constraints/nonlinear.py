@@ -159,18 +159,8 @@ class NonlinearConstraint(Constraint):
         def expression(s: ca.SX, ds: ca.SX, dds: ca.SX) -> ca.SX:
             return whole(ca.mtimes(N, s) + q0, ca.mtimes(N, ds), ca.mtimes(N, dds))
 
-        moving = motion.matrix.shape[1]
-        return NonlinearConstraint(
-            moving,
-            expression,
-            self.lower,
-            self.upper,
-            self.scale,
-            self.labels,
-            self.units,
-            self.shown,
-            self.quantity,
-        )
+        s, bounds, texts = motion.matrix.shape[1], (self.lower, self.upper, self.scale), (self.labels, self.units)
+        return NonlinearConstraint(s, expression, *bounds, *texts, self.shown, self.quantity)
 
     def values(self, samples: Samples) -> Array:
         """Values of g at every instant, shape (N, k)."""

@@ -24,6 +24,7 @@ from regressors.models.nominal import standard_values, stated_deviations
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.robot.columns import COULOMB, VISCOUS, Terms, drive_column
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_and_temperature import moving_drive_numbers
 from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot, drive_numbers, linear_drives, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
@@ -222,7 +223,8 @@ class PlausibleTorqueLimit(Limit):
         if not 0 < self.uncertainty < np.inf:
             raise InputError(f"torque uncertainty must be a number greater than 0, given {self.uncertainty}")
         check_inertias(robot, "torque limits")
-        known, coulomb = standard_values(robot), _coulomb_names(robot)
+        known = standard_values(robot)
+        coulomb = {drive_column(number, COULOMB).name for number in moving_drive_numbers(robot).values()}
         largest = {name: value * (1 + self.uncertainty * (name in coulomb)) for name, value in known.items()}
         drives = drive_friction(robot, largest, motion, self.friction)
         torques = viscous_and_carried(robot, known, drives)
@@ -232,11 +234,6 @@ class PlausibleTorqueLimit(Limit):
             _robust_limits(rows, robot.n, rows.total(*torques), terms).restricted(motion)
             for rows in limited_torques(robot, drives)
         ]
-
-
-def _coulomb_names(robot: Robot) -> set[str]:
-    model = DifferentialModel(robot, Terms(rotor=False, viscous=False))
-    return {column.name for column in model.standard_columns if column.kind == COULOMB}
 
 
 def _of_curves(robot: Robot, friction: FrictionCurves | None) -> list[str]:

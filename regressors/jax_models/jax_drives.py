@@ -12,7 +12,6 @@ from regressors.errors import InputError
 from regressors.models.drives import SMALLEST_SPEED
 from regressors.robot.columns import (
     ASYMMETRY,
-    COULOMB,
     FRICTION_KINDS,
     LOAD_SHARE,
     OFFSET,
@@ -117,12 +116,6 @@ class DriveConstants:
             speed = dz[self.of_kind(kind)]
             blocks.append(jnp.zeros_like(speed) if kind == OFFSET else speed * self.friction(kind, speed))
         return [block[None] for block in blocks]
-
-    @property
-    def coulomb_columns(self) -> slice:
-        """Slice of the Coulomb columns among the drives' columns."""
-        start = self.rotors.size if self.terms.rotor else 0
-        return slice(start, start + self.of_kind(COULOMB).size)
 
 
 def drives_of(robot: Robot, terms: Terms, sign_width: float) -> DriveConstants:

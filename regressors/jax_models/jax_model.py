@@ -209,8 +209,8 @@ class EnergyPart(WindowPart):
         self._drives = drives_of(model.robot, model.terms, model.sign_width)
         self._S = model.reduction.matrix[:, columns]
         self._inertial = 10 * len(self._tree.parent)
-        place = self._drives.coulomb_columns
-        self._spread = self._S[self._inertial + place.start : self._inertial + place.stop]
+        first = self._inertial + (self._drives.rotors.size if model.terms.rotor else 0)
+        self._spread = self._S[first : first + self._drives.of_kind(COULOMB).size]
 
     def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:
         """Energy, shape (1, p, L)."""

@@ -154,19 +154,14 @@ class _Nodes:
             return str(node.value)
         if kind == "null":
             return None
-        constructors = {
-            "int": self._constructor.construct_yaml_int,
-            "float": self._constructor.construct_yaml_float,
-            "bool": self._constructor.construct_yaml_bool,
-        }
-        if kind not in constructors:
+        if kind not in ("int", "float", "bool"):
             self._refuse_tag(node, path)
             return None
         if kind in ("int", "float") and "_" in node.value:
             self.problems.append((path, f"{shortened(node.value)} is not a number: write it without underscores"))
             return None
         try:
-            value: object = constructors[kind](node)
+            value: object = getattr(self._constructor, f"construct_yaml_{kind}")(node)
         except (ValueError, KeyError):
             self.problems.append((path, f"{shortened(node.value)} is not a value of type {kind}"))
             return None

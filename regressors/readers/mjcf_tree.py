@@ -25,10 +25,8 @@ except ImportError:  # said by whoever compiles a model
 
 def names_of(model: Any, kind: str) -> list[str]:
     """Names of all bodies or all joints; one without a name is called by its number."""
-    thing, count = {
-        "body": (mujoco.mjtObj.mjOBJ_BODY, model.nbody),
-        "joint": (mujoco.mjtObj.mjOBJ_JOINT, model.njnt),
-    }[kind]
+    body = kind == "body"
+    thing, count = (mujoco.mjtObj.mjOBJ_BODY, model.nbody) if body else (mujoco.mjtObj.mjOBJ_JOINT, model.njnt)
     given = [mujoco.mj_id2name(model, thing, number) for number in range(count)]
     return [name or _free_name(f"{kind}{number}", given) for number, name in enumerate(given)]
 

@@ -213,18 +213,13 @@ def check_words(robot: XmlElement) -> tuple[Finding, ...]:
     unknown: dict[tuple[str, str], list[str]] = defaultdict(list)
     todo = [robot]
     for element in todo:
-        tags, attributes = READ[element.tag]
-        todo.extend(child for child in element.children if child.tag in tags)
+        todo.extend(child for child in element.children if child.tag in READ[element.tag][0])
         present = {child.tag for child in element.children} - set(_MANY)
-        for child in element.children:
-            if child.tag not in tags and (
-                word := _unknown(child, f"<{child.tag}>", child.tag, element.tag, 0, present)
-            ):
-                unknown[element.tag, word].append(element.label)
-        for name in element.attributes:
-            if name not in attributes and (
-                word := _unknown(element, repr(name), name, element.tag, 1, set(element.attributes))
-            ):
+        children = ((child, f"<{child.tag}>", child.tag, 0, present) for child in element.children)
+        names = ((element, repr(name), name, 1, set(element.attributes)) for name in element.attributes)
+        for where, shown, name, which, given in (*children, *names):
+            known = READ[element.tag][which]
+            if name not in known and (word := _unknown(where, shown, name, element.tag, which, given)):
                 unknown[element.tag, word].append(element.label)
     places: dict[tuple[str, tuple[str, ...]], list[str]] = defaultdict(list)
     for (tag, word), labels in unknown.items():

@@ -174,11 +174,8 @@ class FrictionCurves:
         dq : ndarray, shape (N, n)
             [rad/s or m/s]
         """
-        beyond = [
-            (name, table.extrapolated(dq @ row))
-            for name, row in drives_with_friction(robot)
-            if (table := table_part(self.curve(name))) is not None
-        ]
+        tables = ((name, table_part(curve), row) for _, name, curve, row in self._of_drives(robot))
+        beyond = [(name, table.extrapolated(dq @ row)) for name, table, row in tables if table is not None]
         return tuple(
             f"friction of {name}: {count} samples are faster than its table; its last value was used"
             for name, count in beyond
@@ -234,10 +231,7 @@ class FrictionCurves:
         self.check(robot)
         total = np.zeros_like(dq)
         z = None if load is None or not self.loaded else load @ torques_at_drives(robot).T
-        for k, (name, row) in enumerate(drives_with_friction(robot)):
-            curve = self.curve(name)
-            if curve is None:
-                continue
+        for k, name, curve, row in self._of_drives(robot):
             v, s = dq @ row, None if direction is None else direction[:, k]
             with _errors_naming(name):
                 f = curve.torque(v, s) if temperature is None else curve.torque_at(v, temperature[:, k], s)
@@ -278,9 +272,8 @@ class FrictionCurves:
         if not self.loaded:
             return np.asarray(rest)
         z = rest @ torques_at_drives(robot).T
-        for k, (name, row) in enumerate(drives_with_friction(robot)):
-            if (curve := self.curve(name)) is not None:
-                z[:, k] = carried(z[:, k], loading(curve, np.sign(dq @ row) if direction is None else direction[:, k]))
+        for k, _, curve, row in self._of_drives(robot):
+            z[:, k] = carried(z[:, k], loading(curve, np.sign(dq @ row) if direction is None else direction[:, k]))
         return np.asarray(z @ np.array([row for _, row in drives_with_friction(robot)]))
 
     def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX, load: ca.SX | None = None) -> ca.SX:
@@ -302,10 +295,7 @@ class FrictionCurves:
         self.check(robot)
         total = ca.SX.zeros(robot.n, 1)
         z = None if load is None or not self.loaded else ca.mtimes(sparse(torques_at_drives(robot)), load)
-        for k, (name, row) in enumerate(drives_with_friction(robot)):
-            curve = self.curve(name)
-            if curve is None:
-                continue
+        for k, _, curve, row in self._of_drives(robot):
             f = curve.expression(ca.mtimes(sparse(row[None]), dq), direction[k])
             if z is not None:
                 f += loading(curve, direction[k]) * ca.fabs(z[k])
@@ -328,13 +318,16 @@ class FrictionCurves:
         rest = tau - self.joint_expression(robot, dq, direction)
         if not self.loaded:
             return rest
-        drives = drives_with_friction(robot)
         z = ca.mtimes(sparse(torques_at_drives(robot)), rest)
-        parts = [
-            z[k] if curve is None else carried_expression(z[k], loading(curve, direction[k]))
-            for k, curve in enumerate(self.curve(name) for name, _ in drives)
-        ]
-        return ca.mtimes(sparse(np.array([row for _, row in drives]).T), ca.vertcat(*parts))
+        for k, _, curve, _ in self._of_drives(robot):
+            z[k] = carried_expression(z[k], loading(curve, direction[k]))
+        return ca.mtimes(sparse(np.array([row for _, row in drives_with_friction(robot)]).T), z)
+
+    def _of_drives(self, robot: Robot) -> Iterator[tuple[int, str, FrictionCurve, Array]]:
+        """Those of `drives_with_friction` that have a curve: which one, its name, its curve, and its row of C."""
+        for k, (name, row) in enumerate(drives_with_friction(robot)):
+            if (curve := self.curve(name)) is not None:
+                yield k, name, curve, row
 
 
 @contextmanager
