@@ -15,7 +15,7 @@ import numpy as np
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, Shape, vector_of
 from regressors.robot.inertia import skew
-from regressors.robot.robot import BASE, Joint, Robot, finite_ranges
+from regressors.robot.robot import BASE, Joint, Robot, finite_ranges, placed_bodies
 from regressors.robot.shapes import Capsule
 from regressors.robot.symbolic.kinematics import relative_pose, sparse
 from regressors.samples import Array
@@ -90,13 +90,9 @@ class Frames:
     def __init__(self, robot: Robot, q: ca.SX) -> None:
         self.parent: dict[str, str] = {}
         self._step: dict[str, Pose] = {}
-        before = BASE
-        for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
-            self.parent[link.name], self._step[link.name] = before, relative_pose(joint, q[k])
-            before = link.name
-        for branch in robot.branches:
-            s = ca.mtimes(sparse(np.array(branch.coupling)[None]), q) + branch.offset
-            self.parent[branch.name], self._step[branch.name] = branch.parent, relative_pose(branch.joint, s)
+        for name, parent, joint, row, offset in placed_bodies(robot):
+            s = ca.mtimes(sparse(row[None]), q) + offset
+            self.parent[name], self._step[name] = parent, relative_pose(joint, s)
         self._known: dict[tuple[str, str], Pose] = {}
 
     def path(self, body: str) -> list[str]:
@@ -125,11 +121,8 @@ class Frames:
 def link_poses(robot: Robot, q: Array) -> dict[str, Array]:
     """Pose of the base, of every link and of every branch in the base frame, shape (N, 4, 4) each."""  # q (N, n)
     poses = {BASE: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
-    before = BASE
-    for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
-        poses[link.name], before = poses[before] @ _steps(joint, q[:, k]), link.name
-    for branch in robot.branches:
-        poses[branch.name] = poses[branch.parent] @ _steps(branch.joint, q @ branch.coupling + branch.offset)
+    for name, parent, joint, row, offset in placed_bodies(robot):
+        poses[name] = poses[parent] @ _steps(joint, q @ row + offset)
     return poses
 
 
@@ -211,13 +204,9 @@ def assumed_radius(robot: Robot) -> float:
 def skeleton(robot: Robot, radius: float, links: Collection[str] | None = None) -> tuple[Part, ...]:
     """Capsules from the origin of each body's frame to the joints that it carries; a sphere where it carries none."""
     carried: dict[str, list[Joint]] = {BASE: []}
-    above = BASE
-    for joint, link in zip(robot.joints, robot.links, strict=True):
-        carried[above].append(joint)
-        carried[link.name], above = [], link.name
-    for branch in robot.branches:
-        carried.setdefault(branch.name, [])
-        carried[branch.parent].append(branch.joint)
+    for name, parent, joint, *_ in placed_bodies(robot):
+        carried[parent].append(joint)
+        carried[name] = []
     parts = []
     for name, joints in carried.items():
         if links is not None and name not in links:

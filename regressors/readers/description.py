@@ -96,18 +96,6 @@ def _aggregates(section: AggregatesSection, joints: Sequence[str], constants: di
     return Aggregates(tuple(sorted(section.joints, key=joints.index)), parameters)
 
 
-def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[int] = ()) -> tuple[Column, ...]:
-    """All standard parameters that a description may refer to."""
-    numbers = (*range(1, links + 1), *branches)
-    inertial = [column for k in numbers for column in body_columns(parameter_names(k), k)]
-    motors = [
-        drive_column(k, kind)
-        for k, has_rotor in enumerate(drives, 1)
-        for kind in (*([ROTOR] * has_rotor), *FRICTION_KINDS)
-    ]
-    return (*inertial, *motors)
-
-
 def _count_problems(description: Description, links: Sequence[LinkSection]) -> Problems:
     n = len(description.joints)
     if len(links) != n:
@@ -157,8 +145,9 @@ def _name_problems(description: Description, bodies: Sequence[tuple[int, Link]])
     rotors = [False] * len(joints)
     if description.drives is not None:
         rotors = [drive.rotor_inertia is not None for drive in description.drives]
-    n = len(bodies) - len(description.branches)
-    columns = standard_parameters(n, rotors, [number for number, _ in bodies[n:]])
+    columns = [column for k, _ in bodies for column in body_columns(parameter_names(k), k)]
+    for k, has_rotor in enumerate(rotors, 1):
+        columns += [drive_column(k, kind) for kind in (*([ROTOR] * has_rotor), *FRICTION_KINDS)]
     parameters = {column.name for column in columns}
     named: list[tuple[FieldPath, str]] = [(("zero", k), name) for k, name in enumerate(structure.zero)]
     named += [(("equal", i, k), name) for i, group in enumerate(structure.equal) for k, name in enumerate(group)]

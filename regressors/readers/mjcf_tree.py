@@ -196,8 +196,8 @@ class Tie:
     """A constraint between bodies, or between joints, that is no joint of the tree."""
 
     label: str  # what it is, for messages
-    joints: tuple[int, ...] = ()  # those that it concerns, by their number in the model
-    bodies: tuple[int, ...] = ()
+    joints: tuple[str, ...] = ()  # those that it concerns
+    bodies: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,12 +209,12 @@ class Equalities:
     ties: tuple[Tie, ...]  # all the others
 
 
-def equalities(model: Any, joint_names: Sequence[str]) -> Equalities:
+def equalities(model: Any) -> Equalities:
     """Active equality constraints of a compiled model.
 
     MuJoCo couples two joints by ``q1 - ref1 = sum_k c_k (q2 - ref2)^k``, and holds one by ``q1 - ref1 = c_0``.
     """
-    kinds = mujoco.mjtEq
+    kinds, joints, bodies = mujoco.mjtEq, names_of(model, "joint"), names_of(model, "body")
     mimics: dict[int, Mimic] = {}
     held: dict[int, float] = {}
     ties: list[Tie] = []
@@ -223,13 +223,16 @@ def equalities(model: Any, joint_names: Sequence[str]) -> Equalities:
         if kind == kinds.mjEQ_JOINT and second < 0:
             held[first] = float(model.qpos0[model.jnt_qposadr[first]] + model.eq_data[number][0])
         elif kind == kinds.mjEQ_JOINT:
-            mimics[first] = _mimic(model, number, joint_names[second])
+            mimics[first] = _mimic(model, number, joints[second])
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             what = "connect" if kind == kinds.mjEQ_CONNECT else "weld"
-            ties.append(Tie(f"the equality <{what}>", bodies=_bodies(model, number, (first, second))))
+            at_sites = int(model.eq_objtype[number]) == mujoco.mjtObj.mjOBJ_SITE
+            ends = (int(model.site_bodyid[end]) if at_sites else end for end in (first, second))
+            ties.append(Tie(f"the equality <{what}>", bodies=tuple(bodies[end] for end in ends)))
         elif kind == kinds.mjEQ_TENDON:
-            tendons = [tendon for tendon in (first, second) if tendon >= 0]
-            ties.append(Tie("the equality <tendon>", *_ends_of_tendons(model, tendons)))
+            of_joints, of_bodies = _ends_of_tendons(model, [tendon for tendon in (first, second) if tendon >= 0])
+            names = (tuple(joints[k] for k in of_joints), tuple(bodies[k] for k in of_bodies))
+            ties.append(Tie("the equality <tendon>", *names))
     return Equalities(mimics, held, tuple(ties))
 
 
@@ -240,12 +243,7 @@ def _mimic(model: Any, number: int, leader: str) -> Mimic:
     return Mimic(leader, float(curve.deriv()(-q2)), float(q1 + curve(-q2)))
 
 
-def _bodies(model: Any, number: int, ends: Sequence[int]) -> tuple[int, ...]:
-    at_sites = int(model.eq_objtype[number]) == mujoco.mjtObj.mjOBJ_SITE
-    return tuple(int(model.site_bodyid[end]) if at_sites else end for end in ends)
-
-
-def _ends_of_tendons(model: Any, tendons: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def _ends_of_tendons(model: Any, tendons: Sequence[int]) -> tuple[list[int], list[int]]:
     """Joints and bodies that tendons run over."""
     joints: list[int] = []
     bodies: list[int] = []
@@ -257,4 +255,4 @@ def _ends_of_tendons(model: Any, tendons: Sequence[int]) -> tuple[tuple[int, ...
                 joints.append(what)
             elif kind == mujoco.mjtWrap.mjWRAP_SITE:
                 bodies.append(int(model.site_bodyid[what]))
-    return tuple(joints), tuple(bodies)
+    return joints, bodies

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
@@ -27,20 +27,21 @@ from regressors.robot.shapes import Part
 JointKind = Literal["revolute", "prismatic"]
 
 
-def _frozen(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
-    array = np.array(values, dtype=float)
-    if array.shape != shape:
-        raise InputError(f"{what}: expected shape {shape}, given {array.shape}")
-    array.setflags(write=False)
-    return array
-
-
 class _Rebuilt:
     """Pickled and copied as the arguments of the constructor: what is read back is checked, and read-only, again."""
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         values = (getattr(self, f.name) for f in dataclasses.fields(self))  # type: ignore[arg-type]
         return type(self), tuple(dict(value) if isinstance(value, MappingProxyType) else value for value in values)
+
+    def _freeze(self, name: str, shape: tuple[int, ...], what: str) -> Array:
+        """Make a field a read-only array of a shape."""
+        array = np.array(getattr(self, name), dtype=float)
+        if array.shape != shape:
+            raise InputError(f"{what}: expected shape {shape}, given {array.shape}")
+        array.setflags(write=False)
+        object.__setattr__(self, name, array)
+        return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +67,9 @@ class Joint(_Rebuilt):
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
     def __post_init__(self) -> None:
-        R = _frozen(self.rotation, (3, 3), f"joint {self.name!r}, rotation")
-        axis = _frozen(self.axis, (3,), f"joint {self.name!r}, axis")
-        object.__setattr__(self, "rotation", R)
-        object.__setattr__(self, "translation", _frozen(self.translation, (3,), f"joint {self.name!r}, translation"))
-        object.__setattr__(self, "axis", axis)
+        R = self._freeze("rotation", (3, 3), f"joint {self.name!r}, rotation")
+        axis = self._freeze("axis", (3,), f"joint {self.name!r}, axis")
+        self._freeze("translation", (3,), f"joint {self.name!r}, translation")
         if self.kind not in ("revolute", "prismatic"):
             raise InputError(f"joint {self.name!r}: kind must be revolute or prismatic, given {self.kind!r}")
         if not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or np.linalg.det(R) < 0:
@@ -139,10 +138,9 @@ class Link(_Rebuilt):
     def __post_init__(self) -> None:
         if self.theta is None:
             return
-        theta = _frozen(self.theta, (PARAMETERS_PER_LINK,), f"link {self.name!r}, inertial parameters")
+        theta = self._freeze("theta", (PARAMETERS_PER_LINK,), f"link {self.name!r}, inertial parameters")
         if not np.all(np.isfinite(theta)):
             raise InputError(f"link {self.name!r}: inertial parameters must be finite, given {theta.tolist()}")
-        object.__setattr__(self, "theta", theta)
 
 
 BASE = "base"
@@ -180,8 +178,7 @@ class Branch(_Rebuilt):
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        row = _frozen(self.coupling, (np.size(self.coupling),), f"branch {self.name!r}, coupling")
-        object.__setattr__(self, "coupling", row)
+        row = self._freeze("coupling", (np.size(self.coupling),), f"branch {self.name!r}, coupling")
         if not np.all(np.isfinite(row)) or not np.isfinite(self.offset):
             raise InputError(
                 f"branch {self.name!r}: coupling and offset must be finite, given {row.tolist()} and {self.offset}"
@@ -222,10 +219,9 @@ class Limits(_Rebuilt):
     def __post_init__(self) -> None:
         n = np.size(self.lower)
         for name in (f.name for f in dataclasses.fields(self)):
-            array = _frozen(getattr(self, name), (n,), f"limit {name}")
+            array = self._freeze(name, (n,), f"limit {name}")
             if np.any(np.isnan(array)):
                 raise InputError(f"limit {name}: NaN at number {int(np.argmax(np.isnan(array))) + 1} is not a number")
-            object.__setattr__(self, name, array)
 
     @classmethod
     def none(cls, n: int) -> Limits:
@@ -292,7 +288,7 @@ class Transmission(_Rebuilt):
     offset: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        C = np.array(self.coupling, dtype=float)
+        C = self._freeze("coupling", np.shape(self.coupling), "transmission, coupling")
         if C.ndim != 2 or C.shape[0] != len(self.drives) or self.limits.lower.size != len(self.drives):
             raise InputError(
                 f"transmission: {len(self.drives)} drives need as many coupling rows and limits, "
@@ -300,10 +296,9 @@ class Transmission(_Rebuilt):
             )
         if not np.all(np.isfinite(C)):
             raise InputError("transmission: the coupling matrix must hold finite numbers")
-        C.setflags(write=False)
-        object.__setattr__(self, "coupling", C)
-        offset = self.offset if np.size(self.offset) else np.zeros(len(self.drives))
-        object.__setattr__(self, "offset", _frozen(offset, (len(self.drives),), "transmission, offset"))
+        if not np.size(self.offset):
+            object.__setattr__(self, "offset", np.zeros(len(self.drives)))
+        self._freeze("offset", (len(self.drives),), "transmission, offset")
 
 
 @dataclass(frozen=True)
@@ -400,16 +395,16 @@ class Robot(_Rebuilt):
         names = self.joint_names
         if len(set(names)) != n:
             raise InputError(f"robot {self.name!r}: two joints share a name: {', '.join(names)}")
-        object.__setattr__(self, "gravity", _frozen(self.gravity, (3,), "gravity"))
+        self._freeze("gravity", (3,), "gravity")
         object.__setattr__(self, "constants", MappingProxyType(dict(self.constants)))
         if not np.all(np.isfinite(self.gravity)):
             raise InputError(
                 f"robot {self.name!r}: gravity must hold three finite numbers, given {self.gravity.tolist()}"
             )
         if self.home is not None:
-            object.__setattr__(self, "home", _frozen(self.home, (n,), f"robot {self.name!r}, home"))
-            if not np.all(np.isfinite(self.home)):
-                raise InputError(f"robot {self.name!r}: home must hold finite numbers, given {self.home.tolist()}")
+            home = self._freeze("home", (n,), f"robot {self.name!r}, home")
+            if not np.all(np.isfinite(home)):
+                raise InputError(f"robot {self.name!r}: home must hold finite numbers, given {home.tolist()}")
         self.limits.check(tuple(f"joint {name}" for name in names))
         if self.transmission is not None:
             if self.transmission.coupling.shape[1] != n:
@@ -486,6 +481,16 @@ class Robot(_Rebuilt):
         content = {key: value for key, value in self.description().items() if key not in ("source", "shapes")}
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def placed_bodies(robot: Robot) -> Iterator[tuple[str, str, Joint, Array, float]]:
+    """Each body after the one that carries it: its name, that one's, its joint, row and offset of its coordinate."""
+    below = BASE
+    for link, joint, row in zip(robot.links, robot.joints, np.eye(robot.n), strict=True):
+        yield link.name, below, joint, row, 0.0
+        below = link.name
+    for branch in robot.branches:
+        yield branch.name, branch.parent, branch.joint, branch.coupling, branch.offset
 
 
 def finite_ranges(robot: Robot) -> tuple[Array, Array]:

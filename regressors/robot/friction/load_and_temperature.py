@@ -61,10 +61,6 @@ class Loaded(Wrapped):
         """Torque of the curve without load; the shares do not depend on temperature."""
         return self.curve.torque_at(dz, temperature, direction)
 
-    def at(self, temperature: float | None) -> FrictionCurve:
-        """The curve at one temperature, with the same shares."""
-        return Loaded(self.curve.at(temperature), *self.shares)
-
 
 def loading(curve: FrictionCurve, direction: Directed) -> Directed | float:
     """``k s``, the change of friction per unit of carried torque; zero for curves without a load share."""
