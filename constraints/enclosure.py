@@ -38,7 +38,6 @@ class Enclosure:
     """Bounds that hold at every instant."""
 
     extrema: Extrema  # outer bounds of every function over continuous time, and instants near which they are approached
-    intervals: int  # number of time intervals that were evaluated
 
     def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
         """Certificate of each label of the constraint that was enclosed, in the quantity that is reported."""
@@ -59,9 +58,7 @@ def enclose(
     high, low = np.full(k, -np.inf), np.full(k, np.inf)
     reached_high, reached_low = np.full(k, -np.inf), np.full(k, np.inf)
     high_time, low_time = np.zeros(k), np.zeros(k)
-    total = 0
     for depth in range(_DEPTH + 1):
-        total += middle.size
         value, slack = _mean_value(constraint, motion(middle), half, jerk)
         best, least = value.argmax(axis=0), value.argmin(axis=0)
         higher, lower = value[best, np.arange(k)] > reached_high, value[least, np.arange(k)] < reached_low
@@ -81,7 +78,7 @@ def enclose(
         offsets = (2 * np.arange(_PARTS) + 1) / _PARTS - 1.0
         middle = (middle[split, None] + half[split, None] * offsets).ravel()
         half = np.repeat(half[split] / _PARTS, _PARTS)
-    return Enclosure(Extrema(low, high, low_time, high_time), total)
+    return Enclosure(Extrema(low, high, low_time, high_time))
 
 
 def _undecided(bound: Array, reached: Array, limit: Array, scale: Array) -> NDArray[np.bool_]:

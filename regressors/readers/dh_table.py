@@ -80,7 +80,8 @@ def read_dh_table(path: str | Path) -> Robot:
         raise InputError(
             f"{path.name}: expected a first line '# convention: standard' or '# convention: modified'{given}"
         )
-    rows = _rows([(number, line) for number, line in enumerate(lines, 1) if _counts(line)], path.name)
+    filled = [(k, line) for k, line in enumerate(lines, 1) if line.strip(" ,;\t") and not line.startswith("#")]
+    rows = _rows(filled, path.name)
     try:
         return _robot(head.get("name") or path.stem, rows, convention, path.name)
     except InputError as error:
@@ -100,10 +101,6 @@ class _Row(dict[str, float]):
 def _said(line: str) -> tuple[str, str]:
     key, _, value = line.lstrip("# ").partition(":")
     return key.strip().lower(), value.strip().strip(",;").strip()
-
-
-def _counts(line: str) -> bool:
-    return bool(line.strip(" ,;\t")) and not line.startswith("#")
 
 
 def _rows(lines: list[tuple[int, str]], source: str) -> list[_Row]:

@@ -112,10 +112,8 @@ class FrictionCurves:
         ----------
         factors : mapping of str to float
         """
-        curves = {name: self.curve(name) for name in self.curves}
-        return FrictionCurves(
-            {name: scaled(curve, factors.get(name, 1.0)) for name, curve in curves.items() if curve is not None}
-        )
+        known = ((name, curve) for name in self.curves if (curve := self.curve(name)) is not None)
+        return FrictionCurves({name: scaled(curve, factors.get(name, 1.0)) for name, curve in known})
 
     def at(self, temperature: float | Mapping[str, float] | None) -> FrictionCurves:
         """Curves at one temperature each.
