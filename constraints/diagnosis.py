@@ -80,17 +80,15 @@ def _middle(A: Array, lower: Array, upper: Array) -> Array | None:
     return pose if np.all(np.abs(A @ pose - wanted) <= 1e-12 * (upper - lower)) else None
 
 
-def interior_pose(limits: Sequence[LinearConstraint], n: int, preferred: Array | None = None) -> Array:
-    """Pose as far as possible from all position limits, relative to their ranges."""  # preferred (n,)
+def interior_pose(limits: Sequence[LinearConstraint], n: int) -> Array:
+    """Pose as far as possible from all position limits, relative to their ranges; zero where there are none."""
     rows = _Rows(limits, n)
-    free = ~np.any(rows.A != 0.0, axis=0)
-    pose = np.zeros(n) if preferred is None else np.array(preferred, dtype=float)
-    if rows.shown:
-        best, room = rows.most_room(np.arange(len(rows.shown)))
-        if room <= 1e-9:
-            raise ContradictionError(_explanation(rows))
-        pose = np.where(free, pose, best)
-    return pose
+    if not rows.shown:
+        return np.zeros(n)
+    best, room = rows.most_room(np.arange(len(rows.shown)))
+    if room <= 1e-9:
+        raise ContradictionError(_explanation(rows))
+    return np.where(np.any(rows.A != 0.0, axis=0), best, 0.0)
 
 
 def _rounded_up(value: float) -> float:
@@ -179,7 +177,7 @@ class _Sides:
     def __init__(self, nonlinear: Sequence[NonlinearConstraint], motion: PartialMotion) -> None:
         self._nonlinear, self._motion = nonlinear, motion
         self._sides = [
-            (limit, j, sign)
+            (limit, j, sign, bound)
             for limit in nonlinear
             for j in range(len(limit.labels))
             for sign, bound in ((1, limit.upper[j]), (-1, limit.lower[j]))
@@ -200,29 +198,23 @@ class _Sides:
         """Relative distance to every bound, shape (count,)."""
         values = {id(limit): limit.values(self._still(pose))[0] for limit in self._nonlinear}
         return np.array(
-            [
-                sign * ((limit.upper if sign > 0 else limit.lower)[j] - values[id(limit)][j]) / limit.scale[j]
-                for limit, j, sign in self._sides
-            ]
+            [sign * (bound - values[id(limit)][j]) / limit.scale[j] for limit, j, sign, bound in self._sides]
         )
 
     def slopes(self, pose: Array) -> Array:
         """Derivative of the distances, shape (count, k)."""
         n, N = self._motion.matrix.shape[0], self._motion.matrix
         slopes = {id(limit): limit.slopes(self._still(pose))[0][:, :n] @ N for limit in self._nonlinear}
-        return np.array([-sign * slopes[id(limit)][j] / limit.scale[j] for limit, j, sign in self._sides])
+        return np.array([-sign * slopes[id(limit)][j] / limit.scale[j] for limit, j, sign, _ in self._sides])
 
     def relaxations(self, e: Array) -> tuple[Relaxation, ...]:
         """Relaxations in their own units, the largest relative to its scale first."""
         order = np.argsort(-e)
         needed = [(e[k], *self._sides[k]) for k in order if e[k] > _NOTHING]
         return tuple(
-            Relaxation(
-                limit.labels[j], limit.units[j], float((limit.upper if sign > 0 else limit.lower)[j]),
-                float(part * limit.scale[j]),
-            )
-            for part, limit, j, sign in needed
-        )  # fmt: skip
+            Relaxation(limit.labels[j], limit.units[j], float(bound), float(part * limit.scale[j]))
+            for part, limit, j, _, bound in needed
+        )
 
 
 def _positions(linear: Sequence[LinearConstraint], k: int) -> tuple[Array, Array, Array]:

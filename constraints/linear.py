@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,25 +49,21 @@ QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 _UNITS = ("", "/s", "/s^2", "/s^3")
 
 
+@dataclass(eq=False, repr=False)
 class LinearConstraint(Constraint):
     """``lower <= A q^(d) + a0 <= upper`` for one order of derivative d."""
 
-    def __init__(
-        self,
-        derivative: int,
-        matrix: Array,
-        offset: Array,
-        lower: Array,
-        upper: Array,
-        labels: tuple[str, ...],
-        units: tuple[str, ...],
-    ) -> None:
-        self.derivative = derivative
-        self.matrix = matrix
-        self.offset = offset if derivative == 0 else np.zeros_like(offset)
-        self.lower, self.upper = lower, upper
-        self.labels, self.units = labels, units
-        self.quantity = QUANTITIES[derivative]
+    derivative: int
+    matrix: Array
+    offset: Array
+    lower: Array
+    upper: Array
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        self.offset = self.offset if self.derivative == 0 else np.zeros_like(self.offset)
+        self.quantity = QUANTITIES[self.derivative]
 
     def restricted(self, motion: PartialMotion) -> LinearConstraint:
         """The same bounds on the moving coordinates s of ``q = N s + q0``; constant functions are left out."""

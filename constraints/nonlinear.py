@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -73,6 +73,7 @@ Expression = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 
 
 @checked
+@dataclass(eq=False, repr=False)
 class NonlinearConstraint(Constraint):
     """``lower <= g(q, dq, ddq) <= upper``.
 
@@ -98,24 +99,16 @@ class NonlinearConstraint(Constraint):
         Notes on the limits for the user.
     """
 
-    notes: tuple[str, ...] = ()
-
-    def __init__(
-        self,
-        joints: int,
-        expression: Expression,
-        lower: Array,
-        upper: Array,
-        scale: Array,
-        labels: tuple[str, ...],
-        units: tuple[str, ...],
-        shown: Callable[[Array], Array] = lambda values: values,
-        quantity: str = OTHER,
-    ) -> None:
-        self.shown, self.quantity = shown, quantity
-        self.joints, self.expression = joints, expression
-        self.lower, self.upper, self.scale = lower, upper, scale
-        self.labels, self.units = labels, units
+    joints: int
+    expression: Expression
+    lower: Array
+    upper: Array
+    scale: Array
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    shown: Callable[[Array], Array] = lambda values: values
+    quantity: str = OTHER
+    notes: tuple[str, ...] = field(default=(), init=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """The state with the instructions of g, whose expression pickle could not name."""

@@ -21,7 +21,7 @@ from regressors.arguments import checked
 from regressors.errors import Finding, InputError, UnknownName, long_name
 from regressors.quantities import place_of
 from regressors.robot.gears import ConstantRatio, GearFunction
-from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, skew
+from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, pose_of, skew
 from regressors.robot.shapes import Part
 
 JointKind = Literal["revolute", "prismatic"]
@@ -106,15 +106,10 @@ class Joint(_Rebuilt):
 
     def motion(self, q: float) -> Array:
         """Pose of the link frame in the parent's frame at joint position ``q`` [rad or m], shape (4, 4)."""
-        T = np.eye(4)
-        T[:3, 3] = self.translation
         if self.kind == "prismatic":
-            T[:3, :3] = self.rotation
-            T[:3, 3] += self.rotation @ (self.axis * q)
-            return T
+            return pose_of(self.rotation, self.translation + self.rotation @ (self.axis * q))
         K = skew(self.axis)
-        T[:3, :3] = self.rotation @ (np.eye(3) + np.sin(q) * K + (1 - np.cos(q)) * K @ K)
-        return T
+        return pose_of(self.rotation @ (np.eye(3) + np.sin(q) * K + (1 - np.cos(q)) * K @ K), self.translation)
 
 
 @dataclass(frozen=True, eq=False)
