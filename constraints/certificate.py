@@ -92,18 +92,11 @@ def worst_of_each(uses: Iterable[LimitUse]) -> list[LimitUse]:
 
 @dataclass(frozen=True, eq=False)
 class Extrema:
-    """Smallest and largest value of k functions of time, and when they occur.
+    """Smallest and largest value of k functions of time, and when they occur."""
 
-    Parameters
-    ----------
-    low, high : ndarray, shape (k,)
-    low_time, high_time : ndarray, shape (k,)
-        [s]
-    """
-
-    low: Array
+    low: Array  # (k,)
     high: Array
-    low_time: Array
+    low_time: Array  # (k,) [s]
     high_time: Array
 
     @classmethod

@@ -189,14 +189,8 @@ class NonlinearConstraint(Constraint):
         return values
 
     def slopes_at_instants(self, motion: Sequence[Array]) -> Callable[[Index, Index, Index], Array]:
-        """``dg / d(q, dq, ddq)`` of a motion as in `at_instants`.
-
-        Returns
-        -------
-        callable
-            From numbers of functions and of instants, shape (rows,) each, and numbers of columns, shape (c,): the
-            derivatives, shape (rows, c).
-        """
+        """``dg / d(q, dq, ddq)`` as in `at_instants`, by numbers of functions, of instants and of columns."""
+        # numbers (rows,), (rows,) and (c,); result (rows, c)
         nonzeros = self.jacobian(*motion)
         padded = np.concatenate([nonzeros, np.zeros((1, nonzeros.shape[1]))])
 

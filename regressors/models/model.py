@@ -45,21 +45,12 @@ class Combination:
 
     The expression's rows are r states above r densities; row w of W, for each of the r equations, is
     ``difference[w] @ state + integral[w] @ density``. A model of single instants has no densities, and no integral.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,)
-        Instants at which the expression is evaluated [s].
-    difference : sparse array, shape (N, T)
-    integral : sparse array, shape (N, T), or None
-    unit : float
-        Factor from these rows to those of `RegressorModel.assemble`: the window length where these are means.
     """
 
-    time: Array
-    difference: scipy.sparse.csr_array
-    integral: scipy.sparse.csr_array | None = None
-    unit: float = 1.0
+    time: Array  # (T,) instants at which the expression is evaluated [s]
+    difference: scipy.sparse.csr_array  # (N, T)
+    integral: scipy.sparse.csr_array | None = None  # (N, T)
+    unit: float = 1.0  # factor from these rows to those of `RegressorModel.assemble`: the window length of means
 
 
 class RegressorModel(ABC):
@@ -387,21 +378,11 @@ class RegressorModel(ABC):
 
 @dataclass(frozen=True, eq=False)
 class TorqueEquations:
-    """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``, from which equations of motion are built.
+    """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``, from which equations of motion are built."""
 
-    Parameters
-    ----------
-    model : RegressorModel
-        Model of the torques of all joints, one row each.
-    motion : PartialMotion
-        N and q0.
-    used : tuple of int
-        Moving coordinates whose torques are equations.
-    """
-
-    model: RegressorModel
-    motion: PartialMotion
-    used: tuple[int, ...]
+    model: RegressorModel  # of the torques of all joints, one row each
+    motion: PartialMotion  # N and q0
+    used: tuple[int, ...]  # moving coordinates whose torques are equations
 
     @property
     def directions(self) -> Array:

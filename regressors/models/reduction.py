@@ -46,41 +46,17 @@ def standard_columns(robot: Robot) -> tuple[Column, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """Map from the standard parameters' columns to those that remain under the robot's structure.
+    """Map from the standard parameters' columns to those that remain under the robot's structure."""
 
-    Parameters
-    ----------
-    standard : tuple of Column
-        Standard parameters, before the structure is used.
-    columns : tuple of Column
-        Remaining parameters.
-    matrix : ndarray, shape (len(standard), len(columns))
-        ``Y_left = Y_standard @ matrix``.
-    definition : ndarray, shape (len(columns), len(standard))
-        Value of each remaining parameter, ``definition @ standard``.
-    """
-
-    standard: tuple[Column, ...]
-    columns: tuple[Column, ...]
-    matrix: Array
-    definition: Array
+    standard: tuple[Column, ...]  # before the structure is used
+    columns: tuple[Column, ...]  # what remains
+    matrix: Array  # (standard, columns) ``Y_left = Y_standard @ matrix``
+    definition: Array  # (columns, standard) value of each remaining parameter, ``definition @ standard``
 
     @classmethod
     def of(cls, robot: Robot, standard: Sequence[Column], *, reflected: bool = False) -> Reduction:
-        """Reduction of standard columns by the robot's structure.
-
-        Parameters
-        ----------
-        robot : Robot
-        standard : sequence of Column
-        reflected : bool
-            Rotor inertias at the drive coordinates, see `Terms`; combinations that the structure names stay as named.
-
-        Raises
-        ------
-        UnknownName
-            The structure names a parameter that the robot does not have.
-        """
+        """Reduction of standard columns by the robot's structure."""
+        # `reflected` as in `Terms`; combinations that the structure names stay as named
         standard = tuple(standard)
         columns, S, value = _zero_and_equal(robot, standard)
         names = robot.joint_names
@@ -179,23 +155,12 @@ class CoulombFriction:
 
     Coulomb friction has the magnitude 1; load shares, roots and Stribeck friction have others, see
     `regressors.robot.columns.Terms`.
-
-    Parameters
-    ----------
-    columns : ndarray of int, shape (k,)
-        Columns of the model, in ascending order; one that several drives share is repeated for each of them.
-    coupling : ndarray, shape (k, n)
-        Row of C of each column's drive, whose velocity is ``coupling @ dq`` [rad/s or m/s].
-    rows : ndarray, shape (k, r)
-        Contribution of a unit torque of the drive to each equation.
-    magnitudes : callable
-        From N samples to the friction per unit parameter, shape (N, k) [Nm or N per unit].
     """
 
-    columns: Index
-    coupling: Array
-    rows: Array
-    magnitudes: Magnitudes
+    columns: Index  # (k,) of the model, in ascending order; one that several drives share is repeated for each of them
+    coupling: Array  # (k, n) row of C of each column's drive, whose velocity is ``coupling @ dq`` [rad/s or m/s]
+    rows: Array  # (k, r) contribution of a unit torque of the drive to each equation
+    magnitudes: Magnitudes  # from N samples to the friction per unit parameter, shape (N, k) [Nm or N per unit]
 
 
 def coulomb_friction(

@@ -107,30 +107,12 @@ class FrictionCurves:
         """Return the curves multiplied by one factor each, taken as exact; the factor is 1 where none is given.
 
         Load shares are limited to 0.99, see `regressors.robot.friction.load_and_temperature.scaled`.
-
-        Parameters
-        ----------
-        factors : mapping of str to float
         """
         known = ((name, curve) for name in self.curves if (curve := self.curve(name)) is not None)
         return FrictionCurves({name: scaled(curve, factors.get(name, 1.0)) for name, curve in known})
 
     def at(self, temperature: float | Mapping[str, float] | None) -> FrictionCurves:
-        """Curves at one temperature each.
-
-        Parameters
-        ----------
-        temperature : float, mapping of str to float, or None
-            One for all, or by name; the reference temperature of a curve if it is None or not named [deg C].
-
-        Raises
-        ------
-        UnknownName
-            A temperature of a drive that has no curve.
-        InputError
-            A temperature that is not finite, or at which friction would be negative, see
-            `regressors.robot.friction.load_and_temperature.Warm.at`.
-        """
+        """Curves at one temperature for all, or by name; at its reference where a curve's is not given [deg C]."""
         each = temperature if isinstance(temperature, Mapping) else dict.fromkeys(self.curves, temperature)
         for name in each:
             if name not in self.curves:
@@ -164,14 +146,7 @@ class FrictionCurves:
         return curve
 
     def speed_notes(self, robot: Robot, dq: Array) -> tuple[str, ...]:
-        """Notes on a motion that is faster than the friction tables reach.
-
-        Parameters
-        ----------
-        robot : Robot
-        dq : ndarray, shape (N, n)
-            [rad/s or m/s]
-        """
+        """Notes on a motion that is faster than the friction tables reach."""  # dq (N, n)
         tables = ((name, table_part(curve), row) for _, name, curve, row in self._of_drives(robot))
         beyond = [(name, table.extrapolated(dq @ row)) for name, table, row in tables if table is not None]
         return tuple(
@@ -196,36 +171,12 @@ class FrictionCurves:
         temperature: Array | None = None,
         load: Array | None = None,
     ) -> Array:
-        """Friction torques at the joints, ``C' f(C dq)``.
+        """Friction torques at the joints, ``C' f(C dq)``, shape (N, n) [Nm or N].
 
-        Parameters
-        ----------
-        robot : Robot
-            With the drives that the curves are named after; drives that do not move contribute nothing.
-        q, dq : ndarray, shape (N, n)
-            [rad, rad/s, or with m]; no kind of curve depends on q at present.
-        direction : ndarray, shape (N, k), optional
-            Direction of friction of each of `drives_with_friction`; the exact signs of their velocities if not given.
-        temperature : ndarray, shape (N, k), optional
-            Temperature of each of these drives, see `drive_temperatures`; the curves' reference temperatures if not
-            given [deg C].
-        load : ndarray, shape (N, n), optional
-            Joint torques of the motion without friction, for friction that grows with load; zero if not given [Nm or
-            N].
-
-        Returns
-        -------
-        ndarray, shape (N, n)
-            [Nm or N]
-
-        Raises
-        ------
-        UnknownName
-            A curve of a drive that the robot does not have.
-        InputError
-            A temperature as in `at`; friction that grows with load, of a robot that does not have one drive for each
-            joint.
-        """
+        No kind of curve depends on q at present. The direction of friction and the temperature are those of each of
+        `drives_with_friction`, by default the signs of their velocities, and the reference temperatures of the curves.
+        The load is the joint torques of the motion without friction, by default zero.
+        """  # q, dq, load (N, n); direction, temperature (N, k)
         self.check(robot)
         total = np.zeros_like(dq)
         z = None if load is None or not self.loaded else load @ torques_at_drives(robot).T
@@ -247,25 +198,7 @@ class FrictionCurves:
         direction: Array | None = None,
         temperature: Array | None = None,
     ) -> Array:
-        """Joint torques without friction, from those with friction.
-
-        Parameters
-        ----------
-        robot, q, dq, direction, temperature
-            See `joint_torque`.
-        tau : ndarray, shape (N, n)
-            Joint torques with friction, as measured [Nm or N].
-
-        Returns
-        -------
-        ndarray, shape (N, n)
-            With these as the load, `joint_torque` is their difference from tau.
-
-        Raises
-        ------
-        UnknownName, InputError
-            See `joint_torque`.
-        """
+        """Joint torques without friction, from those with it; with these as load, `joint_torque` is the difference."""
         rest = tau - self.joint_torque(robot, q, dq, direction, temperature)
         if not self.loaded:
             return np.asarray(rest)
@@ -275,21 +208,7 @@ class FrictionCurves:
         return np.asarray(z @ np.array([row for _, row in drives_with_friction(robot)]))
 
     def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX, load: ca.SX | None = None) -> ca.SX:
-        """``C' f(C dq)`` as an expression.
-
-        Parameters
-        ----------
-        robot : Robot
-        dq : SX, shape (n, 1)
-        direction : SX, shape (k, 1)
-            Direction of friction of each of `drives_with_friction`, such as `smooth_direction`.
-        load : SX, shape (n, 1), optional
-            See `joint_torque`.
-
-        Returns
-        -------
-        SX, shape (n, 1)
-        """
+        """``C' f(C dq)`` as an expression, see `joint_torque`."""  # dq, load (n, 1); direction (k, 1)
         self.check(robot)
         total = ca.SX.zeros(robot.n, 1)
         z = None if load is None or not self.loaded else ca.mtimes(sparse(torques_at_drives(robot)), load)
@@ -301,18 +220,7 @@ class FrictionCurves:
         return total
 
     def carried_expression(self, robot: Robot, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
-        """Joint torques without friction as an expression, see `carried_torque`.
-
-        Parameters
-        ----------
-        robot : Robot
-        dq, tau : SX, shape (n, 1)
-        direction : SX, shape (k, 1)
-
-        Returns
-        -------
-        SX, shape (n, 1)
-        """
+        """Joint torques without friction as an expression, see `carried_torque`."""  # dq, tau (n, 1)
         rest = tau - self.joint_expression(robot, dq, direction)
         if not self.loaded:
             return rest
