@@ -110,17 +110,14 @@ def hulled_extrema(breaks: Array, coefficients: Array) -> Extrema:
     # breaks (m + 1,); coefficients (d + 1, m, k)
     hull = _bernstein(np.diff(breaks), coefficients)
     ends = np.concatenate([hull[0], hull[-1][-1:]])  # values at all breaks, shape (m + 1, k)
-    low, high = ends.min(axis=0), ends.max(axis=0)
-    low_time, high_time = breaks[ends.argmin(axis=0)], breaks[ends.argmax(axis=0)]
     slack = _ROUNDING * np.abs(ends).max(axis=0)
-    beyond = (hull.max(axis=0) > high + slack) | (hull.min(axis=0) < low - slack)
+    beyond = (hull.max(axis=0) > ends.max(axis=0) + slack) | (hull.min(axis=0) < ends.min(axis=0) - slack)
+    values, times = [[value] for value in ends.T], [[breaks] for _ in ends.T]
     for i, k in zip(*np.nonzero(beyond), strict=True):
-        inner = piecewise_extrema(breaks[i : i + 2], coefficients[:, i : i + 1, k : k + 1])
-        if inner.low[0] < low[k]:
-            low[k], low_time[k] = inner.low[0], inner.low_time[0]
-        if inner.high[0] > high[k]:
-            high[k], high_time[k] = inner.high[0], inner.high_time[0]
-    return Extrema(low, high, low_time, high_time)
+        value, time = _candidates(coefficients[:, i, k], breaks[i], breaks[i + 1] - breaks[i])
+        values[k].append(value)
+        times[k].append(time)
+    return Extrema.among(map(np.concatenate, values), map(np.concatenate, times))
 
 
 def _bernstein(length: Array, coefficients: Array) -> Array:
@@ -137,10 +134,16 @@ def piecewise_extrema(breaks: Array, coefficients: Array) -> Extrema:
     # breaks (m + 1,); coefficients (d + 1, m, k)
     values, times = [], []
     for pieces in coefficients.transpose(2, 1, 0):  # of one function
-        local = [np.concatenate([[0.0, h], _stationary(p, h)]) for p, h in zip(pieces, np.diff(breaks), strict=True)]
-        values.append(np.concatenate([np.polyval(p, t) for p, t in zip(pieces, local, strict=True)]))
-        times.append(np.concatenate([start + t for start, t in zip(breaks[:-1], local, strict=True)]))
+        parts = [_candidates(*each) for each in zip(pieces, breaks[:-1], np.diff(breaks), strict=True)]
+        values.append(np.concatenate([value for value, _ in parts]))
+        times.append(np.concatenate([time for _, time in parts]))
     return Extrema.among(values, times)
+
+
+def _candidates(piece: Array, start: float, length: float) -> tuple[Array, Array]:
+    """Values of a piece at both ends and where its derivative vanishes, and these instants."""
+    local = np.concatenate([[0.0, length], _stationary(piece, length)])
+    return np.polyval(piece, local), start + local
 
 
 def _stationary(piece: Array, length: float) -> Array:

@@ -72,11 +72,8 @@ def _lowest(shape: XmlElement, path: Path, pose: Array, normal: Array) -> float:
         least = -float(given["radius"])
     elif shape.tag == "cylinder":
         least = -float(given["radius"]) * np.hypot(up[0], up[1]) - 0.5 * float(given["length"]) * abs(up[2])
-    elif shape.tag == "box":
-        least = float((_CORNERS * numbers_of(shape, "size", "") @ up).min())
     else:
-        corners = _corners(mesh_file(given["filename"], path))
-        least = float((corners * numbers_of(shape, "scale", "1 1 1") @ up).min())
+        least = (_corners(shape, path) @ up).min()
     return float(normal @ pose[:3, 3]) + float(least)
 
 
@@ -137,16 +134,18 @@ def _around(shape: XmlElement, path: Path) -> Capsule:
         return Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), float(given["radius"]))
     if shape.tag == "cylinder":
         return enclosing_cylinder(float(given["radius"]), float(given["length"]))
-    if shape.tag == "box":
-        return enclosing_capsule(_CORNERS * numbers_of(shape, "size", ""))
-    if shape.tag == "mesh":
-        return enclosing_capsule(_corners(mesh_file(given["filename"], path)) * numbers_of(shape, "scale", "1 1 1"))
+    if shape.tag in ("box", "mesh"):
+        return enclosing_capsule(_corners(shape, path))
     raise InputError(f"no shape named {shape.tag!r}; available: sphere, cylinder, box, mesh")
 
 
-def _corners(file: Path) -> Array:
-    """Corners of a mesh of any format that there is a reader for, shape (N, 3)."""
-    return collada_triangles(file).reshape(-1, 3) if file.suffix.lower() == ".dae" else mesh_corners(file)
+def _corners(shape: XmlElement, path: Path) -> Array:
+    """Corners of a box, or of a mesh of any format that there is a reader for, shape (N, 3)."""
+    if shape.tag == "box":
+        return _CORNERS * numbers_of(shape, "size", "")
+    file = mesh_file(shape.attributes["filename"], path)
+    corners = collada_triangles(file).reshape(-1, 3) if file.suffix.lower() == ".dae" else mesh_corners(file)
+    return np.asarray(corners * numbers_of(shape, "scale", "1 1 1"))
 
 
 def mesh_file(name: str, urdf: Path) -> Path:

@@ -14,6 +14,7 @@ from regressors.models.model import RegressorModel
 from regressors.models.windows import Window, WindowModel
 from regressors.quantities import place_of
 from regressors.robot.columns import body_columns
+from regressors.robot.inertia import is_rotation
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import LinkMotion, body_regressor, chain, sparse, times_inertia
 from regressors.samples import Array, Samples
@@ -53,14 +54,8 @@ class Sensor:
             raise InputError(
                 f"equations: expected at least one, and each once, given {', '.join(self.equations) or 'none'}"
             )
-        R = self.rotation
-        if (
-            R.shape != (3, 3)
-            or not np.all(np.abs(R) < 2.0)
-            or not np.allclose(R @ R.T, np.eye(3), atol=1e-9)
-            or np.linalg.det(R) < 0
-        ):
-            raise InputError(f"sensor axes are not a rotation matrix: {R.tolist()}")
+        if not is_rotation(self.rotation):
+            raise InputError(f"sensor axes are not a rotation matrix: {self.rotation.tolist()}")
         if not np.all(np.isfinite(self.translation)) or np.shape(self.translation) != (3,):
             raise InputError(
                 f"sensor position must be three finite numbers, given {np.asarray(self.translation).tolist()}"

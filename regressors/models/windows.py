@@ -105,25 +105,6 @@ def _samples(seconds: float, spacing: float, what: str) -> int:
     return round(count)
 
 
-@dataclass(frozen=True)
-class _Selection:
-    """States and densities of some columns: their structural nonzeros, those of the states first."""
-
-    function: VectorisedFunction
-    states: int
-    row: Index
-    column: Index
-
-    @classmethod
-    def of(cls, parts: VectorisedFunction, r: int, columns: Index, integrated: Mask) -> _Selection:
-        place = np.full(parts.shape[1], -1)
-        place[columns] = np.arange(columns.size)
-        used = np.flatnonzero((place[parts.column] >= 0) & ((parts.row < r) | ~integrated[parts.column]))
-        used = used[np.argsort(parts.row[used] >= r, kind="stable")]
-        row = parts.row[used]
-        return cls(parts.selection(used), int(np.count_nonzero(row < r)), row % r, place[parts.column[used]])
-
-
 class WindowModel(RegressorModel):
     """A model whose rows are differences of states plus integrals of densities over windows.
 
@@ -157,15 +138,22 @@ class WindowModel(RegressorModel):
         return self._compiled(self.expression)
 
     @cached_property
-    def _selections(self) -> dict[bytes, _Selection]:
+    def _selections(self) -> dict[bytes, tuple[VectorisedFunction, int, Index, Index]]:
         """What was compiled for a selection of columns."""
         return {}
 
-    def _selection(self, columns: Index) -> _Selection:
-        if (found := self._selections.get(key := columns.tobytes())) is None:
-            found = _Selection.of(self._parts, len(self.row_labels), columns, self._integrated_exactly())
-            self._selections[key] = found
-        return found
+    def _selection(self, columns: Index) -> tuple[VectorisedFunction, int, Index, Index]:
+        """Structural nonzeros of some columns, those of the states first, their number, and all rows and columns."""
+        if (key := columns.tobytes()) not in self._selections:
+            parts, r = self._parts, len(self.row_labels)
+            place = np.full(parts.shape[1], -1)
+            place[columns] = np.arange(columns.size)
+            integrated = self._integrated_exactly()[parts.column]
+            used = np.flatnonzero((place[parts.column] >= 0) & ((parts.row < r) | ~integrated))
+            used = used[np.argsort(parts.row[used] >= r, kind="stable")]
+            row, column = parts.row[used], place[parts.column[used]]
+            self._selections[key] = parts.selection(used), int(np.count_nonzero(row < r)), row % r, column
+        return self._selections[key]
 
     def _integrated_exactly(self) -> Mask:
         """Which columns have no density here, since `_cumulated` of a subclass knows their integrals, shape (p,)."""
@@ -173,13 +161,11 @@ class WindowModel(RegressorModel):
 
     def _cumulated(self, samples: Samples, columns: Index) -> Array:
         """``state(t) + int density`` from the first sample on, by Simpson's rule, shape (r, k, N)."""
-        selection, motion = self._selection(columns), (samples.q, samples.dq, samples.ddq)
+        function, states, row, column = self._selection(columns)
         cumulated = np.zeros((len(self.row_labels), columns.size, samples.time.size))
-        values = selection.function(*(np.ascontiguousarray(x.T) for x in motion))
-        state, density = values[: selection.states], values[selection.states :]
-        cumulated[selection.row[: selection.states], selection.column[: selection.states]] = state
-        place = selection.row[selection.states :], selection.column[selection.states :]
-        cumulated[place] += _running_integral(density, samples.time, axis=-1)
+        values = function(*(np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)))
+        cumulated[row[:states], column[:states]] = values[:states]
+        cumulated[row[states:], column[states:]] += _running_integral(values[states:], samples.time, axis=-1)
         return cumulated
 
     def assemble(self, samples: Samples) -> Array:

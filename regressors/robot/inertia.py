@@ -32,6 +32,12 @@ def skew(v: ArrayLike) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def is_rotation(R: Array) -> bool:
+    """Whether a matrix turns vectors, without a reflection."""
+    small = R.shape == (3, 3) and bool(np.all(np.abs(R) < 2.0))
+    return small and np.allclose(R @ R.T, np.eye(3), atol=1e-9) and not np.linalg.det(R) < 0
+
+
 def rotation_from_rpy(rpy: ArrayLike) -> Array:
     """Rotation about the fixed x, y, z axes in turn, ``Rz(yaw) Ry(pitch) Rx(roll)``, as in a URDF."""  # rpy (3,)
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)

@@ -21,7 +21,7 @@ from regressors.arguments import checked
 from regressors.errors import Finding, InputError, UnknownName, long_name
 from regressors.quantities import place_of
 from regressors.robot.gears import ConstantRatio, GearFunction
-from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, pose_of, skew
+from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, is_rotation, pose_of, skew
 from regressors.robot.shapes import Part
 
 JointKind = Literal["revolute", "prismatic"]
@@ -72,7 +72,7 @@ class Joint(_Rebuilt):
         self._freeze("translation", (3,), f"joint {self.name!r}, translation")
         if self.kind not in ("revolute", "prismatic"):
             raise InputError(f"joint {self.name!r}: kind must be revolute or prismatic, given {self.kind!r}")
-        if not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or np.linalg.det(R) < 0:
+        if not is_rotation(R):
             raise InputError(f"joint {self.name!r}: rotation is not a rotation matrix")
         if not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9):
             raise InputError(f"joint {self.name!r}: axis must have length 1, given {np.linalg.norm(axis):g}")
