@@ -17,13 +17,10 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from functools import cache, partial, wraps
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from regressors.errors import InputError
 from regressors.quantities import shown
-
-if TYPE_CHECKING:
-    import numpy as np
 
 T = TypeVar("T", bound=Callable[..., Any])
 Check = Callable[[Any], Any]
@@ -223,7 +220,7 @@ def _array_of(kind: Any) -> Check:
     return partial(_array, kinds, np.dtype(scalar))
 
 
-def _array(kinds: str, dtype: np.dtype[Any], value: Any) -> Any:
+def _array(kinds: str, dtype: Any, value: Any) -> Any:
     import numpy as np
 
     if isinstance(value, np.ndarray) and value.dtype == dtype:

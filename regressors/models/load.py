@@ -15,8 +15,8 @@ from regressors.models.windows import Window, WindowModel
 from regressors.quantities import place_of
 from regressors.robot.columns import body_columns
 from regressors.robot.inertia import is_rotation
-from regressors.robot.robot import Robot
-from regressors.robot.symbolic.kinematics import LinkMotion, body_regressor, chain, sparse, times_inertia
+from regressors.robot.robot import Joint, Robot
+from regressors.robot.symbolic.kinematics import LinkMotion, body_regressor, chain, next_link, times_inertia
 from regressors.samples import Array, Samples
 
 EQUATIONS = ("fx", "fy", "fz", "nx", "ny", "nz")
@@ -76,20 +76,9 @@ class Sensor:
 
 def _sensor_motion(robot: Robot, sensor: Sensor, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
     """Motion of the sensor's frame, in its own axes."""
-    links = list(chain(robot, q, dq, ddq))
-    link = links[sensor.place(robot)]
-    Rt, p = sparse(np.asarray(sensor.rotation).T), sparse(sensor.translation)
-    w, dw = link.omega, link.domega
-    return LinkMotion(
-        omega=ca.mtimes(Rt, w),
-        domega=ca.mtimes(Rt, dw),
-        v=ca.mtimes(Rt, link.v + ca.cross(w, p)),
-        a=ca.mtimes(Rt, link.a + ca.cross(dw, p) + ca.cross(w, ca.cross(w, p))),
-        up=ca.mtimes(Rt, link.up),
-        rotation=ca.mtimes(link.rotation, Rt.T),
-        origin=link.origin + ca.mtimes(link.rotation, p),
-        axes=(),
-    )
+    link = list(chain(robot, q, dq, ddq))[sensor.place(robot)]
+    fixed = Joint("sensor", "prismatic", sensor.rotation, sensor.translation)
+    return next_link(link, fixed, *3 * [ca.SX(1, 1)])
 
 
 class _SensorModel(RegressorModel):

@@ -7,6 +7,7 @@ input, and writes its answer as JSON to standard output.
 
 from __future__ import annotations
 
+import ctypes
 import encodings
 import html
 import io
@@ -351,8 +352,6 @@ def _leave_network() -> None:
     """Move to a network of its own, without any device, where the system lets it."""
     if not sys.platform.startswith("linux"):
         return
-    import ctypes
-
     with suppress(OSError, AttributeError):
         unshare = ctypes.CDLL(None).unshare
         if unshare(_NEW_NETWORK) != 0:
