@@ -16,9 +16,9 @@ from constraints.geometry import Part, enclosing_capsule, enclosing_cylinder
 from regressors.errors import InputError
 from regressors.input_files import in_bytes, read_bytes, reading
 from regressors.memory_cap import memory_cap
-from regressors.readers.chain_ends import resting_pose
+from regressors.readers.chain_ends import carried
 from regressors.readers.urdf_elements import XmlElement, robot_element
-from regressors.readers.urdf_tree import UrdfTree, parse_tree
+from regressors.readers.urdf_tree import parse_tree
 from regressors.robot.inertia import pose_of, rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
 from regressors.robot.shapes import Capsule
@@ -85,31 +85,12 @@ def carried_links(
         content = read_bytes(path)
     tree = parse_tree(content, path.name, snap_angles=snap_angles)
     moving = {link.name for link in robot.links}
-    poses = _poses(tree)
+    poses = dict(carried(tree, tree.root, ()))
     for link in robot_element(content, path.name).below("link"):
         name = link.attributes["name"]
-        carrier = _carrier(tree, name, moving)
-        above = poses[base or tree.root] if carrier == BASE else poses[carrier]
-        yield carrier, link, np.linalg.inv(above) @ poses[name]
-
-
-def _poses(tree: UrdfTree) -> dict[str, Array]:
-    """Pose of every link in the frame of the root, all joints at rest."""
-    poses, left = {tree.root: np.eye(4)}, [tree.root]
-    for name in left:  # which grows
-        for joint in tree.below[name]:
-            poses[joint.child] = poses[name] @ resting_pose(tree, joint)
-            left.append(joint.child)
-    return poses
-
-
-def _carrier(tree: UrdfTree, link: str, moving: set[str]) -> str:
-    """The link of the robot that a link is fixed to, or the base."""
-    while link not in moving:
-        if link not in tree.above:
-            return BASE
-        link = tree.above[link].parent
-    return link
+        on_robot = (carrier := tree.carrier(name, moving)) in moving
+        above = poses[carrier if on_robot else base or tree.root]
+        yield carrier if on_robot else BASE, link, np.linalg.inv(above) @ poses[name]
 
 
 def numbers_of(element: XmlElement | None, attribute: str, default: str) -> Array:

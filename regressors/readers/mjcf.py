@@ -131,15 +131,8 @@ def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, str]) ->
 def _ties(tie: Tie, tree: UrdfTree, links: list[str]) -> bool:
     """Whether a constraint holds between parts that links of a chain move differently."""
     moving = {tree.above[link].name for link in links}
-    moved = {_carrier(tree, links, body) for body in tie.bodies}
+    moved = {tree.carrier(body, links) for body in tie.bodies}
     return len(moved) > 1 or any(joint in moving for joint in tie.joints)
-
-
-def _carrier(tree: UrdfTree, links: list[str], link: str) -> str:
-    """The link of the chain that a body moves with; the tree's root for all that stands still."""
-    while link not in links and link in tree.above:
-        link = tree.above[link].parent
-    return link
 
 
 def _left_out(model: Any, robot: Robot, joints: list[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -73,6 +73,12 @@ class UrdfTree:
             joints.append(self.above[last])
             last = joints[-1].parent
         return joints[::-1]
+
+    def carrier(self, link: str, links: Collection[str]) -> str:
+        """The first of some links that is met from a link upwards, itself included; the root where none is."""
+        while link not in links and link in self.above:
+            link = self.above[link].parent
+        return link
 
 
 def _pose(element: XmlElement, angles: AngleReader) -> Array:
