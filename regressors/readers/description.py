@@ -59,7 +59,7 @@ def _robot(
     try:
         return Robot(
             name=description.name,
-            joints=tuple(joint.joint() for joint in description.joints),
+            joints=tuple(joint.joint_named(joint.name) for joint in description.joints),
             links=links,
             limits=limits([joint.limits for joint in description.joints]),
             transmission=_transmission(description),

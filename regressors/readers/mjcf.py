@@ -17,7 +17,6 @@ from regressors.input_files import FILE, in_bytes, opened, read_bytes, regular_s
 from regressors.memory_cap import check_memory
 from regressors.readers.chain_ends import Chain, resting_rotation, working_ends
 from regressors.readers.mjcf_tree import (
-    Equalities,
     Tie,
     equalities,
     joint_actuators,
@@ -59,13 +58,11 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     - Not read: contacts, tendons, fluids, ``gravcomp`` (a part of the controller), and how actuators are controlled.
     """
     path = Path(path)
-    model = compiled(path)
+    model, tree = tree_of_mjcf(path, snap_angles=snap_angles)
     joints = names_of(model, "joint")
-    equal = equalities(model)
-    tree = _tree(model, path, equal, snap_angles=snap_angles)
     robot = robot_of_tree(tree, base, tip)
     ends = (tree.root if base is None else base, robot.links[-1].name)
-    for tie in equal.ties:
+    for tie in equalities(model).ties:
         _check_tie(tie, tree, robot, ends)
     return robot.replace(
         transmission=_transmission(model, robot, joints),
@@ -77,13 +74,9 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
 def tree_of_mjcf(path: Path, *, snap_angles: bool = True) -> tuple[Any, UrdfTree]:
     """The compiled model of an MJCF, and its tree of links as `read_mjcf` takes it."""
     model = compiled(path)
-    return model, _tree(model, path, equalities(model), snap_angles=snap_angles)
-
-
-def _tree(model: Any, path: Path, equal: Equalities, *, snap_angles: bool) -> UrdfTree:
     given = model.names.split(b"\0")[0].decode()
     name = path.stem if given in ("", _UNNAMED) else given
-    return tree_of_model(model, name, path.name, equal, snap_angles=snap_angles)
+    return model, tree_of_model(model, name, path.name, snap_angles=snap_angles)
 
 
 def compiled(path: Path) -> Any:

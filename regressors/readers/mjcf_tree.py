@@ -31,7 +31,7 @@ def names_of(model: Any, kind: str) -> list[str]:
     return [name or _free_name(f"{kind}{number}", given) for number, name in enumerate(given)]
 
 
-def tree_of_model(model: Any, name: str, source: str, equal: Equalities, *, snap_angles: bool = True) -> UrdfTree:
+def tree_of_model(model: Any, name: str, source: str, *, snap_angles: bool = True) -> UrdfTree:
     """Tree of a compiled model, with the frames of `Joint`: a link's frame is that of the joint that moves it.
 
     A link has the axes of its body and its origin in the anchor of the hinge that moves it (MuJoCo's ``pos`` of the
@@ -39,7 +39,7 @@ def tree_of_model(model: Any, name: str, source: str, equal: Equalities, *, snap
     but the last without mass.
     """
     bodies, joints = names_of(model, "body"), names_of(model, "joint")
-    actuators, angles = joint_actuators(model), AngleReader(snap_angles)
+    actuators, equal, angles = joint_actuators(model), equalities(model), AngleReader(snap_angles)
     links: dict[str, Array | None] = {bodies[0]: None}
     tree: list[TreeJoint] = []
     in_link = {0: np.eye(4)}  # pose of a body in the frame of the last of its links
