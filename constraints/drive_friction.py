@@ -148,23 +148,16 @@ def _(curve: TableFriction, fastest: float) -> FrictionBound:
 
 def _of_corners(table: TableFriction, torque: Callable[[Array, Array], Array], fastest: float) -> FrictionBound:
     """Bound of friction that is linear in speed between a table's corners, from its torques at them."""
-    ahead, behind = (_corners(speed, fastest) for speed, _ in table.sides)
+    last = [fastest] if np.isfinite(fastest) else []
+    ahead, behind = (np.concatenate([[0.0], speed[speed < fastest], last]) for speed, _ in table.sides)
     speed, sign = np.concatenate([ahead, -behind]), np.repeat([1.0, -1.0], [ahead.size, behind.size])
     friction = torque(speed, sign)
-    viscous = _slope(speed, friction, sign) if np.isfinite(fastest) else 0.0
+    viscous = 0.0
+    if last:  # by least squares; any value gives valid bounds of the rest, this one gives tight ones
+        columns = np.column_stack([speed, sign, np.ones_like(speed)])
+        viscous = float(np.linalg.lstsq(columns, friction, rcond=None)[0][0])
     rest = friction - viscous * speed
     return FrictionBound(viscous, float(rest.min()), float(rest.max()))
-
-
-def _corners(speed: Array, fastest: float) -> Array:
-    """Speeds at the corners of one side of a table, from rest to the fastest one."""
-    return np.concatenate([[0.0], speed[speed < fastest], [fastest] if np.isfinite(fastest) else []])
-
-
-def _slope(speed: Array, friction: Array, sign: Array) -> float:
-    """Viscous part by least squares; any value gives valid bounds of the rest, this one gives tight ones."""
-    columns = np.column_stack([speed, sign, np.ones_like(speed)])
-    return float(np.linalg.lstsq(columns, friction, rcond=None)[0][0])
 
 
 @friction_bound.register

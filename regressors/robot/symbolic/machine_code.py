@@ -78,17 +78,12 @@ def _target() -> Any:
 
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
-        library = _c_library()
+        library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)  # on POSIX what this process has
         for name, _ in _BY_INSTANT.values():  # by address: a name that LLVM does not find would end the process
             llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
         return llvm, llvm.Target.from_default_triple()
     except (ImportError, AttributeError, OSError, RuntimeError) as error:
         raise NotCompiledError(str(error)) from error
-
-
-def _c_library() -> ctypes.CDLL:
-    """A library with the functions of <math.h>: on POSIX those that this process has."""
-    return ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
 
 
 def _compiled(text: str) -> tuple[Any, Any]:
