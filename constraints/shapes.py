@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from constraints.geometry import Part, enclosing_capsule, enclosing_cylinder
-from regressors.errors import InputError
-from regressors.input_files import in_bytes, read_bytes, reading
+from regressors.errors import InputError, reading
+from regressors.input_files import in_bytes, read_bytes
 from regressors.memory_cap import memory_cap
 from regressors.readers.chain_ends import carried
 from regressors.readers.urdf_elements import XmlElement, robot_element

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,6 +32,15 @@ class TakenError(InputError):
 
 class TooLargeError(InputError):
     """The work would take more memory than it may; the message says what to change, and how far."""
+
+
+@contextmanager
+def reading(what: str) -> Iterator[None]:
+    """Turn what reading a file raises in the block into `InputError`."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {what}: {getattr(error, 'strerror', None) or error}") from error
 
 
 class UnknownName(InputError):

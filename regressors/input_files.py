@@ -17,8 +17,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from regressors.errors import InputError
-
 DOCUMENT = 16 * 2**20  # bytes of a text that is written by hand, such as a YAML
 FILE = 64 * 2**20  # bytes of any other file
 LOG = 4 * 10**9  # bytes of a log, which is not held in memory
@@ -75,15 +73,6 @@ def read_text(path: str | Path, most: int = DOCUMENT, encoding: str = "utf-8") -
     """Text of a file, whose lines all end as on Unix; see `opened`."""
     text = read_bytes(path, most).decode(encoding)
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
-
-
-@contextmanager
-def reading(what: str) -> Iterator[None]:
-    """Name what cannot be read, and why, in one error of the block that reads it."""
-    try:
-        yield
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {what}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _handle(path: str | Path) -> int:

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from regressors.errors import LONGEST_NAME, InputError, UnknownName, shortened
-from regressors.input_files import read_text, reading
+from regressors.errors import LONGEST_NAME, InputError, UnknownName, reading, shortened
+from regressors.input_files import read_text
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
 from regressors.robot.robot import Drive, Joint, JointKind, Limits, Link, Robot, Transmission

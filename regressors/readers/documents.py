@@ -21,8 +21,8 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from regressors.errors import InputError, shortened
-from regressors.input_files import read_text, reading
+from regressors.errors import InputError, reading, shortened
+from regressors.input_files import read_text
 from regressors.quantities import fault
 
 FieldPath = tuple[str | int, ...]

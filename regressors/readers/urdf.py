@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from regressors.errors import InputError
-from regressors.input_files import read_bytes, reading
+from regressors.errors import InputError, reading
+from regressors.input_files import read_bytes
 from regressors.readers.chain_ends import carried, chain_of, kind_of, resting_rotation
 from regressors.readers.description import range_of
 from regressors.readers.health import health

@@ -17,8 +17,8 @@ from xml.parsers import expat
 
 import numpy as np
 
-from regressors.errors import Finding, InputError, TooLargeError, long_name, shortened
-from regressors.input_files import read_bytes, reading
+from regressors.errors import Finding, InputError, TooLargeError, long_name, reading, shortened
+from regressors.input_files import read_bytes
 from regressors.robot.inertia import Array
 
 _ELEMENTS = 100_000  # of a document
