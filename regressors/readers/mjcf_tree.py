@@ -176,12 +176,9 @@ def reflected(model: Any, values: str, actuators: list[int]) -> float:
 
 def _force(model: Any, actuator: int) -> float:
     force = _reach(model.actuator_forcerange[actuator]) if model.actuator_forcelimited[actuator] else np.inf
-    plain = (
-        int(model.actuator_gaintype[actuator]) == mujoco.mjtGain.mjGAIN_FIXED
-        and int(model.actuator_biastype[actuator]) == mujoco.mjtBias.mjBIAS_NONE
-        and int(model.actuator_dyntype[actuator]) == mujoco.mjtDyn.mjDYN_NONE
-    )
-    if plain and model.actuator_ctrllimited[actuator]:
+    kinds = (model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype)
+    motor = [mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtDyn.mjDYN_NONE]
+    if [int(kind[actuator]) for kind in kinds] == motor and model.actuator_ctrllimited[actuator]:
         force = min(force, abs(float(model.actuator_gainprm[actuator, 0])) * _reach(model.actuator_ctrlrange[actuator]))
     return force
 
