@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
@@ -49,6 +49,13 @@ class UnknownName(InputError):
     def __init__(self, what: str, given: str, available: Iterable[str], near: Sequence[str] = ()) -> None:
         meant = f"did you mean {' or '.join(map(shortened, near))}? " if near else ""
         super().__init__(f"no {what} named {shortened(given)}; {meant}available: {listed_names(available)}")
+
+
+def check_names(what: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Raise `UnknownName` for the first name that is not known."""
+    for name in names:
+        if name not in known:
+            raise UnknownName(what, name, known)
 
 
 LONGEST = 60  # characters of one quoted thing

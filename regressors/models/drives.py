@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from regressors.errors import UnknownName
 from regressors.robot.columns import (
     ASYMMETRY,
     COULOMB,
@@ -136,14 +135,6 @@ def column_list(drives: tuple[DriveMotion, ...], terms: Terms) -> tuple[Column, 
     """Columns of the drives: rotors first, then friction by kind."""
     rotors = (drive_column(d.number, ROTOR) for d in drives if d.has_rotor and terms.rotor)
     return (*rotors, *(drive_column(d.number, kind, linear=d.linear) for kind, d in friction_terms(drives, terms)))
-
-
-def check_drives(robot: Robot, terms: Terms) -> None:
-    """Raise `UnknownName` if terms are chosen for a drive that the robot does not have."""
-    known = tuple(drive_rows(robot))
-    for number in terms.numbers:
-        if number not in known:
-            raise UnknownName("drive", str(number), [str(k) for k in known])
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.models.model import RegressorModel
 from regressors.models.windows import Window, WindowModel
 from regressors.quantities import place_of
@@ -47,9 +47,7 @@ class Sensor:
     equations: tuple[str, ...] = EQUATIONS
 
     def __post_init__(self) -> None:
-        for name in self.equations:
-            if name not in EQUATIONS:
-                raise UnknownName("equation", name, EQUATIONS)
+        check_names("equation", self.equations, EQUATIONS)
         if len(set(self.equations)) != len(self.equations) or not self.equations:
             raise InputError(
                 f"equations: expected at least one, and each once, given {', '.join(self.equations) or 'none'}"

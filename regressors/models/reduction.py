@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 import scipy.linalg
 
-from regressors.errors import UnknownName
-from regressors.models.drives import check_drives, column_list, drive_motions, drive_rows, reflections
+from regressors.errors import UnknownName, check_names
+from regressors.models.drives import column_list, drive_motions, drive_rows, reflections
 from regressors.numerical import independent_columns
 from regressors.robot.columns import (
     COMBINATION,
@@ -27,7 +27,7 @@ from regressors.robot.columns import (
     drive_column,
 )
 from regressors.robot.inertia import parameter_names
-from regressors.robot.robot import Aggregates, Robot
+from regressors.robot.robot import Aggregates, Robot, drive_numbers
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array, Index, Samples
 
@@ -144,7 +144,7 @@ Magnitudes = Callable[[Samples], Array]
 
 def reduction_by(robot: Robot, terms: Terms) -> Reduction:
     """Columns of a robot's bodies, and those that terms choose of its drives, reduced by its structure."""
-    check_drives(robot, terms)
+    check_names("drive", map(str, terms.numbers), [str(number) for number in drive_numbers(robot)])
     drives = drive_motions(robot, *(ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")))
     return Reduction.of(robot, (*inertial_columns(robot), *column_list(drives, terms)), reflected=terms.reflected)
 

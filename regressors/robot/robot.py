@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.arguments import checked
-from regressors.errors import Finding, InputError, UnknownName, long_name
+from regressors.errors import Finding, InputError, UnknownName, check_names, long_name
 from regressors.quantities import place_of
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, is_rotation, pose_of, skew
@@ -408,9 +408,7 @@ class Robot(_Rebuilt):
         if self.branches:
             _check_branches(self)
         known = (BASE, *(body.name for body in self.bodies))
-        for part in self.shapes:
-            if part.link not in known:
-                raise UnknownName(f"link with a shape, of robot {self.name!r},", part.link, known)
+        check_names(f"link with a shape, of robot {self.name!r},", (part.link for part in self.shapes), known)
 
     @property
     def n(self) -> int:

@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, UnknownName, check_names
 from regressors.robot.friction.curve import (
     CoulombViscous as CoulombViscous,
     FrictionCurve as FrictionCurve,
@@ -114,9 +114,7 @@ class FrictionCurves:
     def at(self, temperature: float | Mapping[str, float] | None) -> FrictionCurves:
         """Curves at one temperature for all, or by name; at its reference where a curve's is not given [deg C]."""
         each = temperature if isinstance(temperature, Mapping) else dict.fromkeys(self.curves, temperature)
-        for name in each:
-            if name not in self.curves:
-                raise UnknownName("friction curve", name, tuple(self.curves))
+        check_names("friction curve", each, tuple(self.curves))
         curves, uncertainty = {}, {}
         for name in self.curves:
             curve = self.curve(name)
@@ -158,9 +156,7 @@ class FrictionCurves:
     def check(self, robot: Robot) -> None:
         """Raise `UnknownName` for a curve whose name no drive of the robot has."""
         known = [drive.name for drive in transmission_of(robot).drives]
-        for name in self.curves:
-            if name not in known:
-                raise UnknownName("drive" if robot.transmission else "joint", name, known)
+        check_names("drive" if robot.transmission else "joint", self.curves, known)
 
     def joint_torque(
         self,
