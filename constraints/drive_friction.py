@@ -8,7 +8,7 @@ from functools import singledispatch
 
 import numpy as np
 
-from regressors.errors import InputError
+from regressors.errors import InputError, about
 from regressors.models.partial import PartialMotion
 from regressors.robot.columns import COULOMB, VISCOUS, drive_column
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck, TableFriction
@@ -62,20 +62,14 @@ def drive_friction(
             coulomb = known.get(drive_column(number, COULOMB).name, 0.0)
             bounds.append(FrictionBound(viscous, -coulomb, coulomb))
         else:
-            bounds.append(_bound(curve, name, fastest[k]))
+            with about(f"torque limits: friction curve of {name}"):
+                bounds.append(friction_bound(curve, fastest[k]))
     return DriveFriction(
         {drive_column(number, VISCOUS).name: bound.viscous for number, bound in zip(numbers, bounds, strict=True)},
         np.array([(bound.lower, bound.upper) for bound in bounds]).reshape(-1, 2),
         np.array([bound.share for bound in bounds]),
         np.array([_largest(bound, speed) for bound, speed in zip(bounds, fastest, strict=True)]),
     )
-
-
-def _bound(curve: FrictionCurve, name: str, fastest: float) -> FrictionBound:
-    try:
-        return friction_bound(curve, fastest)
-    except InputError as error:
-        raise InputError(f"torque limits: friction curve of {name}: {error}") from error
 
 
 def _largest(bound: FrictionBound, fastest: float) -> float:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, World, vector_of
 from constraints.shapes import lowest_point, urdf_shape
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, about
 from regressors.readers.documents import Angles, Document, Length, Point, read_document, validate
 from regressors.readers.urdf import read_urdf
 from regressors.readers.urdf_elements import URDF, xml_kind
@@ -135,10 +135,8 @@ def _world(document: Document, urdf: Callable[[], _Shape]) -> World:
                 parts += (Part(entry.link, entry.shape()),)
     obstacles = tuple(_obstacle(document, name, each) for name, each in content.objects.items())
     ignored = tuple((pair[0], pair[1]) for pair in content.ignore)
-    try:
+    with about(document.source):
         return World(parts, obstacles, content.clearance, content.self_collision, ignored, content.tolerance)
-    except InputError as error:
-        raise InputError(f"{document.source}: {error}") from error
 
 
 def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True) -> _Shape:

@@ -43,6 +43,15 @@ def reading(what: str) -> Iterator[None]:
         raise InputError(f"cannot read {what}: {getattr(error, 'strerror', None) or error}") from error
 
 
+@contextmanager
+def about(what: str) -> Iterator[None]:
+    """Begin the message of an `InputError` in the block with what it is about."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from error
+
+
 class UnknownName(InputError):
     """A name that does not exist where it was looked up."""
 

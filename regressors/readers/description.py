@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regressors.errors import Finding, InputError, MissingRange, UnknownName
+from regressors.errors import Finding, InputError, MissingRange, UnknownName, about
 from regressors.input_files import read_text
 from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
@@ -56,7 +56,7 @@ def _robot(
 ) -> Robot:
     structure = description.structure
     names = [joint.name for joint in description.joints]
-    try:
+    with about(document.source):
         return Robot(
             name=description.name,
             joints=tuple(joint.joint_named(joint.name) for joint in description.joints),
@@ -75,8 +75,6 @@ def _robot(
             home=None if description.home is None else np.array(description.home),
             shapes=tuple(shape.part() for shape in description.shapes),
         )
-    except InputError as error:
-        raise InputError(f"{document.source}: {error}") from error
 
 
 def _transmission(description: Description) -> Transmission | None:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from regressors.errors import LONGEST_NAME, InputError, UnknownName, reading, shortened
+from regressors.errors import LONGEST_NAME, InputError, UnknownName, about, reading, shortened
 from regressors.input_files import read_text
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
@@ -82,10 +82,8 @@ def read_dh_table(path: str | Path) -> Robot:
         )
     filled = [(k, line) for k, line in enumerate(lines, 1) if line.strip(" ,;\t") and not line.startswith("#")]
     rows = _rows(filled, path.name)
-    try:
+    with about(path.name):
         return _robot(head.get("name") or path.stem, rows, convention, path.name)
-    except InputError as error:
-        raise InputError(f"{path.name}: {error}") from error
 
 
 class _Row(dict[str, float]):

@@ -6,7 +6,6 @@ Each drive's curve gives the friction torque at its coordinate, ``f(dz)``; at th
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from regressors.errors import InputError, UnknownName, check_names
+from regressors.errors import UnknownName, about, check_names
 from regressors.robot.friction.curve import (
     CoulombViscous as CoulombViscous,
     FrictionCurve as FrictionCurve,
@@ -119,7 +118,7 @@ class FrictionCurves:
         for name in self.curves:
             curve = self.curve(name)
             assert curve is not None
-            with _errors_naming(name):
+            with about(name):
                 curves[name] = curve.at(each.get(name))
             if name in self.uncertainty and (kept := uncertainty_at(self.uncertainty[name], curve, each.get(name))):
                 uncertainty[name] = kept
@@ -178,7 +177,7 @@ class FrictionCurves:
         z = None if load is None or not self.loaded else load @ torques_at_drives(robot).T
         for k, name, curve, row in self._of_drives(robot):
             v, s = dq @ row, None if direction is None else direction[:, k]
-            with _errors_naming(name):
+            with about(name):
                 f = curve.torque(v, s) if temperature is None else curve.torque_at(v, temperature[:, k], s)
             if z is not None:
                 f = f + loading(curve, np.sign(v) if s is None else s) * np.abs(z[:, k])
@@ -230,15 +229,6 @@ class FrictionCurves:
         for k, (name, row) in enumerate(drives_with_friction(robot)):
             if (curve := self.curve(name)) is not None:
                 yield k, name, curve, row
-
-
-@contextmanager
-def _errors_naming(name: str) -> Iterator[None]:
-    """Prefix input errors of the block with the drive's name."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from error
 
 
 def _stated(value: float | None) -> float:
