@@ -98,15 +98,8 @@ def _from_limits(
     return selected
 
 
-def joint_limits(robot: Robot) -> list[LinearConstraint]:
-    """Position, velocity, acceleration and jerk limits of the joints, one constraint per quantity that has any."""
-    names = tuple(f"joint {name}" for name in robot.joint_names)
-    units = tuple(joint.unit for joint in robot.joints)
-    return _from_limits(robot.limits, np.eye(robot.n), np.zeros(robot.n), names, units)
-
-
 def drive_limits(robot: Robot) -> list[LinearConstraint]:
-    """The same limits of the drive coordinates z = C q + z0; none for a robot without a transmission."""
+    """Limits of the drive coordinates z = C q + z0; none for a robot without a transmission."""
     transmission = transmission_of(robot)
     names = tuple(f"drive {drive.name}" for drive in transmission.drives)
     units = tuple("m" if linear else "rad" for linear in linear_drives(robot))
@@ -114,8 +107,11 @@ def drive_limits(robot: Robot) -> list[LinearConstraint]:
 
 
 def linear_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
-    """All limits of a robot that are linear in its motion, joints first."""
-    return (*joint_limits(robot), *drive_limits(robot))
+    """Limits on position, velocity, acceleration and jerk, joints first, one constraint per quantity that has any."""
+    names = tuple(f"joint {name}" for name in robot.joint_names)
+    units = tuple(joint.unit for joint in robot.joints)
+    of_joints = _from_limits(robot.limits, np.eye(robot.n), np.zeros(robot.n), names, units)
+    return (*of_joints, *drive_limits(robot))
 
 
 def spanned(limits: Sequence[LinearConstraint], n: int, derivatives: tuple[int, ...]) -> list[bool]:

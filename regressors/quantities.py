@@ -88,6 +88,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     **dict.fromkeys(("periods", "points"), COUNT),
     **dict.fromkeys(("repeat", "repeats", "breakaways"), replace(COUNT, least=0)),
     **dict.fromkeys(("carried", "prior_value", "friction_parameter"), ANY),
+    **dict.fromkeys(("torque_noise", "coloured_noise"), replace(NOISE, unit="Nm or N")),
+    **dict.fromkeys(("sign_width", "standstill"), replace(SPEED, zero=True, least=1e-12)),
+    **dict.fromkeys(("percent", "creep"), Quantity("%", 1e-6, 100.0)),
     # installation
     "gravity": Quantity("m/s^2", -1e4, 1e4),
     "payload": Quantity("", -1e9, 1e9),
@@ -121,9 +124,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "level": Quantity("", 0.5, 0.9999),
     # identification
     "every": Quantity("", 1, 10**9, whole=True),
-    "sign_width": replace(SPEED, zero=True, least=1e-12),
     "breakaway": replace(DISTANCE, zero=True),
-    "standstill": replace(SPEED, zero=True, least=1e-12),
     "torque_factors": Quantity("", 1e-6, 1e6),
     "temperature": TEMPERATURE,
     "described_within": Quantity("", 1e-6, 1e6),
@@ -134,13 +135,11 @@ QUANTITIES: Mapping[str, Quantity] = {
     "encoder": Quantity("counts per revolution", 1, 1e12),
     "position_noise": replace(NOISE, unit="rad or m"),
     "velocity_noise": replace(NOISE, unit="rad/s or m/s"),
-    "torque_noise": replace(NOISE, unit="Nm or N"),
     "wrench_noise": replace(NOISE, unit="N and Nm"),
     "impact_time": Quantity("s", -1e6, 1e6),
     "impact_torque": Quantity("Nm or N", -1e9, 1e9),
     "friction_drift": Quantity("", -0.999, 1e3),
     "torque_gain": Quantity("", -1e6, 1e6),
-    "coloured_noise": replace(NOISE, unit="Nm or N"),
     "position_step": replace(DISTANCE, zero=True),
     # verification and study
     "count": replace(COUNT, least=2),
@@ -148,10 +147,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     # payloads
     "gain_deviation": Quantity("", 0.0, 1.0),
     # friction experiments
-    "percent": Quantity("%", 1e-6, 100.0),
     "longest": replace(TIME, infinite=True),
     "stroke": replace(DISTANCE, infinite=True),
-    "creep": Quantity("%", 1e-6, 100.0),
     "torque_ramp": Quantity("Nm or N", 0.0, 1e9),
     "tolerance": Quantity("", 1e-9, 1e3),
     "exponent": Quantity("", 0.01, 100.0),

@@ -39,9 +39,7 @@ def health(tree: UrdfTree, chain: Chain) -> tuple[Finding, ...]:
         *range_findings(chain.moving),
         *_rates(chain),
         *_placeholders(tree, chain),
-        *_passive(tree, chain),
-        *_lengths(chain),
-        *_unknown_bodies(chain, bodies),
+        *_doubtful(tree, chain, bodies),
         *inertia_findings(bodies, reach),
     )
 
@@ -116,21 +114,15 @@ def _weight(tree: UrdfTree, joint: TreeJoint) -> float:
     return _GRAVITY * level * sum(float(np.linalg.norm(np.cross(joint.axis, moment))) for moment in moments)
 
 
-def _passive(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
-    """Joints that nothing drives, in a file that says what drives the others."""
+def _doubtful(tree: UrdfTree, chain: Chain, bodies: Sequence[Body]) -> Iterator[Finding]:
+    """Joints that nothing drives in a file that says what drives the others, far ones, and links without a body."""
     free = [joint.name for joint in chain.moving if joint.name not in tree.actuated]
     if len(free) < len(chain.moving):
         what = "no transmission, though others have one, so it may be passive"
         yield from _of("suspicious", "joint", free, what, "leave a passive joint out of `joints`")
-
-
-def _lengths(chain: Chain) -> Iterator[Finding]:
     far = [joint.name for joint in chain.path if np.linalg.norm(joint.pose[:3, 3]) > _FAR]
     what = f"more than {_FAR:g} m from the one before"
     yield from _of("suspicious", "joint", far, what, "lengths are in metres, not in millimetres")
-
-
-def _unknown_bodies(chain: Chain, bodies: Sequence[Body]) -> Iterator[Finding]:
     known = {body.carrier for body in bodies}
     unknown = [joint.child for joint in chain.moving if joint.child not in known]
     advice = "identification does not need them, simulation and torque limits do"
