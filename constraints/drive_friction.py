@@ -14,7 +14,7 @@ from regressors.robot.columns import COULOMB, VISCOUS, drive_column
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.robot.friction.load_and_temperature import Loaded, Warm
-from regressors.robot.robot import Robot, Transmission, drive_numbers, transmission_of
+from regressors.robot.robot import Robot, drive_numbers, transmission_of
 from regressors.samples import Array
 
 
@@ -52,7 +52,9 @@ def drive_friction(
     transmission, numbers = transmission_of(robot), drive_numbers(robot)
     names = [drive.name for drive in transmission.drives]
     turning = np.any(np.abs(transmission.coupling @ motion.matrix) > 1e-12, axis=1)
-    fastest = _fastest(robot, transmission)
+    # within the velocity limits of the joints and the drives' own [rad/s or m/s]
+    joints = (row[row > 0] @ robot.limits.velocity[row > 0] for row in np.abs(transmission.coupling))
+    fastest = [min(float(x), y) for x, y in zip(joints, transmission.limits.velocity.tolist(), strict=True)]
     bounds = []
     for k, (number, name) in enumerate(zip(numbers, names, strict=True)):
         curve, viscous = curves.curve(name), known.get(drive_column(number, VISCOUS).name, 0.0)
@@ -75,12 +77,6 @@ def drive_friction(
 def _largest(bound: FrictionBound, fastest: float) -> float:
     viscous = abs(bound.viscous) * fastest if bound.viscous != 0.0 else 0.0
     return viscous + max(abs(bound.lower), abs(bound.upper))
-
-
-def _fastest(robot: Robot, transmission: Transmission) -> list[float]:
-    """Largest speed of each drive within the velocity limits of the joints and its own [rad/s or m/s]."""
-    joints = (row[row > 0] @ robot.limits.velocity[row > 0] for row in np.abs(transmission.coupling))
-    return [min(float(x), y) for x, y in zip(joints, transmission.limits.velocity.tolist(), strict=True)]
 
 
 @dataclass(frozen=True)

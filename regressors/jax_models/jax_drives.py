@@ -57,6 +57,11 @@ class DriveConstants:
         """Drives that have a friction column of some kind."""
         return np.array([k for k, n in enumerate(self.numbers) if self.terms.include(kind, n)], dtype=np.intp)
 
+    @property
+    def kinds(self) -> list[tuple[str, Index]]:
+        """Kinds of friction of which there are columns, each with its drives."""
+        return [(kind, some) for kind in FRICTION_KINDS if (some := self.of_kind(kind)).size]
+
     def friction(self, kind: str, dz: jax.Array, carried: jax.Array | None = None) -> jax.Array:
         """Friction torque per unit parameter of some drives, shape (k, L), see `Terms`; `carried` is their load."""
         if kind == VISCOUS:
@@ -92,9 +97,8 @@ class DriveConstants:
         blocks = []
         if self.terms.rotor and self.rotors.size:
             blocks.append((self.rotors, self.rotor_torques(q, dq, ddq)))
-        for kind in FRICTION_KINDS:
-            if (some := self.of_kind(kind)).size:
-                blocks.append((some, self.friction(kind, dz[some], None if carried is None else carried[some])))
+        for kind, some in self.kinds:
+            blocks.append((some, self.friction(kind, dz[some], None if carried is None else carried[some])))
         return [jnp.asarray(self.coupling[index].T)[..., None] * values for index, values in blocks]
 
     def energy_columns(self, q: jax.Array, dq: jax.Array) -> list[jax.Array]:
@@ -103,17 +107,15 @@ class DriveConstants:
         blocks = []
         if self.terms.rotor and self.rotors.size:
             blocks.append((self.ratios(z[self.rotors]) * dz[self.rotors]) ** 2 / 2)
-        for kind in FRICTION_KINDS:
-            some = self.of_kind(kind)
-            blocks.append(z[some] if kind == OFFSET else jnp.zeros_like(z[some]))
+        blocks += [z[some] if kind == OFFSET else jnp.zeros_like(z[some]) for kind, some in self.kinds]
         return [block[None] for block in blocks]
 
     def loss_columns(self, dq: jax.Array) -> list[jax.Array]:
         """Power lost per parameter, each of shape (1, k, L): ``dz`` times its torque; rotors and offset none."""
         dz = self.velocities(dq)
         blocks = [jnp.zeros_like(dz[self.rotors])] if self.terms.rotor and self.rotors.size else []
-        for kind in (kind for kind in FRICTION_KINDS if self.of_kind(kind).size):
-            speed = dz[self.of_kind(kind)]
+        for kind, some in self.kinds:
+            speed = dz[some]
             blocks.append(jnp.zeros_like(speed) if kind == OFFSET else speed * self.friction(kind, speed))
         return [block[None] for block in blocks]
 

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from regressors.arguments import checked
-from regressors.errors import UnknownName
+from regressors.errors import check_names
 from regressors.models.model import RegressorModel
 from regressors.numerical import ROUNDING, TOLERANCE, explained_columns, independent_columns, pivoted_columns
 from regressors.robot.columns import BODY_KINDS, Column
@@ -141,8 +141,7 @@ def base_parameters(
     UnknownName
         No such choice.
     """
-    if choice not in CHOICES:
-        raise UnknownName("choice of base columns", choice, CHOICES)
+    check_names("choice of base columns", [choice], CHOICES)
     states = states if states is not None else random_states(model.robot, enough_states(model))
     R, hidden = _without_rounding(model, states, rounding)
     return replace(base_of(model, R, choice, tolerance), by_rounding=hidden)

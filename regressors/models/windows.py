@@ -18,7 +18,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.models.model import Combination, RegressorModel
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index, Samples
@@ -49,8 +49,7 @@ class Window:
     step: float | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in WINDOWS:
-            raise UnknownName("window", str(self.kind), WINDOWS)
+        check_names("window", [str(self.kind)], WINDOWS)
         for what in ("length", "step"):
             value = getattr(self, what)
             if value is not None and not (np.isfinite(value) and value > 0):

@@ -24,7 +24,7 @@ from pydantic import (
     model_validator,
 )
 
-from regressors.errors import InputError, UnknownName, long_name, shortened
+from regressors.errors import InputError, check_names, long_name, shortened
 from regressors.readers.documents import described
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, rotation_from_rpy, transport
@@ -66,9 +66,8 @@ class Coefficient:
     def value(self, constants: Mapping[str, float]) -> float:
         """Value of the product for given values of the constants."""
         value = self.number
+        check_names("constant", (name for name, _ in self.powers), constants)
         for name, exponent in self.powers:
-            if name not in constants:
-                raise UnknownName("constant", name, constants)
             try:
                 value *= constants[name] ** exponent
             except (OverflowError, ZeroDivisionError):
