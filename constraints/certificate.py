@@ -4,28 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
-from constraints.linear import OTHER
+from constraints.linear import OTHER, Constraint
 from regressors.samples import Array
 
 TOLERANCE = 1e-9
 EXACT, ENCLOSED = "exact", "enclosed"
-
-
-class Bounds(Protocol):
-    """Bounds on k functions, such as those of a `Constraint`."""
-
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    lower: Array
-    upper: Array
-
-    @property
-    def quantity(self) -> str:
-        """What is limited, in a word."""
 
 
 @dataclass(frozen=True)
@@ -75,22 +62,22 @@ class LimitUse:
         return {**asdict(self), "holds": self.holds}
 
 
-def limit_uses(constraint: Bounds, extrema: Extrema, method: str = EXACT) -> list[LimitUse]:
-    """Certificate of each bound of a constraint from the extrema of its functions."""
+def limit_uses(
+    constraint: Constraint, extrema: Extrema, method: str = EXACT, shown: Callable[[Array], Array] = np.asarray
+) -> list[LimitUse]:
+    """Certificate of each bound of a constraint from the extrema of its functions, both as they are shown."""
     uses = []
-    for k, label in enumerate(constraint.labels):
-        lower, upper = float(constraint.lower[k]), float(constraint.upper[k])
-        below, above = float(extrema.low[k]) - lower, upper - float(extrema.high[k])
+    values = (shown(x).tolist() for x in (constraint.lower, constraint.upper, extrema.low, extrema.high))
+    for k, (lower, upper, low, high) in enumerate(zip(*values, strict=True)):
+        below, above = low - lower, upper - high
         at_upper = above <= below
-        extreme = float(extrema.high[k] if at_upper else extrema.low[k])
-        time = float(extrema.high_time[k] if at_upper else extrema.low_time[k])
-        bound, margin = (upper, above) if at_upper else (lower, below)
-        largest = max(abs(float(extrema.low[k])), abs(float(extrema.high[k])))
+        extreme, bound, margin = (high, upper, above) if at_upper else (low, lower, below)
+        time = float((extrema.high_time if at_upper else extrema.low_time)[k])
+        largest = max(abs(low), abs(high))
         half = 0.5 * (upper - lower) if np.isfinite(upper - lower) else abs(bound) or largest
         use = max(0.0, 1.0 - margin / half) if half > 0 else 1.0
-        uses.append(
-            LimitUse(label, constraint.units[k], extreme, time, bound, margin, use, method, constraint.quantity)
-        )
+        what = constraint.labels[k], constraint.units[k]
+        uses.append(LimitUse(*what, extreme, time, bound, margin, use, method, constraint.quantity))
     return uses
 
 
@@ -105,19 +92,19 @@ def worst_of_each(uses: Iterable[LimitUse]) -> list[LimitUse]:
 
 @dataclass(frozen=True, eq=False)
 class Extrema:
-    """Smallest and largest value of k functions of time, and when they occur.
+    """Smallest and largest value of k functions of time, and when they occur."""
 
-    Parameters
-    ----------
-    low, high : ndarray, shape (k,)
-    low_time, high_time : ndarray, shape (k,)
-        [s]
-    """
-
-    low: Array
+    low: Array  # (k,)
     high: Array
-    low_time: Array
+    low_time: Array  # (k,) [s]
     high_time: Array
+
+    @classmethod
+    def among(cls, values: Iterable[Array], times: Iterable[Array]) -> Extrema:
+        """The first least and the first largest of each function's values, and their instants."""
+        pairs = [(value, time, value.argmin(), value.argmax()) for value, time in zip(values, times, strict=True)]
+        rows = [(value[low], value[high], time[low], time[high]) for value, time, low, high in pairs]
+        return cls(*np.array(rows, dtype=float).reshape(-1, 4).T)
 
 
 def evaluate(constant: Array, cosine: Array, sine: Array, angle: Array) -> Array:
@@ -165,6 +152,4 @@ def trigonometric_extrema(constant: Array, cosine: Array, sine: Array, omega: fl
         angle = angle - np.clip(step, -0.1, 0.1)
     grid = np.broadcast_to(np.linspace(0.0, 2 * np.pi, 8 * K, endpoint=False), (constant.size, 8 * K))
     angle = np.mod(np.concatenate([angle, grid], axis=1), 2 * np.pi)
-    value = evaluate(constant, cosine, sine, angle)
-    rows, low, high = np.arange(constant.size), value.argmin(axis=1), value.argmax(axis=1)
-    return Extrema(value[rows, low], value[rows, high], angle[rows, low] / omega, angle[rows, high] / omega)
+    return Extrema.among(evaluate(constant, cosine, sine, angle), angle / omega)

@@ -16,7 +16,7 @@ import numpy as np
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, Shape, vector_of
 from regressors.errors import percent
 from regressors.robot.inertia import skew
-from regressors.robot.robot import BASE, Joint, Robot
+from regressors.robot.robot import BASE, Joint, Robot, finite_ranges, placed_bodies
 from regressors.robot.shapes import Capsule
 from regressors.robot.symbolic.kinematics import relative_pose, sparse
 from regressors.samples import Array
@@ -38,10 +38,6 @@ def _at(pose: Pose, point: Array) -> ca.SX:
     return pose[1] + ca.mtimes(pose[0], sparse(point))
 
 
-def _squared(vector: ca.SX) -> ca.SX:
-    return ca.sumsqr(vector)
-
-
 def _clipped(value: ca.SX, low: Array | float, high: Array | float) -> ca.SX:
     return ca.fmin(ca.fmax(value, low), high)
 
@@ -50,11 +46,11 @@ def _to_line(point: ca.SX, pose: Pose, capsule: Capsule, reach: float) -> Gap:
     """Squared distance of a point from the line of a capsule."""
     start = _at(pose, np.array(capsule.start))
     if capsule.length == 0:
-        return Gap(_squared(point - start), reach, True)
+        return Gap(ca.sumsqr(point - start), reach, True)
     line = ca.mtimes(pose[0], sparse(np.subtract(capsule.end, capsule.start)))
     t = ca.SX.sym("t")
     nearest = _clipped(ca.dot(point - start, line) / capsule.length**2, 0.0, 1.0)
-    return Gap(_squared(point - start - t * line), reach, True, ((t, nearest),))
+    return Gap(ca.sumsqr(point - start - t * line), reach, True, ((t, nearest),))
 
 
 def _to_box(point: ca.SX, box: Box, reach: float) -> Gap:
@@ -62,7 +58,7 @@ def _to_box(point: ca.SX, box: Box, reach: float) -> Gap:
     local = ca.mtimes(sparse(box.rotation.T), point - sparse(np.array(box.centre)))
     half = np.array(box.size) / 2
     y = ca.SX.sym("y", 3)
-    return Gap(_squared(local - y), reach, True, ((y, _clipped(local, -half, half)),))
+    return Gap(ca.sumsqr(local - y), reach, True, ((y, _clipped(local, -half, half)),))
 
 
 def gaps(capsule: Capsule, pose: Pose, shape: Shape, other: Pose, tolerance: float) -> list[Gap]:
@@ -95,13 +91,9 @@ class Frames:
     def __init__(self, robot: Robot, q: ca.SX) -> None:
         self.parent: dict[str, str] = {}
         self._step: dict[str, Pose] = {}
-        before = BASE
-        for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
-            self.parent[link.name], self._step[link.name] = before, relative_pose(joint, q[k])
-            before = link.name
-        for branch in robot.branches:
-            s = ca.mtimes(sparse(np.array(branch.coupling)[None]), q) + branch.offset
-            self.parent[branch.name], self._step[branch.name] = branch.parent, relative_pose(branch.joint, s)
+        for name, parent, joint, row, offset in placed_bodies(robot):
+            s = ca.mtimes(sparse(row[None]), q) + offset
+            self.parent[name], self._step[name] = parent, relative_pose(joint, s)
         self._known: dict[tuple[str, str], Pose] = {}
 
     def path(self, body: str) -> list[str]:
@@ -130,11 +122,8 @@ class Frames:
 def link_poses(robot: Robot, q: Array) -> dict[str, Array]:
     """Pose of the base, of every link and of every branch in the base frame, shape (N, 4, 4) each."""  # q (N, n)
     poses = {BASE: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
-    before = BASE
-    for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
-        poses[link.name], before = poses[before] @ _steps(joint, q[:, k]), link.name
-    for branch in robot.branches:
-        poses[branch.name] = poses[branch.parent] @ _steps(branch.joint, q @ branch.coupling + branch.offset)
+    for name, parent, joint, row, offset in placed_bodies(robot):
+        poses[name] = poses[parent] @ _steps(joint, q @ row + offset)
     return poses
 
 
@@ -176,10 +165,7 @@ def why_not_mounted(robot: Robot, parts: Sequence[Part], surface: Obstacle) -> s
     least 5 % of random poses within the limits all are above it.
     """
     assert isinstance(surface.shape, HalfSpace)
-    low, high = (
-        np.where(np.isfinite(end), end, side)
-        for end, side in ((robot.limits.lower, -np.pi), (robot.limits.upper, np.pi))
-    )
+    low, high = finite_ranges(robot)
     q = np.vstack([np.clip(0.0, low, high), np.random.default_rng(0).uniform(low, high, (_POSES, robot.n))])
     height = {link: values - surface.shape.offset for link, values in _heights(robot, parts, surface.shape, q).items()}
     moving = {link: values for link, values in height.items() if np.ptp(values) > 1e-9}
@@ -201,14 +187,10 @@ def _heights(robot: Robot, parts: Iterable[Part], plane: HalfSpace, q: Array) ->
     heights: dict[str, Array] = {}
     for part in (part for part in parts if part.link in poses):
         pose = poses[part.link]
-        for end in _ends(part.capsule):
+        for end in (part.capsule.start, part.capsule.end):
             own = (pose[:, :3, :3] @ np.array(end) + pose[:, :3, 3]) @ np.array(plane.normal)
             heights[part.link] = np.minimum(own, heights.get(part.link, np.inf))
     return heights
-
-
-def _ends(capsule: Capsule) -> list[tuple[float, float, float]]:
-    return [capsule.start, capsule.end]
 
 
 _OF_LENGTH = 0.05
@@ -223,13 +205,9 @@ def assumed_radius(robot: Robot) -> float:
 def skeleton(robot: Robot, radius: float, links: Collection[str] | None = None) -> tuple[Part, ...]:
     """Capsules from the origin of each body's frame to the joints that it carries; a sphere where it carries none."""
     carried: dict[str, list[Joint]] = {BASE: []}
-    above = BASE
-    for joint, link in zip(robot.joints, robot.links, strict=True):
-        carried[above].append(joint)
-        carried[link.name], above = [], link.name
-    for branch in robot.branches:
-        carried.setdefault(branch.name, [])
-        carried[branch.parent].append(branch.joint)
+    for name, parent, joint, *_ in placed_bodies(robot):
+        carried[parent].append(joint)
+        carried[name] = []
     parts = []
     for name, joints in carried.items():
         if links is not None and name not in links:

@@ -16,7 +16,7 @@ from constraints.nonlinear import Limit, NonlinearConstraint
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
-from regressors.robot.robot import BASE, Robot
+from regressors.robot.robot import BASE, Robot, finite_ranges
 from regressors.robot.shapes import Capsule
 from regressors.robot.symbolic.intervals import IntervalFunction
 from regressors.robot.symbolic.kinematics import sparse
@@ -252,10 +252,7 @@ def _from_obstacle(link: str, capsules: tuple[Capsule, ...], obstacle: Obstacle,
 
 def _poses(robot: Robot, motion: PartialMotion) -> Array:
     """Random poses of the moving coordinates, within the position limits, shape (poses, k)."""
-    low, high = (
-        np.where(np.isfinite(x), x, side) for x, side in ((robot.limits.lower, -np.pi), (robot.limits.upper, np.pi))
-    )
-    q = np.random.default_rng(0).uniform(low, high, (_POSES, robot.n))
+    q = np.random.default_rng(0).uniform(*finite_ranges(robot), (_POSES, robot.n))
     return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
 
 

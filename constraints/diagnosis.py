@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -25,15 +24,13 @@ class _Rows:
     """All position bounds as ``lower <= A q <= upper``."""
 
     def __init__(self, limits: Sequence[LinearConstraint], n: int) -> None:
-        positions = [limit for limit in limits if limit.derivative == 0]
-        self.A = np.concatenate([np.zeros((0, n)), *(limit.matrix for limit in positions)])
-        lower = np.concatenate([np.zeros(0), *(limit.lower - limit.offset for limit in positions)])
-        upper = np.concatenate([np.zeros(0), *(limit.upper - limit.offset for limit in positions)])
+        self.A, lower, upper = _positions(limits, n)
         self.lower = np.maximum(lower, np.minimum(upper, 0.0) - _WIDE)  # HiGHS takes 1e20 for infinite
         self.upper = np.minimum(upper, np.maximum(lower, 0.0) + _WIDE)
         self.shown = [
             (label, unit, lower, upper)
-            for limit in positions
+            for limit in limits
+            if limit.derivative == 0
             for label, unit, lower, upper in zip(limit.labels, limit.units, limit.lower, limit.upper, strict=True)
         ]
 
@@ -44,29 +41,30 @@ class _Rows:
         middle = _middle(A, lower, upper)
         if middle is not None:
             return middle, 1.0
-        n = A.shape[1]
-        result = scipy.optimize.linprog(
-            np.concatenate([np.zeros(n), [-1.0]]),
-            A_ub=np.vstack([np.hstack([A, half]), np.hstack([-A, half])]),
-            b_ub=np.concatenate([upper, -lower]),
-            bounds=[(None, None)] * n + [(None, 1.0)],
-            method="highs",
-        )
-        return result.x[:n], float(result.x[n])
+        best = _least(A, lower, upper, half, np.array([-1.0]), (None, 1.0))
+        return best[:-1], float(best[-1])
 
     def least_widening(self) -> Array:
         """Widenings with the least sum, relative to the half ranges, that leave a pose; one number per row [-]."""
         half = 0.5 * (self.upper - self.lower)
         k, n = self.A.shape
-        slack = -np.diag(half)
-        result = scipy.optimize.linprog(
-            np.concatenate([np.zeros(n), np.ones(k)]),
-            A_ub=np.vstack([np.hstack([self.A, slack]), np.hstack([-self.A, slack])]),
-            b_ub=np.concatenate([self.upper, -self.lower]),
-            bounds=[(None, None)] * n + [(0.0, None)] * k,
-            method="highs",
-        )
-        return np.asarray(result.x[n:] * half)
+        best = _least(self.A, self.lower, self.upper, -np.diag(half), np.ones(k), (0.0, None))
+        return np.asarray(best[n:] * half)
+
+
+def _least(
+    A: Array, lower: Array, upper: Array, slack: Array, cost: Array, bounds: tuple[float | None, float | None]
+) -> Array:
+    """The q and t of least ``cost' t`` with ``lower + slack t <= A q <= upper - slack t`` and t within bounds."""
+    n = A.shape[1]
+    result = scipy.optimize.linprog(
+        np.concatenate([np.zeros(n), cost]),
+        A_ub=np.vstack([np.hstack([A, slack]), np.hstack([-A, slack])]),
+        b_ub=np.concatenate([upper, -lower]),
+        bounds=[(None, None)] * n + [bounds] * len(cost),
+        method="highs",
+    )
+    return np.asarray(result.x)
 
 
 def _middle(A: Array, lower: Array, upper: Array) -> Array | None:
@@ -79,17 +77,15 @@ def _middle(A: Array, lower: Array, upper: Array) -> Array | None:
     return pose if np.all(np.abs(A @ pose - wanted) <= 1e-12 * (upper - lower)) else None
 
 
-def interior_pose(limits: Sequence[LinearConstraint], n: int, preferred: Array | None = None) -> Array:
-    """Pose as far as possible from all position limits, relative to their ranges."""  # preferred (n,)
+def interior_pose(limits: Sequence[LinearConstraint], n: int) -> Array:
+    """Pose as far as possible from all position limits, relative to their ranges; zero where there are none."""
     rows = _Rows(limits, n)
-    free = ~np.any(rows.A != 0.0, axis=0)
-    pose = np.zeros(n) if preferred is None else np.array(preferred, dtype=float)
-    if rows.shown:
-        best, room = rows.most_room(np.arange(len(rows.shown)))
-        if room <= 1e-9:
-            raise ContradictionError(_explanation(rows))
-        pose = np.where(free, pose, best)
-    return pose
+    if not rows.shown:
+        return np.zeros(n)
+    best, room = rows.most_room(np.arange(len(rows.shown)))
+    if room <= 1e-9:
+        raise ContradictionError(_explanation(rows))
+    return np.where(np.any(rows.A != 0.0, axis=0), best, 0.0)
 
 
 def _rounded_up(value: float) -> float:
@@ -118,34 +114,23 @@ def _explanation(rows: _Rows) -> str:
 _NOTHING = 1e-4  # of a limit's scale
 
 
-@dataclass(frozen=True)
-class Relaxation:
-    """One bound, and the amount by which it must be relaxed."""
-
-    label: str
-    unit: str
-    bound: float  # its present value
-    amount: float  # > 0, outwards, in the same unit
-
-    def __str__(self) -> str:
-        return f"{self.label} beyond {self.bound:.4g} {self.unit} by {self.amount:.3g} {self.unit}"
-
-
 def smallest_relaxation(
     nonlinear: Sequence[NonlinearConstraint],
     linear: Sequence[LinearConstraint],
     motion: PartialMotion,
     poses: Array,
     room: float,
-) -> tuple[Array, tuple[Relaxation, ...]]:
+) -> tuple[Array, tuple[str, ...]]:
     """Least sum of relaxations, each in its limit's scale, for which a pose at rest keeps all limits.
 
     ``min sum e`` over poses s and ``e >= 0`` with ``lower + (room - e) scale <= g(s) <= upper - (room - e) scale`` and
     the linear position limits as they are; by sequential quadratic programming from each of the given poses.
     """  # poses (m, k); result (k,)
     sides = _Sides(nonlinear, motion)
-    k, m = poses.shape[1], sides.count
-    rows, least, most = _positions(linear, k)
+    k, m = poses.shape[1], len(sides.bound)
+    A, lower, upper = _positions(linear, k)
+    turns = np.full(k, 4 * np.pi)  # two either way for unbounded coordinates
+    rows, least, most = np.vstack([np.eye(k), A]), np.concatenate([-turns, lower]), np.concatenate([turns, upper])
     constraints = [
         {
             "type": "ineq",
@@ -177,18 +162,10 @@ class _Sides:
 
     def __init__(self, nonlinear: Sequence[NonlinearConstraint], motion: PartialMotion) -> None:
         self._nonlinear, self._motion = nonlinear, motion
-        self._sides = [
-            (limit, j, sign)
-            for limit in nonlinear
-            for j in range(len(limit.labels))
-            for sign, bound in ((1, limit.upper[j]), (-1, limit.lower[j]))
-            if np.isfinite(bound)
-        ]
-
-    @property
-    def count(self) -> int:
-        """Number of finite bounds."""
-        return len(self._sides)
+        bounds = np.concatenate([np.stack([limit.upper, limit.lower], axis=1).ravel() for limit in nonlinear])
+        (finite,) = np.nonzero(np.isfinite(bounds))
+        self.bound, self._function, self._sign = bounds[finite], finite // 2, 1.0 - 2.0 * (finite % 2)
+        self._scale = np.concatenate([limit.scale for limit in nonlinear])[self._function]
 
     def _still(self, pose: Array) -> Samples:
         q = (self._motion.matrix @ pose + self._motion.offset)[None]
@@ -196,38 +173,29 @@ class _Sides:
         return Samples(np.zeros(1), q, zero, zero, zero)
 
     def room(self, pose: Array) -> Array:
-        """Relative distance to every bound, shape (count,)."""
-        values = {id(limit): limit.values(self._still(pose))[0] for limit in self._nonlinear}
-        return np.array(
-            [
-                sign * ((limit.upper if sign > 0 else limit.lower)[j] - values[id(limit)][j]) / limit.scale[j]
-                for limit, j, sign in self._sides
-            ]
-        )
+        """Relative distance to every bound, shape (bounds,)."""
+        values = np.concatenate([limit.values(self._still(pose))[0] for limit in self._nonlinear])
+        return np.asarray(self._sign * (self.bound - values[self._function]) / self._scale)
 
     def slopes(self, pose: Array) -> Array:
-        """Derivative of the distances, shape (count, k)."""
+        """Derivative of the distances, shape (bounds, k)."""
         n, N = self._motion.matrix.shape[0], self._motion.matrix
-        slopes = {id(limit): limit.slopes(self._still(pose))[0][:, :n] @ N for limit in self._nonlinear}
-        return np.array([-sign * slopes[id(limit)][j] / limit.scale[j] for limit, j, sign in self._sides])
+        slopes = np.concatenate([limit.slopes(self._still(pose))[0][:, :n] @ N for limit in self._nonlinear])
+        return np.asarray(-self._sign[:, None] * slopes[self._function] / self._scale[:, None])
 
-    def relaxations(self, e: Array) -> tuple[Relaxation, ...]:
-        """Relaxations in their own units, the largest relative to its scale first."""
-        order = np.argsort(-e)
-        needed = [(e[k], *self._sides[k]) for k in order if e[k] > _NOTHING]
+    def relaxations(self, e: Array) -> tuple[str, ...]:
+        """Bounds that must be relaxed, and by how much outwards, the largest relative to its scale first."""
+        named = [text for limit in self._nonlinear for text in zip(limit.labels, limit.units, strict=True)]
+        needed = [(*named[self._function[k]], k) for k in np.argsort(-e) if e[k] > _NOTHING]
         return tuple(
-            Relaxation(
-                limit.labels[j], limit.units[j], float((limit.upper if sign > 0 else limit.lower)[j]),
-                float(part * limit.scale[j]),
-            )
-            for part, limit, j, sign in needed
-        )  # fmt: skip
+            f"{label} beyond {self.bound[k]:.4g} {unit} by {e[k] * self._scale[k]:.3g} {unit}"
+            for label, unit, k in needed
+        )
 
 
-def _positions(linear: Sequence[LinearConstraint], k: int) -> tuple[Array, Array, Array]:
-    """Position limits as rows with their bounds; unbounded coordinates get two turns either way."""
+def _positions(linear: Sequence[LinearConstraint], n: int) -> tuple[Array, Array, Array]:
+    """Position limits as rows of A with their bounds."""
     limits = [limit for limit in linear if limit.derivative == 0]
-    rows = np.concatenate([np.eye(k), *(limit.matrix for limit in limits)])
-    least = np.concatenate([np.full(k, -4 * np.pi), *(limit.lower - limit.offset for limit in limits)])
-    most = np.concatenate([np.full(k, 4 * np.pi), *(limit.upper - limit.offset for limit in limits)])
-    return rows, least, most
+    A = np.concatenate([np.zeros((0, n)), *(limit.matrix for limit in limits)])
+    lower = np.concatenate([np.zeros(0), *(limit.lower - limit.offset for limit in limits)])
+    return A, lower, np.concatenate([np.zeros(0), *(limit.upper - limit.offset for limit in limits)])

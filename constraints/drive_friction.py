@@ -8,13 +8,13 @@ from functools import singledispatch
 
 import numpy as np
 
-from regressors.errors import InputError
+from regressors.errors import InputError, about
 from regressors.models.partial import PartialMotion
 from regressors.robot.columns import COULOMB, VISCOUS, drive_column
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Scaled, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.robot.friction.load_and_temperature import Loaded, Warm
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, drive_numbers, transmission_of
 from regressors.samples import Array
 
 
@@ -49,11 +49,12 @@ def drive_friction(
     """Friction of every drive; only the viscous part where a drive does not move or its friction is unknown."""
     curves = FrictionCurves({}) if curves is None else curves
     curves.check(robot)
-    transmission = robot.transmission
-    names = robot.joint_names if transmission is None else [drive.name for drive in transmission.drives]
-    numbers = robot.link_numbers if transmission is None else range(1, len(names) + 1)
-    turning = np.any(np.abs(_coupling(robot) @ motion.matrix) > 1e-12, axis=1)
-    fastest = [_fastest(robot, k) for k in range(len(names))]
+    transmission, numbers = transmission_of(robot), drive_numbers(robot)
+    names = [drive.name for drive in transmission.drives]
+    turning = np.any(np.abs(transmission.coupling @ motion.matrix) > 1e-12, axis=1)
+    # within the velocity limits of the joints and the drives' own [rad/s or m/s]
+    joints = (row[row > 0] @ robot.limits.velocity[row > 0] for row in np.abs(transmission.coupling))
+    fastest = [min(float(x), y) for x, y in zip(joints, transmission.limits.velocity.tolist(), strict=True)]
     bounds = []
     for k, (number, name) in enumerate(zip(numbers, names, strict=True)):
         curve, viscous = curves.curve(name), known.get(drive_column(number, VISCOUS).name, 0.0)
@@ -63,7 +64,8 @@ def drive_friction(
             coulomb = known.get(drive_column(number, COULOMB).name, 0.0)
             bounds.append(FrictionBound(viscous, -coulomb, coulomb))
         else:
-            bounds.append(_bound(curve, name, fastest[k]))
+            with about(f"torque limits: friction curve of {name}"):
+                bounds.append(friction_bound(curve, fastest[k]))
     return DriveFriction(
         {drive_column(number, VISCOUS).name: bound.viscous for number, bound in zip(numbers, bounds, strict=True)},
         np.array([(bound.lower, bound.upper) for bound in bounds]).reshape(-1, 2),
@@ -72,27 +74,9 @@ def drive_friction(
     )
 
 
-def _bound(curve: FrictionCurve, name: str, fastest: float) -> FrictionBound:
-    try:
-        return friction_bound(curve, fastest)
-    except InputError as error:
-        raise InputError(f"torque limits: friction curve of {name}: {error}") from error
-
-
 def _largest(bound: FrictionBound, fastest: float) -> float:
     viscous = abs(bound.viscous) * fastest if bound.viscous != 0.0 else 0.0
     return viscous + max(abs(bound.lower), abs(bound.upper))
-
-
-def _fastest(robot: Robot, k: int) -> float:
-    """Largest speed of a drive within the velocity limits of the joints and its own [rad/s or m/s]."""
-    row = np.abs(_coupling(robot)[k])
-    joints = float(row[row > 0] @ robot.limits.velocity[row > 0])
-    return joints if robot.transmission is None else min(joints, float(robot.transmission.limits.velocity[k]))
-
-
-def _coupling(robot: Robot) -> Array:
-    return np.eye(robot.n) if robot.transmission is None else robot.transmission.coupling
 
 
 @dataclass(frozen=True)
@@ -154,23 +138,16 @@ def _(curve: TableFriction, fastest: float) -> FrictionBound:
 
 def _of_corners(table: TableFriction, torque: Callable[[Array, Array], Array], fastest: float) -> FrictionBound:
     """Bound of friction that is linear in speed between a table's corners, from its torques at them."""
-    ahead, behind = (_corners(speed, fastest) for speed, _ in table.sides)
+    last = [fastest] if np.isfinite(fastest) else []
+    ahead, behind = (np.concatenate([[0.0], speed[speed < fastest], last]) for speed, _ in table.sides)
     speed, sign = np.concatenate([ahead, -behind]), np.repeat([1.0, -1.0], [ahead.size, behind.size])
     friction = torque(speed, sign)
-    viscous = _slope(speed, friction, sign) if np.isfinite(fastest) else 0.0
+    viscous = 0.0
+    if last:  # by least squares; any value gives valid bounds of the rest, this one gives tight ones
+        columns = np.column_stack([speed, sign, np.ones_like(speed)])
+        viscous = float(np.linalg.lstsq(columns, friction, rcond=None)[0][0])
     rest = friction - viscous * speed
     return FrictionBound(viscous, float(rest.min()), float(rest.max()))
-
-
-def _corners(speed: Array, fastest: float) -> Array:
-    """Speeds at the corners of one side of a table, from rest to the fastest one."""
-    return np.concatenate([[0.0], speed[speed < fastest], [fastest] if np.isfinite(fastest) else []])
-
-
-def _slope(speed: Array, friction: Array, sign: Array) -> float:
-    """Viscous part by least squares; any value gives valid bounds of the rest, this one gives tight ones."""
-    columns = np.column_stack([speed, sign, np.ones_like(speed)])
-    return float(np.linalg.lstsq(columns, friction, rcond=None)[0][0])
 
 
 @friction_bound.register

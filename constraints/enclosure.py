@@ -38,28 +38,10 @@ class Enclosure:
     """Bounds that hold at every instant."""
 
     extrema: Extrema  # outer bounds of every function over continuous time, and instants near which they are approached
-    intervals: int  # number of time intervals that were evaluated
 
     def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
         """Certificate of each label of the constraint that was enclosed, in the quantity that is reported."""
-        shown = constraint.shown
-        times = (self.extrema.low_time, self.extrema.high_time)
-        seen = Extrema(shown(self.extrema.low), shown(self.extrema.high), *times)
-        bounds = _Shown(
-            constraint.labels, constraint.units, shown(constraint.lower), shown(constraint.upper), constraint.quantity
-        )
-        return worst_of_each(limit_uses(bounds, seen, ENCLOSED))
-
-
-@dataclass(eq=False)
-class _Shown:
-    """Bounds as they are reported."""
-
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    lower: Array
-    upper: Array
-    quantity: str
+        return worst_of_each(limit_uses(constraint, self.extrema, ENCLOSED, constraint.shown))
 
 
 def enclose(
@@ -76,9 +58,7 @@ def enclose(
     high, low = np.full(k, -np.inf), np.full(k, np.inf)
     reached_high, reached_low = np.full(k, -np.inf), np.full(k, np.inf)
     high_time, low_time = np.zeros(k), np.zeros(k)
-    total = 0
     for depth in range(_DEPTH + 1):
-        total += middle.size
         value, slack = _mean_value(constraint, motion(middle), half, jerk)
         best, least = value.argmax(axis=0), value.argmin(axis=0)
         higher, lower = value[best, np.arange(k)] > reached_high, value[least, np.arange(k)] < reached_low
@@ -98,7 +78,7 @@ def enclose(
         offsets = (2 * np.arange(_PARTS) + 1) / _PARTS - 1.0
         middle = (middle[split, None] + half[split, None] * offsets).ravel()
         half = np.repeat(half[split] / _PARTS, _PARTS)
-    return Enclosure(Extrema(low, high, low_time, high_time), total)
+    return Enclosure(Extrema(low, high, low_time, high_time))
 
 
 def _undecided(bound: Array, reached: Array, limit: Array, scale: Array) -> NDArray[np.bool_]:
@@ -130,17 +110,14 @@ def hulled_extrema(breaks: Array, coefficients: Array) -> Extrema:
     # breaks (m + 1,); coefficients (d + 1, m, k)
     hull = _bernstein(np.diff(breaks), coefficients)
     ends = np.concatenate([hull[0], hull[-1][-1:]])  # values at all breaks, shape (m + 1, k)
-    low, high = ends.min(axis=0), ends.max(axis=0)
-    low_time, high_time = breaks[ends.argmin(axis=0)], breaks[ends.argmax(axis=0)]
     slack = _ROUNDING * np.abs(ends).max(axis=0)
-    beyond = (hull.max(axis=0) > high + slack) | (hull.min(axis=0) < low - slack)
+    beyond = (hull.max(axis=0) > ends.max(axis=0) + slack) | (hull.min(axis=0) < ends.min(axis=0) - slack)
+    values, times = [[value] for value in ends.T], [[breaks] for _ in ends.T]
     for i, k in zip(*np.nonzero(beyond), strict=True):
-        inner = piecewise_extrema(breaks[i : i + 2], coefficients[:, i : i + 1, k : k + 1])
-        if inner.low[0] < low[k]:
-            low[k], low_time[k] = inner.low[0], inner.low_time[0]
-        if inner.high[0] > high[k]:
-            high[k], high_time[k] = inner.high[0], inner.high_time[0]
-    return Extrema(low, high, low_time, high_time)
+        value, time = _candidates(coefficients[:, i, k], breaks[i], breaks[i + 1] - breaks[i])
+        values[k].append(value)
+        times[k].append(time)
+    return Extrema.among(map(np.concatenate, values), map(np.concatenate, times))
 
 
 def _bernstein(length: Array, coefficients: Array) -> Array:
@@ -155,21 +132,18 @@ def _bernstein(length: Array, coefficients: Array) -> Array:
 def piecewise_extrema(breaks: Array, coefficients: Array) -> Extrema:
     """Extrema of piecewise polynomials, from the roots of their derivatives and both ends of every piece."""
     # breaks (m + 1,); coefficients (d + 1, m, k)
-    length = np.diff(breaks)
-    count = coefficients.shape[2]
-    low, high = np.full(count, np.inf), np.full(count, -np.inf)
-    low_time, high_time = np.zeros(count), np.zeros(count)
-    for i, h in enumerate(length):
-        for k in range(count):
-            piece = coefficients[:, i, k]
-            local = np.concatenate([[0.0, h], _stationary(piece, h)])
-            value = np.polyval(piece, local)
-            least, most = int(np.argmin(value)), int(np.argmax(value))
-            if value[least] < low[k]:
-                low[k], low_time[k] = value[least], breaks[i] + local[least]
-            if value[most] > high[k]:
-                high[k], high_time[k] = value[most], breaks[i] + local[most]
-    return Extrema(low, high, low_time, high_time)
+    values, times = [], []
+    for pieces in coefficients.transpose(2, 1, 0):  # of one function
+        parts = [_candidates(*each) for each in zip(pieces, breaks[:-1], np.diff(breaks), strict=True)]
+        values.append(np.concatenate([value for value, _ in parts]))
+        times.append(np.concatenate([time for _, time in parts]))
+    return Extrema.among(values, times)
+
+
+def _candidates(piece: Array, start: float, length: float) -> tuple[Array, Array]:
+    """Values of a piece at both ends and where its derivative vanishes, and these instants."""
+    local = np.concatenate([[0.0, length], _stationary(piece, length)])
+    return np.polyval(piece, local), start + local
 
 
 def _stationary(piece: Array, length: float) -> Array:
@@ -195,21 +169,16 @@ def chebyshev_extrema(values: Array, duration: float) -> Extrema:
     angle = np.pi * np.arange(degree + 1) / degree
     weights = np.full(degree + 1, 2.0 / degree)
     weights[[0, -1]] /= 2
-    low, high, low_time, high_time = [], [], [], []
+    found, times = [], []
     for column in values.T[:, ::-1]:  # from t = T, where the cosine is one, back to 0
         series = np.cos(np.outer(np.arange(degree + 1), angle)) @ (weights * column)
         series[[0, -1]] /= 2
         size = np.abs(series).max(initial=0.0)
         kept = chebyshev.chebtrim(np.where(np.abs(series) > 1e-15 * size, series, 0.0)) if size > 0 else np.zeros(1)
         points = np.concatenate([[-1.0, 1.0], np.cos(angle), _roots(np.asarray(chebyshev.chebder(kept), dtype=float))])
-        extrema = chebyshev.chebval(points, kept)
-        least, most = int(np.argmin(extrema)), int(np.argmax(extrema))
-        low.append(extrema[least])
-        high.append(extrema[most])
-        low_time.append(points[least])
-        high_time.append(points[most])
-    seconds = [0.5 * duration * (1.0 + np.array(x)) for x in (low_time, high_time)]
-    return Extrema(np.array(low), np.array(high), *seconds)
+        found.append(chebyshev.chebval(points, kept))
+        times.append(0.5 * duration * (1.0 + points))
+    return Extrema.among(found, times)
 
 
 def _roots(series: Array) -> Array:

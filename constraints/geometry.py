@@ -5,14 +5,14 @@ Lengths in m, angles in rad. A sphere is a capsule of length zero.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import scipy
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
 from regressors.robot.shapes import Capsule as Capsule, Part as Part, Vector as Vector, check_finite
@@ -142,9 +142,8 @@ class World:
         for name in names:
             if names.count(name) > 1 or name in links:
                 raise InputError(f"objects: {name!r} is the name of two bodies; give each its own")
-        for name in (name for pair in self.ignored for name in pair):
-            if name not in (*links, *names):
-                raise UnknownName("link with a shape, or object,", name, (*links, *names))
+        named = (name for pair in self.ignored for name in pair)
+        check_names("link with a shape, or object,", named, (*links, *names))
 
     def to_dict(self) -> dict[str, object]:
         """Plain values, the keys of a world file."""
@@ -197,9 +196,7 @@ class World:
             An obstacle that contains the robot's base.
         """
         known = (BASE, *(body.name for body in robot.bodies))
-        for part in self.parts:
-            if part.link not in known:
-                raise UnknownName(f"link of robot {robot.name!r}", part.link, known)
+        check_names(f"link of robot {robot.name!r}", (part.link for part in self.parts), known)
         for obstacle in (each for each in self.obstacles if not each.mounting):
             depth = -obstacle.shape.distance(np.zeros(3))
             if depth > _DEEP:
@@ -256,7 +253,7 @@ def enclosing_cylinder(radius: float, length: float) -> Capsule:
     return Capsule((0.0, 0.0, -a), (0.0, 0.0, a), float(np.hypot(radius, length / 2 - a)) * (1 + _SLACK))
 
 
-def vector_of(values: Array) -> Vector:
+def vector_of(values: Iterable[float]) -> Vector:
     """Three numbers."""
     x, y, z = (float(value) for value in values)
     return x, y, z

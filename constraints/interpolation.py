@@ -87,15 +87,11 @@ def curve_pieces(samples: Samples, curve: Curve, given: int = 2) -> Array:
     return np.stack([a5, a4, a3, a / 2, v, q])
 
 
-def passed_text(use: LimitUse) -> str:
-    """Which limit is passed, and by how much of it, such as ``joint q2 acceleration by 0.03 %``."""
-    return f"{use.label} by {percent(use.use - 1.0)}"
-
-
 def curves_text(certified: Sequence[InterpolatedLimits]) -> str:
-    """By which curves the limits are kept, and which of the others passes what by how much."""
+    """By which curves the limits are kept, and which of the others passes what, and by how much of it."""
     kept = [each.curve.value for each in certified if not each.broken]
-    passed = [f"{each.curve.value} pass {passed_text(each.broken[0])}" for each in certified if each.broken]
+    first = [(each.curve.value, each.broken[0]) for each in certified if each.broken]
+    passed = [f"{curve} pass {use.label} by {percent(use.use - 1.0)}" for curve, use in first]
     return "; ".join([*([f"kept by {' and '.join(', '.join(kept).rsplit(', ', 1))}"] if kept else []), *passed])
 
 
@@ -123,10 +119,5 @@ def _of_lines(samples: Samples, limit: LinearConstraint) -> Extrema:
     values = np.pad(samples.q @ limit.matrix.T + limit.offset, ((order, order), (0, 0)), mode="edge")
     for k in range(1, order + 1):
         values = k * np.diff(values, axis=0) / (at[k:] - at[:-k])[:, None]
-    return _extremes(values, np.clip(at[: len(values)], time[0], time[-1]))
-
-
-def _extremes(values: Array, time: Array) -> Extrema:
-    columns = np.arange(values.shape[1])
-    low, high = values.argmin(axis=0), values.argmax(axis=0)
-    return Extrema(values[low, columns], values[high, columns], time[low], time[high])
+    instants = np.clip(at[: len(values)], time[0], time[-1])
+    return Extrema.among(values.T, [instants] * values.shape[1])

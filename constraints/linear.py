@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from regressors.models.partial import PartialMotion
-from regressors.robot.robot import Limits, Robot
+from regressors.robot.robot import Limits, Robot, linear_drives, transmission_of
 from regressors.samples import Array, Samples
 
 OTHER = "other"  # what a constraint limits, in a word, where it does not say
@@ -48,25 +49,21 @@ QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 _UNITS = ("", "/s", "/s^2", "/s^3")
 
 
+@dataclass(eq=False, repr=False)
 class LinearConstraint(Constraint):
     """``lower <= A q^(d) + a0 <= upper`` for one order of derivative d."""
 
-    def __init__(
-        self,
-        derivative: int,
-        matrix: Array,
-        offset: Array,
-        lower: Array,
-        upper: Array,
-        labels: tuple[str, ...],
-        units: tuple[str, ...],
-    ) -> None:
-        self.derivative = derivative
-        self.matrix = matrix
-        self.offset = offset if derivative == 0 else np.zeros_like(offset)
-        self.lower, self.upper = lower, upper
-        self.labels, self.units = labels, units
-        self.quantity = QUANTITIES[derivative]
+    derivative: int
+    matrix: Array
+    offset: Array
+    lower: Array
+    upper: Array
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        self.offset = self.offset if self.derivative == 0 else np.zeros_like(self.offset)
+        self.quantity = QUANTITIES[self.derivative]
 
     def restricted(self, motion: PartialMotion) -> LinearConstraint:
         """The same bounds on the moving coordinates s of ``q = N s + q0``; constant functions are left out."""
@@ -101,27 +98,20 @@ def _from_limits(
     return selected
 
 
-def joint_limits(robot: Robot) -> list[LinearConstraint]:
-    """Position, velocity, acceleration and jerk limits of the joints, one constraint per quantity that has any."""
-    names = tuple(f"joint {name}" for name in robot.joint_names)
-    units = tuple(joint.unit for joint in robot.joints)
-    return _from_limits(robot.limits, np.eye(robot.n), np.zeros(robot.n), names, units)
-
-
 def drive_limits(robot: Robot) -> list[LinearConstraint]:
-    """The same limits of the drive coordinates z = C q + z0; none for a robot without a transmission."""
-    transmission = robot.transmission
-    if transmission is None:
-        return []
+    """Limits of the drive coordinates z = C q + z0; none for a robot without a transmission."""
+    transmission = transmission_of(robot)
     names = tuple(f"drive {drive.name}" for drive in transmission.drives)
-    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
-    units = tuple("m" if np.any(row[prismatic] != 0.0) else "rad" for row in transmission.coupling)
+    units = tuple("m" if linear else "rad" for linear in linear_drives(robot))
     return _from_limits(transmission.limits, transmission.coupling, transmission.offset, names, units)
 
 
 def linear_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
-    """All limits of a robot that are linear in its motion, joints first."""
-    return (*joint_limits(robot), *drive_limits(robot))
+    """Limits on position, velocity, acceleration and jerk, joints first, one constraint per quantity that has any."""
+    names = tuple(f"joint {name}" for name in robot.joint_names)
+    units = tuple(joint.unit for joint in robot.joints)
+    of_joints = _from_limits(robot.limits, np.eye(robot.n), np.zeros(robot.n), names, units)
+    return (*of_joints, *drive_limits(robot))
 
 
 def spanned(limits: Sequence[LinearConstraint], n: int, derivatives: tuple[int, ...]) -> list[bool]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -73,6 +73,7 @@ Expression = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 
 
 @checked
+@dataclass(eq=False, repr=False)
 class NonlinearConstraint(Constraint):
     """``lower <= g(q, dq, ddq) <= upper``.
 
@@ -98,24 +99,16 @@ class NonlinearConstraint(Constraint):
         Notes on the limits for the user.
     """
 
-    notes: tuple[str, ...] = ()
-
-    def __init__(
-        self,
-        joints: int,
-        expression: Expression,
-        lower: Array,
-        upper: Array,
-        scale: Array,
-        labels: tuple[str, ...],
-        units: tuple[str, ...],
-        shown: Callable[[Array], Array] = lambda values: values,
-        quantity: str = OTHER,
-    ) -> None:
-        self.shown, self.quantity = shown, quantity
-        self.joints, self.expression = joints, expression
-        self.lower, self.upper, self.scale = lower, upper, scale
-        self.labels, self.units = labels, units
+    joints: int
+    expression: Expression
+    lower: Array
+    upper: Array
+    scale: Array
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    shown: Callable[[Array], Array] = lambda values: values
+    quantity: str = OTHER
+    notes: tuple[str, ...] = field(default=(), init=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """The state with the instructions of g, whose expression pickle could not name."""
@@ -159,18 +152,8 @@ class NonlinearConstraint(Constraint):
         def expression(s: ca.SX, ds: ca.SX, dds: ca.SX) -> ca.SX:
             return whole(ca.mtimes(N, s) + q0, ca.mtimes(N, ds), ca.mtimes(N, dds))
 
-        moving = motion.matrix.shape[1]
-        return NonlinearConstraint(
-            moving,
-            expression,
-            self.lower,
-            self.upper,
-            self.scale,
-            self.labels,
-            self.units,
-            self.shown,
-            self.quantity,
-        )
+        s, bounds, texts = motion.matrix.shape[1], (self.lower, self.upper, self.scale), (self.labels, self.units)
+        return NonlinearConstraint(s, expression, *bounds, *texts, self.shown, self.quantity)
 
     def values(self, samples: Samples) -> Array:
         """Values of g at every instant, shape (N, k)."""
@@ -206,14 +189,8 @@ class NonlinearConstraint(Constraint):
         return values
 
     def slopes_at_instants(self, motion: Sequence[Array]) -> Callable[[Index, Index, Index], Array]:
-        """``dg / d(q, dq, ddq)`` of a motion as in `at_instants`.
-
-        Returns
-        -------
-        callable
-            From numbers of functions and of instants, shape (rows,) each, and numbers of columns, shape (c,): the
-            derivatives, shape (rows, c).
-        """
+        """``dg / d(q, dq, ddq)`` as in `at_instants`, by numbers of functions, of instants and of columns."""
+        # numbers (rows,), (rows,) and (c,); result (rows, c)
         nonzeros = self.jacobian(*motion)
         padded = np.concatenate([nonzeros, np.zeros((1, nonzeros.shape[1]))])
 

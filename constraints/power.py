@@ -16,7 +16,7 @@ from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.robot import Limits, Robot
+from regressors.robot.robot import Limits, Robot, transmission_of
 from regressors.robot.symbolic.kinematics import LinkMotion, chain, sparse
 from regressors.samples import Array
 
@@ -58,70 +58,52 @@ class PowerLimit(Limit):
         """
         check_inertias(robot, "power limits")
         friction = drive_friction(robot, standard_values(robot), motion, self.friction)
-        axes = _Axes.of(robot)
-        bound = self._bound(axes)
+        transmission, C_T = transmission_of(robot), drive_torque_matrix(robot)
+        kind, limits = ("joint", robot.limits) if robot.transmission is None else ("drive", transmission.limits)
+        names = [f"{kind} {drive.name}" for drive in transmission.drives]
+        bound = self._bound(robot, names, limits)
         (kept,) = np.nonzero(np.isfinite(bound))
-        lower, upper = -bound[kept], (bound - _losses(axes, friction, bound))[kept]
+        lower, upper = -bound[kept], (bound - _losses(names, limits.velocity, friction, bound))[kept]
         torque, carried = viscous_and_carried(robot, standard_values(robot), friction)
-        speeds, torques = sparse(axes.speeds[kept]), sparse(axes.torques[kept])
-        more = sparse(friction.share[kept][:, None] * axes.torques[kept])  # friction that grows with the load
+        speeds, torques = sparse(transmission.coupling[kept]), sparse(C_T[kept])
+        more = sparse(friction.share[kept][:, None] * C_T[kept])  # friction that grows with the load
 
         def power(q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
             total = ca.mtimes(torques, torque(q, dq, ddq)) + ca.mtimes(more, carried(q, dq, ddq))
             return total * ca.mtimes(speeds, dq)
 
-        labels = tuple(f"{axes.names[k]} power" for k in kept)
+        labels = tuple(f"{names[k]} power" for k in kept)
         limit = NonlinearConstraint(
             robot.n, power, lower, upper, 0.5 * (upper - lower), labels, ("W",) * kept.size, quantity="power"
         )
         return (limit.restricted(motion),)
 
-    def _bound(self, axes: _Axes) -> Array:
+    def _bound(self, robot: Robot, names: Sequence[str], limits: Limits) -> Array:
         """Largest power of each drive or joint, infinite where there is none [W]."""
         if self.power is not None:
             given = np.atleast_1d(np.asarray(self.power, dtype=float))
-            if given.shape not in ((1,), (len(axes.names),)) or not np.all(given > 0):
+            if given.shape not in ((1,), (len(names),)) or not np.all(given > 0):
                 raise InputError(
-                    f"power limits: expected a positive power, or one for each of {', '.join(axes.names)} [W]; "
+                    f"power limits: expected a positive power, or one for each of {', '.join(names)} [W]; "
                     f"given {self.power}"
                 )
-            return np.asarray(np.broadcast_to(given, (len(axes.names),)))
+            return np.asarray(np.broadcast_to(given, (len(names),)))
         if not 0 < self.share <= 1:
             raise InputError(f"power limits: share must be greater than 0 and at most 1, given {self.share}")
-        bound = np.asarray(self.share * axes.limits.torque * axes.limits.velocity)
+        bound = np.asarray(self.share * limits.torque * limits.velocity)
         if not np.any(np.isfinite(bound)):
             raise InputError(
-                f"robot {axes.robot!r} has no torque and velocity limits to compute power limits from; give "
+                f"robot {robot.name!r} has no torque and velocity limits to compute power limits from; give "
                 "PowerLimit(power), or state them in its file"
             )
         return bound
 
 
-@dataclass(frozen=True, eq=False)
-class _Axes:
-    """Axes whose power is limited: drives, or joints."""
-
-    robot: str
-    names: tuple[str, ...]
-    limits: Limits
-    speeds: Array  # matrix from joint velocities
-    torques: Array  # matrix from joint torques
-
-    @classmethod
-    def of(cls, robot: Robot) -> _Axes:
-        transmission = robot.transmission
-        if transmission is None:
-            unit = np.eye(robot.n)
-            return cls(robot.name, tuple(f"joint {name}" for name in robot.joint_names), robot.limits, unit, unit)
-        names = tuple(f"drive {drive.name}" for drive in transmission.drives)
-        return cls(robot.name, names, transmission.limits, transmission.coupling, drive_torque_matrix(robot))
-
-
-def _losses(axes: _Axes, friction: DriveFriction, bound: Array) -> Array:
+def _losses(names: Sequence[str], fastest: Array, friction: DriveFriction, bound: Array) -> Array:
     """Largest power lost in friction other than viscous at the velocity limits [W]."""
-    rest, fastest = np.abs(friction.rest).max(axis=1), axes.limits.velocity
+    rest = np.abs(friction.rest).max(axis=1)
     losses: Array = np.multiply(rest, fastest, out=np.zeros_like(rest), where=rest > 0)
-    for name, force, speed, loss, power in zip(axes.names, rest, fastest, losses, bound, strict=True):
+    for name, force, speed, loss, power in zip(names, rest, fastest, losses, bound, strict=True):
         if np.isfinite(power) and not loss < power:
             raise InputError(
                 f"{name} power: friction of {force:g} at the velocity limit {speed:g} takes all of {power:g} W; "

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from constraints.geometry import Part, enclosing_capsule, enclosing_cylinder
-from regressors.errors import InputError
+from regressors.errors import InputError, reading
 from regressors.input_files import in_bytes, read_bytes
 from regressors.memory_cap import memory_cap
-from regressors.readers.chain_ends import resting_pose
+from regressors.readers.chain_ends import carried
 from regressors.readers.urdf_elements import XmlElement, robot_element
-from regressors.readers.urdf_tree import UrdfTree, parse_tree
-from regressors.robot.inertia import rotation_from_rpy
+from regressors.readers.urdf_tree import parse_tree
+from regressors.robot.inertia import pose_of, rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
 from regressors.robot.shapes import Capsule
 from regressors.samples import Array
@@ -72,11 +72,8 @@ def _lowest(shape: XmlElement, path: Path, pose: Array, normal: Array) -> float:
         least = -float(given["radius"])
     elif shape.tag == "cylinder":
         least = -float(given["radius"]) * np.hypot(up[0], up[1]) - 0.5 * float(given["length"]) * abs(up[2])
-    elif shape.tag == "box":
-        least = float((_CORNERS * numbers_of(shape, "size", "") @ up).min())
     else:
-        corners = _corners(mesh_file(given["filename"], path))
-        least = float((corners * numbers_of(shape, "scale", "1 1 1") @ up).min())
+        least = (_corners(shape, path) @ up).min()
     return float(normal @ pose[:3, 3]) + float(least)
 
 
@@ -84,37 +81,16 @@ def carried_links(
     path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
 ) -> Iterator[tuple[str, XmlElement, Array]]:
     """Every ``<link>`` of a URDF, the link of the robot or base that carries it, and its pose in that frame."""
-    try:
+    with reading(f"the URDF file {str(path)!r}"):
         content = read_bytes(path)
-    except OSError as error:
-        raise InputError(f"cannot read the URDF file {str(path)!r}: {error.strerror}") from error
     tree = parse_tree(content, path.name, snap_angles=snap_angles)
     moving = {link.name for link in robot.links}
-    poses = _poses(tree)
+    poses = dict(carried(tree, tree.root, ()))
     for link in robot_element(content, path.name).below("link"):
         name = link.attributes["name"]
-        carrier = _carrier(tree, name, moving)
-        above = poses[base or tree.root] if carrier == BASE else poses[carrier]
-        yield carrier, link, np.linalg.inv(above) @ poses[name]
-
-
-def _poses(tree: UrdfTree) -> dict[str, Array]:
-    """Pose of every link in the frame of the root, all joints at rest."""
-    poses, left = {tree.root: np.eye(4)}, [tree.root]
-    for name in left:  # which grows
-        for joint in tree.below[name]:
-            poses[joint.child] = poses[name] @ resting_pose(tree, joint)
-            left.append(joint.child)
-    return poses
-
-
-def _carrier(tree: UrdfTree, link: str, moving: set[str]) -> str:
-    """The link of the robot that a link is fixed to, or the base."""
-    while link not in moving:
-        if link not in tree.above:
-            return BASE
-        link = tree.above[link].parent
-    return link
+        on_robot = (carrier := tree.carrier(name, moving)) in moving
+        above = poses[carrier if on_robot else base or tree.root]
+        yield carrier if on_robot else BASE, link, np.linalg.inv(above) @ poses[name]
 
 
 def numbers_of(element: XmlElement | None, attribute: str, default: str) -> Array:
@@ -129,10 +105,8 @@ def placed_shape(element: XmlElement) -> tuple[XmlElement, Array]:
     shapes = [shape for geometry in element.below("geometry") for shape in geometry.children if ":" not in shape.tag]
     if len(shapes) != 1:
         raise InputError("expected one shape in <geometry>")
-    place = np.eye(4)
-    place[:3, :3] = rotation_from_rpy(numbers_of(origin, "rpy", "0 0 0"))
-    place[:3, 3] = numbers_of(origin, "xyz", "0 0 0")
-    return shapes[0], place
+    R = rotation_from_rpy(numbers_of(origin, "rpy", "0 0 0"))
+    return shapes[0], pose_of(R, numbers_of(origin, "xyz", "0 0 0"))
 
 
 def _around(shape: XmlElement, path: Path) -> Capsule:
@@ -141,16 +115,18 @@ def _around(shape: XmlElement, path: Path) -> Capsule:
         return Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), float(given["radius"]))
     if shape.tag == "cylinder":
         return enclosing_cylinder(float(given["radius"]), float(given["length"]))
-    if shape.tag == "box":
-        return enclosing_capsule(_CORNERS * numbers_of(shape, "size", ""))
-    if shape.tag == "mesh":
-        return enclosing_capsule(_corners(mesh_file(given["filename"], path)) * numbers_of(shape, "scale", "1 1 1"))
+    if shape.tag in ("box", "mesh"):
+        return enclosing_capsule(_corners(shape, path))
     raise InputError(f"no shape named {shape.tag!r}; available: sphere, cylinder, box, mesh")
 
 
-def _corners(file: Path) -> Array:
-    """Corners of a mesh of any format that there is a reader for, shape (N, 3)."""
-    return collada_triangles(file).reshape(-1, 3) if file.suffix.lower() == ".dae" else mesh_corners(file)
+def _corners(shape: XmlElement, path: Path) -> Array:
+    """Corners of a box, or of a mesh of any format that there is a reader for, shape (N, 3)."""
+    if shape.tag == "box":
+        return _CORNERS * numbers_of(shape, "size", "")
+    file = mesh_file(shape.attributes["filename"], path)
+    corners = collada_triangles(file).reshape(-1, 3) if file.suffix.lower() == ".dae" else mesh_corners(file)
+    return np.asarray(corners * numbers_of(shape, "scale", "1 1 1"))
 
 
 def mesh_file(name: str, urdf: Path) -> Path:

@@ -24,8 +24,9 @@ from regressors.models.nominal import standard_values, stated_deviations
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.robot.columns import COULOMB, VISCOUS, Terms, drive_column
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_and_temperature import moving_drive_numbers
 from regressors.robot.plausibility import implausible_inertias
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, drive_numbers, linear_drives, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array, Index
 
@@ -141,21 +142,17 @@ def _joints(robot: Robot, friction: DriveFriction) -> LimitedTorques:
 
 def _drives(robot: Robot, friction: DriveFriction) -> list[LimitedTorques]:
     """Rows for the drives, where they have limits."""
-    transmission = robot.transmission
-    if transmission is None or not np.any(np.isfinite(transmission.limits.torque)):
+    transmission = transmission_of(robot)
+    if not np.any(np.isfinite(transmission.limits.torque)):
         return []
-    matrix = drive_torque_matrix(robot)
-    C = transmission.coupling
-    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
-    units = tuple("N" if np.any(row[prismatic] != 0.0) else "Nm" for row in C)
+    units = tuple("N" if linear else "Nm" for linear in linear_drives(robot))
     labels = tuple(f"drive {drive.name} torque" for drive in transmission.drives)
-    return [LimitedTorques(matrix, transmission.limits.torque, friction, labels, units)]
+    return [LimitedTorques(drive_torque_matrix(robot), transmission.limits.torque, friction, labels, units)]
 
 
 def drive_torque_matrix(robot: Robot) -> Array:
-    """``C^-T``: torques of the drives from those of the joints, shape (n, n), for a robot with a transmission."""
-    assert robot.transmission is not None
-    C = robot.transmission.coupling
+    """``C^-T``: torques of the drives from those of the joints, shape (n, n)."""
+    C = transmission_of(robot).coupling
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
         raise InputError(
             f"robot {robot.name!r}: the torques of its {C.shape[0]} drives are not determined by those of its "
@@ -226,7 +223,8 @@ class PlausibleTorqueLimit(Limit):
         if not 0 < self.uncertainty < np.inf:
             raise InputError(f"torque uncertainty must be a number greater than 0, given {self.uncertainty}")
         check_inertias(robot, "torque limits")
-        known, coulomb = standard_values(robot), _coulomb_names(robot)
+        known = standard_values(robot)
+        coulomb = {drive_column(number, COULOMB).name for number in moving_drive_numbers(robot).values()}
         largest = {name: value * (1 + self.uncertainty * (name in coulomb)) for name, value in known.items()}
         drives = drive_friction(robot, largest, motion, self.friction)
         torques = viscous_and_carried(robot, known, drives)
@@ -238,20 +236,12 @@ class PlausibleTorqueLimit(Limit):
         ]
 
 
-def _coulomb_names(robot: Robot) -> set[str]:
-    model = DifferentialModel(robot, Terms(rotor=False, viscous=False))
-    return {column.name for column in model.standard_columns if column.kind == COULOMB}
-
-
 def _of_curves(robot: Robot, friction: FrictionCurves | None) -> list[str]:
     """Names of the viscous friction of drives that have a curve."""
     if friction is None:
         return []
-    transmission = robot.transmission
-    names = robot.joint_names if transmission is None else [drive.name for drive in transmission.drives]
-    numbers = robot.link_numbers if transmission is None else range(1, len(names) + 1)
-    with_curve = (number for number, name in zip(numbers, names, strict=True) if friction.curve(name) is not None)
-    return [drive_column(number, VISCOUS).name for number in with_curve]
+    numbers = zip(drive_numbers(robot), transmission_of(robot).drives, strict=True)
+    return [drive_column(k, VISCOUS).name for k, drive in numbers if friction.curve(drive.name) is not None]
 
 
 def _deviation_terms(robot: Robot, deviations: Mapping[str, float]) -> Expression:
@@ -290,9 +280,8 @@ def _robust_limits(rows: LimitedTorques, joints: int, torque: Expression, terms:
 
 def why_no_torques(robot: Robot) -> str | None:
     """Why limits of torques cannot be checked; None if they can."""
-    drives = robot.transmission
-    of_drives = drives is not None and bool(np.any(np.isfinite(drives.limits.torque)))
-    if not of_drives and not np.any(np.isfinite(robot.limits.torque)):
+    limited = (robot.limits.torque, transmission_of(robot).limits.torque)
+    if not np.any(np.isfinite(np.concatenate(limited))):
         return "no limit is stated"
     doubts = implausible_inertias(robot)
     if not doubts:

@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
-from constraints.geometry import Box, HalfSpace, Obstacle, Part, Shape, Vector, World
+from constraints.geometry import Box, HalfSpace, Obstacle, Part, World, vector_of
 from constraints.shapes import lowest_point, urdf_shape
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, about
 from regressors.readers.documents import Angles, Document, Length, Point, read_document, validate
 from regressors.readers.urdf import read_urdf
 from regressors.readers.urdf_elements import URDF, xml_kind
@@ -22,42 +22,55 @@ from regressors.robot.shapes import Capsule
 from regressors.samples import Array
 
 SCHEMA = "excite.world/1"
-_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 _Two = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
-class _Capsule(BaseModel):
-    model_config = _CONFIG
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class _Capsule(_Section):
     start: Point = Field(alias="from")
     end: Point | None = Field(default=None, alias="to")  # a sphere has one point
     radius: Length
+
+    def shape(self) -> Capsule:
+        return Capsule(vector_of(self.start), vector_of(self.start if self.end is None else self.end), self.radius)
 
 
 class _Part(_Capsule):
     link: str
 
 
-class _Sphere(BaseModel):
-    model_config = _CONFIG
+class _Sphere(_Section):
     centre: Point
     radius: Length
 
-
-class _Plane(BaseModel):
-    model_config = _CONFIG
-    normal: Point
-    offset: Length = 0.0
+    def shape(self) -> Capsule:
+        return Capsule(vector_of(self.centre), vector_of(self.centre), self.radius)
 
 
-class _Box(BaseModel):
-    model_config = _CONFIG
+class _Plane(_Section):
+    normal: Point  # of any length
+    offset: Length = 0.0  # distance along it
+
+    def shape(self) -> HalfSpace:
+        length = math.hypot(*self.normal)
+        if length == 0:
+            raise InputError("normal must not be zero")
+        return HalfSpace(vector_of([x / length for x in self.normal]), self.offset)
+
+
+class _Box(_Section):
     centre: Point
     size: Point
     rpy: Angles = [0.0, 0.0, 0.0]
 
+    def shape(self) -> Box:
+        return Box(vector_of(self.centre), vector_of(self.size), vector_of(self.rpy))
 
-class _Object(BaseModel):
-    model_config = _CONFIG
+
+class _Object(_Section):
     capsule: _Capsule | None = None
     sphere: _Sphere | None = None
     plane: _Plane | None = None
@@ -66,8 +79,7 @@ class _Object(BaseModel):
     mounting: StrictBool = False
 
 
-class _File(BaseModel):
-    model_config = _CONFIG
+class _File(_Section):
     schema_: Literal["excite.world/1"] = Field(default="excite.world/1", alias="schema")
     clearance: Length = 0.01
     tolerance: Length = 0.005
@@ -120,13 +132,11 @@ def _world(document: Document, urdf: Callable[[], _Shape]) -> World:
         parts = ()
         for k, entry in enumerate(content.robot):
             with document.at("robot", k):
-                parts += (Part(entry.link, _capsule(entry)),)
+                parts += (Part(entry.link, entry.shape()),)
     obstacles = tuple(_obstacle(document, name, each) for name, each in content.objects.items())
     ignored = tuple((pair[0], pair[1]) for pair in content.ignore)
-    try:
+    with about(document.source):
         return World(parts, obstacles, content.clearance, content.self_collision, ignored, content.tolerance)
-    except InputError as error:
-        raise InputError(f"{document.source}: {error}") from error
 
 
 def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True) -> _Shape:
@@ -161,39 +171,14 @@ def capsules_text(parts: Iterable[Part]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _vector(values: list[float]) -> Vector:
-    x, y, z = values
-    return x, y, z
-
-
 def _obstacle(document: Document, name: str, entry: _Object) -> Obstacle:
     """An object with its single shape."""
-    kinds: dict[str, Callable[[Any], Shape]] = {"capsule": _capsule, "sphere": _sphere, "plane": _plane, "box": _box}
+    kinds = ("capsule", "sphere", "plane", "box")
     given = [kind for kind in kinds if getattr(entry, kind) is not None]
     if len(given) != 1:
         what_is_given = ", ".join(given) or "nothing"
         raise document.error([(("objects", name), f"expected one of {', '.join(kinds)}, given {what_is_given}")])
     with document.at("objects", name, given[0]):
-        shape = kinds[given[0]](getattr(entry, given[0]))
+        shape = getattr(entry, given[0]).shape()
     with document.at("objects", name):
         return Obstacle(name, shape, entry.clearance, entry.mounting)
-
-
-def _capsule(entry: _Capsule) -> Capsule:
-    return Capsule(_vector(entry.start), _vector(entry.start if entry.end is None else entry.end), entry.radius)
-
-
-def _sphere(entry: _Sphere) -> Capsule:
-    return Capsule(_vector(entry.centre), _vector(entry.centre), entry.radius)
-
-
-def _plane(entry: _Plane) -> HalfSpace:
-    """Half-space from a normal of any length; the offset is the distance along it."""
-    length = math.hypot(*entry.normal)
-    if length == 0:
-        raise InputError("normal must not be zero")
-    return HalfSpace(_vector([x / length for x in entry.normal]), entry.offset)
-
-
-def _box(entry: _Box) -> Box:
-    return Box(_vector(entry.centre), _vector(entry.size), _vector(entry.rpy))

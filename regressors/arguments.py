@@ -17,13 +17,10 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from functools import cache, partial, wraps
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from regressors.errors import InputError
 from regressors.quantities import shown
-
-if TYPE_CHECKING:
-    import numpy as np
 
 T = TypeVar("T", bound=Callable[..., Any])
 Check = Callable[[Any], Any]
@@ -134,11 +131,13 @@ def rule_of(hint: Any) -> tuple[Check, str]:
         return partial(_mapping, key, item), f"a mapping, each {one}"
     if origin is Callable or hint is Callable:
         return _only(callable), "a function"
+    if hint in _PLAIN:
+        return _PLAIN[hint]
     name = getattr(hint, "__name__", str(hint))
-    text = _WORDS.get(hint) or _OBJECTS.get(name) or f"{'an' if name[:1] in 'AEIOU' else 'a'} {name}"
+    text = _OBJECTS.get(name) or f"{'an' if name[:1] in 'AEIOU' else 'a'} {name}"
     if isinstance(hint, typing.TypeVar) or hint in (Any, object):
         return (lambda value: value), text
-    return _PLAIN.get(hint) or partial(_of_class, type if origin is type else origin or hint), text
+    return partial(_of_class, type if origin is type else origin or hint), text
 
 
 def _number(value: Any) -> Any:
@@ -221,7 +220,7 @@ def _array_of(kind: Any) -> Check:
     return partial(_array, kinds, np.dtype(scalar))
 
 
-def _array(kinds: str, dtype: np.dtype[Any], value: Any) -> Any:
+def _array(kinds: str, dtype: Any, value: Any) -> Any:
     import numpy as np
 
     if isinstance(value, np.ndarray) and value.dtype == dtype:
@@ -255,19 +254,12 @@ def _members(protocol: type) -> frozenset[str]:
     return frozenset(name for name in names if not name.startswith("_"))
 
 
-_PLAIN: dict[Any, Check] = {
-    float: _number,
-    int: _only(lambda value: isinstance(value, Integral) and not isinstance(value, bool), int),
-    bool: _only(lambda value: isinstance(value, bool) or str(getattr(value, "dtype", "")) == "bool", bool),
-    type(None): _only(lambda value: value is None),
-    Path: _file,
-}
-_WORDS: dict[Any, str] = {
-    float: "a number",
-    int: "a whole number",
-    bool: "True or False",
-    str: "text",
-    type(None): "None",
-    Path: "a path that a file can have",
+_PLAIN: dict[Any, tuple[Check, str]] = {
+    float: (_number, "a number"),
+    int: (_only(lambda value: isinstance(value, Integral) and not isinstance(value, bool), int), "a whole number"),
+    bool: (_only(lambda x: isinstance(x, bool) or str(getattr(x, "dtype", "")) == "bool", bool), "True or False"),
+    str: (partial(_of_class, str), "text"),
+    type(None): (_only(lambda value: value is None), "None"),
+    Path: (_file, "a path that a file can have"),
 }
 _OBJECTS = {"Identification": "a result of `identify`"}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -34,12 +35,37 @@ class TooLargeError(InputError):
     """The work would take more memory than it may; the message says what to change, and how far."""
 
 
+@contextmanager
+def reading(what: str) -> Iterator[None]:
+    """Turn what reading a file raises in the block into `InputError`."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {what}: {getattr(error, 'strerror', None) or error}") from error
+
+
+@contextmanager
+def about(what: str) -> Iterator[None]:
+    """Begin the message of an `InputError` in the block with what it is about."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from error
+
+
 class UnknownName(InputError):
     """A name that does not exist where it was looked up."""
 
     def __init__(self, what: str, given: str, available: Iterable[str], near: Sequence[str] = ()) -> None:
         meant = f"did you mean {' or '.join(map(shortened, near))}? " if near else ""
         super().__init__(f"no {what} named {shortened(given)}; {meant}available: {listed_names(available)}")
+
+
+def check_names(what: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Raise `UnknownName` for the first name that is not known."""
+    for name in names:
+        if name not in known:
+            raise UnknownName(what, name, known)
 
 
 LONGEST = 60  # characters of one quoted thing
@@ -63,14 +89,11 @@ def cut(text: str, most: int = LONGEST) -> str:
 def shortened(value: object) -> str:
     """``repr`` of a value, its middle left out where it is long."""
     try:
-        text = repr(value[: 2 * LONGEST] + value[-LONGEST:] if isinstance(value, str) and _long(value) else value)
+        long = isinstance(value, str) and len(value) > 4 * LONGEST
+        text = repr(value[: 2 * LONGEST] + value[-LONGEST:] if long else value)  # type: ignore[index]
     except ValueError:  # Python refuses to print integers of thousands of digits
         return "a very long number"
     return cut(text)
-
-
-def _long(text: str) -> bool:
-    return len(text) > 4 * LONGEST
 
 
 def long_name(name: str) -> str | None:

@@ -23,11 +23,7 @@ LOG = 4 * 10**9  # bytes of a log, which is not held in memory
 SILENCE = 10.0  # seconds without a byte after which a pipe is given up
 _BLOCK = 2**20
 _LOGGER = logging.getLogger(__name__)
-_KINDS = (
-    (stat.S_ISCHR, "it is a device"),
-    (stat.S_ISBLK, "it is a device"),
-    (stat.S_ISSOCK, "it is a socket"),
-)
+_KINDS = {stat.S_IFCHR: "device", stat.S_IFBLK: "device", stat.S_IFSOCK: "socket"}
 
 
 class UnreadableFile(OSError):
@@ -95,9 +91,8 @@ def _handle(path: str | Path) -> int:
 def _check(status: os.stat_result, most: int) -> None:
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    for holds, what in _KINDS:
-        if holds(status.st_mode):
-            raise UnreadableFile(f"{what}, expected a file")
+    if (kind := _KINDS.get(stat.S_IFMT(status.st_mode))) is not None:
+        raise UnreadableFile(f"it is a {kind}, expected a file")
     if status.st_size > most:
         raise UnreadableFile(
             f"it has {in_bytes(status.st_size)}, more than the {in_bytes(most)} that a file of this kind may have"

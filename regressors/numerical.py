@@ -29,26 +29,22 @@ def numerical_work(what: str, cause: str) -> Iterator[None]:
             yield
     except ExciteError:
         raise
-    except (np.linalg.LinAlgError, ArithmeticError, RuntimeWarning) as error:
-        raise _turned(what, cause, error) from error
-    except (RuntimeError, ValueError) as error:
+    except (ArithmeticError, RuntimeWarning, RuntimeError, ValueError) as error:
         if not _is_numerical(error):
             raise
-        raise _turned(what, cause, error) from error
+        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = reason if len(reason) <= 80 else f"{reason[:77]}..."
+        raise NumericalError(f"{what} failed numerically ({reason}); {cause}") from error
 
 
 def _is_numerical(error: Exception) -> bool:
     """Whether it is a library's word for numbers that it cannot work with."""
     text = str(error)
+    if isinstance(error, np.linalg.LinAlgError | ArithmeticError | RuntimeWarning):
+        return True
     if isinstance(error, ValueError):
         return bool(_NOT_FINITE.search(text))
     return type(error).__module__.startswith("scipy") or (type(error) is RuntimeError and bool(_FOREIGN.search(text)))
-
-
-def _turned(what: str, cause: str, error: Exception) -> NumericalError:
-    reason = " ".join(str(error).split()) or type(error).__name__
-    reason = reason if len(reason) <= 80 else f"{reason[:77]}..."
-    return NumericalError(f"{what} failed numerically ({reason}); {cause}")
 
 
 TOLERANCE = 1e-8

@@ -9,10 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.models.drives import SMALLEST_SPEED, drive_rows
+from regressors.models.drives import SMALLEST_SPEED
 from regressors.robot.columns import (
     ASYMMETRY,
-    COULOMB,
     FRICTION_KINDS,
     LOAD_SHARE,
     OFFSET,
@@ -22,7 +21,7 @@ from regressors.robot.columns import (
     Terms,
 )
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, drive_numbers, transmission_of
 from regressors.samples import Array, Index
 
 
@@ -57,6 +56,11 @@ class DriveConstants:
     def of_kind(self, kind: str) -> Index:
         """Drives that have a friction column of some kind."""
         return np.array([k for k, n in enumerate(self.numbers) if self.terms.include(kind, n)], dtype=np.intp)
+
+    @property
+    def kinds(self) -> list[tuple[str, Index]]:
+        """Kinds of friction of which there are columns, each with its drives."""
+        return [(kind, some) for kind in FRICTION_KINDS if (some := self.of_kind(kind)).size]
 
     def friction(self, kind: str, dz: jax.Array, carried: jax.Array | None = None) -> jax.Array:
         """Friction torque per unit parameter of some drives, shape (k, L), see `Terms`; `carried` is their load."""
@@ -93,9 +97,8 @@ class DriveConstants:
         blocks = []
         if self.terms.rotor and self.rotors.size:
             blocks.append((self.rotors, self.rotor_torques(q, dq, ddq)))
-        for kind in FRICTION_KINDS:
-            if (some := self.of_kind(kind)).size:
-                blocks.append((some, self.friction(kind, dz[some], None if carried is None else carried[some])))
+        for kind, some in self.kinds:
+            blocks.append((some, self.friction(kind, dz[some], None if carried is None else carried[some])))
         return [jnp.asarray(self.coupling[index].T)[..., None] * values for index, values in blocks]
 
     def energy_columns(self, q: jax.Array, dq: jax.Array) -> list[jax.Array]:
@@ -104,33 +107,23 @@ class DriveConstants:
         blocks = []
         if self.terms.rotor and self.rotors.size:
             blocks.append((self.ratios(z[self.rotors]) * dz[self.rotors]) ** 2 / 2)
-        for kind in FRICTION_KINDS:
-            some = self.of_kind(kind)
-            blocks.append(z[some] if kind == OFFSET else jnp.zeros_like(z[some]))
+        blocks += [z[some] if kind == OFFSET else jnp.zeros_like(z[some]) for kind, some in self.kinds]
         return [block[None] for block in blocks]
 
     def loss_columns(self, dq: jax.Array) -> list[jax.Array]:
         """Power lost per parameter, each of shape (1, k, L): ``dz`` times its torque; rotors and offset none."""
         dz = self.velocities(dq)
         blocks = [jnp.zeros_like(dz[self.rotors])] if self.terms.rotor and self.rotors.size else []
-        for kind in (kind for kind in FRICTION_KINDS if self.of_kind(kind).size):
-            speed = dz[self.of_kind(kind)]
+        for kind, some in self.kinds:
+            speed = dz[some]
             blocks.append(jnp.zeros_like(speed) if kind == OFFSET else speed * self.friction(kind, speed))
         return [block[None] for block in blocks]
-
-    @property
-    def coulomb_columns(self) -> slice:
-        """Slice of the Coulomb columns among the drives' columns."""
-        start = self.rotors.size if self.terms.rotor else 0
-        return slice(start, start + self.of_kind(COULOMB).size)
 
 
 def drives_of(robot: Robot, terms: Terms, sign_width: float) -> DriveConstants:
     """Drives of a robot that have parameters; one per joint, without rotor, where it has no transmission."""
-    n, none = robot.n, np.zeros(0, dtype=np.intp)
-    if robot.transmission is None:
-        return DriveConstants(tuple(drive_rows(robot)), np.eye(n), np.zeros(n), none, (), terms, sign_width)
-    C, offset, drives = robot.transmission.coupling, robot.transmission.offset, robot.transmission.drives
+    transmission = transmission_of(robot)
+    drives = transmission.drives
     moving = [k for k, drive in enumerate(drives) if not drive.rests]
     rotors = np.array([i for i, k in enumerate(moving) if drives[k].rotor_inertia is not None], dtype=np.intp)
     gears = tuple(drives[moving[i]].ratio for i in rotors)
@@ -139,8 +132,9 @@ def drives_of(robot: Robot, terms: Terms, sign_width: float) -> DriveConstants:
             raise InputError(
                 f"gear function {type(gear).__name__} has no JAX counterpart; expected a constant ratio or a ball screw"
             )
-    numbers = tuple(k + 1 for k in moving)
-    return DriveConstants(numbers, C[moving], offset[moving], rotors, gears, terms, sign_width)
+    numbers = tuple(drive_numbers(robot)[k] for k in moving)
+    C, offset = transmission.coupling[moving], transmission.offset[moving]
+    return DriveConstants(numbers, C, offset, rotors, gears, terms, sign_width)
 
 
 def _ratio(gear: GearFunction, z: jax.Array) -> jax.Array:

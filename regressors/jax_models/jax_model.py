@@ -15,12 +15,11 @@ from regressors.jax_models.jax_bodies import effort, energy_regressor, momentum,
 from regressors.jax_models.jax_drives import cross, drives_of, path_lengths, running_integral
 from regressors.models.differential import DifferentialModel, carried_rotors
 from regressors.models.energy import EnergyModel
-from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
+from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel
 from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.windows import Window
 from regressors.robot.columns import COULOMB
 from regressors.robot.friction.load_and_temperature import torques_at_drives
-from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
 
 
@@ -210,8 +209,8 @@ class EnergyPart(WindowPart):
         self._drives = drives_of(model.robot, model.terms, model.sign_width)
         self._S = model.reduction.matrix[:, columns]
         self._inertial = 10 * len(self._tree.parent)
-        place = self._drives.coulomb_columns
-        self._spread = self._S[self._inertial + place.start : self._inertial + place.stop]
+        first = self._inertial + (self._drives.rotors.size if model.terms.rotor else 0)
+        self._spread = self._S[first : first + self._drives.of_kind(COULOMB).size]
 
     def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:
         """Energy, shape (1, p, L)."""
@@ -238,69 +237,64 @@ class EnergyPart(WindowPart):
         return cumulated.at[:, 0, columns].set(paths)
 
 
-class _SensorFrame:
-    """Motion of the sensor's frame, and the directions of the equations."""
+class _SensorPart(RegressorBlock):
+    """JAX form of a model of the wrench at a sensor, or of its integrals."""  # columns (p,)
 
-    def __init__(self, robot: Robot, sensor: Sensor) -> None:
-        self._tree, self._link = tree_of(robot), sensor.place(robot)
+    def __init__(self, model: LoadModel | LoadIntegralModel, columns: Index) -> None:
+        sensor = model.sensor
+        self._tree, self._link = tree_of(model.robot), sensor.place(model.robot)
         self._Rt, self._p = np.asarray(sensor.rotation).T, np.asarray(sensor.translation)[:, None]
-        directions = np.eye(6)[[EQUATIONS.index(name) for name in sensor.equations]]
-        self.l: Array = directions[:, :3, None]
-        self.s: Array = directions[:, 3:, None]
+        self._equations = [EQUATIONS.index(name) for name in sensor.equations]
+        self._directions = np.split(np.eye(6)[self._equations, :, None], 2, axis=1)
+        self._S = np.eye(len(model.columns))[:, columns]
 
-    def motion(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> tuple[jax.Array, ...]:
+    def _motion(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> tuple[jax.Array, ...]:
         """``omega, domega, v, a, up`` in the sensor's axes, shape (3, L) each, as in `TreeMotion`."""
         m, k = tree_motion(self._tree, q, dq, ddq), self._link
         w, dw, p = m.omega[k], m.domega[k], jnp.broadcast_to(self._p, m.omega[k].shape)
         v, a = m.v[k] + cross(w, p), m.a[k] + cross(dw, p) + cross(w, cross(w, p))
         return tuple(jnp.asarray(self._Rt) @ x for x in (w, dw, v, a, m.up[k]))
 
+    def _per_parameter(self, function: Callable[..., jax.Array], *motion: jax.Array) -> jax.Array:
+        """A function of the equations' directions and of the same motion for each, shape (r, p, L)."""
+        shape = (len(self._equations), *motion[0].shape)
+        each = (jnp.broadcast_to(jnp.asarray(x), shape) for x in (*self._directions, *motion))
+        return reduced(function(*each), self._S)
 
-class LoadPart(RegressorBlock):
-    """Wrench at the sensor per parameter."""  # columns (p,)
+    def _selected(self, measured: jax.Array) -> jax.Array:
+        return measured[:, self._equations] if measured.shape[1] == len(EQUATIONS) else measured
 
-    def __init__(self, model: LoadModel, columns: Index) -> None:
-        self._frame, self._S = _SensorFrame(model.robot, model.sensor), np.eye(len(model.columns))[:, columns]
-        self._equations = [EQUATIONS.index(name) for name in model.sensor.equations]
+
+class LoadPart(_SensorPart):
+    """Wrench at the sensor per parameter."""
 
     def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
         """Selected rows of K, shape (r, p, L)."""
-        w, dw, _, a, _ = self._frame.motion(q, dq, ddq)
-        return reduced(effort(*_directed(self._frame, w, dw, a)), self._S)
+        w, dw, _, a, _ = self._motion(q, dq, ddq)
+        return self._per_parameter(effort, w, dw, a)
 
     def right_side(self, time: Array, q: jax.Array, dq: jax.Array, measured: jax.Array) -> jax.Array:
         """The wrench, selected equations, shape (N, r); `measured` has shape (N, 6) or (N, r)."""
-        return _selected(measured, self._equations)
+        return self._selected(measured)
 
 
-class LoadIntegralPart(WindowPart):
+class LoadIntegralPart(_SensorPart, WindowPart):
     """Integrals of the wrench over time windows per parameter."""  # columns (p,)
 
     def __init__(self, model: LoadIntegralModel, columns: Index) -> None:
+        super().__init__(model, columns)
         self.window = model.window
-        self._frame, self._S = _SensorFrame(model.robot, model.sensor), np.eye(len(model.columns))[:, columns]
-        self._equations = [EQUATIONS.index(name) for name in model.sensor.equations]
 
     def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:
         """Momentum, shape (r, p, L)."""
-        w, _, v, _, _ = self._frame.motion(q, dq, jnp.zeros_like(q))
-        return reduced(momentum(*_directed(self._frame, w, v)), self._S)
+        w, _, v, _, _ = self._motion(q, dq, jnp.zeros_like(q))
+        return self._per_parameter(momentum, w, v)
 
     def density(self, q: jax.Array, dq: jax.Array) -> jax.Array:
         """Effort at the acceleration ``omega x v - g`` without angular acceleration, shape (r, p, L)."""
-        w, _, v, _, up = self._frame.motion(q, dq, jnp.zeros_like(q))
-        return reduced(effort(*_directed(self._frame, w, jnp.zeros_like(w), cross(w, v) - up)), self._S)
+        w, _, v, _, up = self._motion(q, dq, jnp.zeros_like(q))
+        return self._per_parameter(effort, w, jnp.zeros_like(w), cross(w, v) - up)
 
     def measured_density(self, dq: jax.Array, measured: jax.Array) -> jax.Array:
         """The wrench itself, selected equations, shape (N, r); `measured` has shape (N, 6) or (N, r)."""
-        return _selected(measured, self._equations)
-
-
-def _selected(measured: jax.Array, equations: list[int]) -> jax.Array:
-    return measured[:, equations] if measured.shape[1] == len(EQUATIONS) else measured
-
-
-def _directed(frame: _SensorFrame, *motion: jax.Array) -> tuple[jax.Array, ...]:
-    """Directions of the equations and the same motion for each, shape (r, 3, L)."""
-    shape = (len(frame.l), *motion[0].shape)
-    return tuple(jnp.broadcast_to(jnp.asarray(x), shape) for x in (frame.l, frame.s, *motion))
+        return self._selected(measured)

@@ -13,17 +13,11 @@ from typing import Literal
 import numpy as np
 
 from regressors.arguments import checked
-from regressors.errors import UnknownName
+from regressors.errors import check_names
 from regressors.models.model import RegressorModel
-from regressors.numerical import (
-    ROUNDING,
-    TOLERANCE,
-    explained_columns,
-    independent_columns,
-    pivoted_columns,
-)
+from regressors.numerical import ROUNDING, TOLERANCE, explained_columns, independent_columns, pivoted_columns
 from regressors.robot.columns import BODY_KINDS, Column
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, finite_ranges
 from regressors.samples import Array, Index, Samples
 
 Choice = Literal["gautier", "pivoted"]
@@ -31,19 +25,17 @@ CHOICES: tuple[Choice, ...] = ("gautier", "pivoted")
 MOST_STATES, _ROWS_PER_COLUMN = 2000, 20
 _FEW_COLUMNS = 150  # a chain of twelve axes
 _MODERATE = {"dq": 3.0, "ddq": 10.0}  # rad, m and s; they accelerate about as much as gravity
-_UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
+_UNLIMITED = {"velocity": 2.0, "acceleration": 10.0}
 
 
 def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
     """Independent states, uniform within the joint limits; within a few SI units where a limit is missing."""
     rng = np.random.default_rng(seed)
-    limits = robot.limits
-    lower = np.where(np.isfinite(limits.lower), limits.lower, -_UNLIMITED["position"])
-    upper = np.where(np.isfinite(limits.upper), limits.upper, _UNLIMITED["position"])
-    velocity = np.where(np.isfinite(limits.velocity), limits.velocity, _UNLIMITED["velocity"])
-    acceleration = np.where(np.isfinite(limits.acceleration), limits.acceleration, _UNLIMITED["acceleration"])
+    velocity, acceleration = robot.limits.velocity, robot.limits.acceleration
+    velocity = np.where(np.isfinite(velocity), velocity, _UNLIMITED["velocity"])
+    acceleration = np.where(np.isfinite(acceleration), acceleration, _UNLIMITED["acceleration"])
     shape = (count, robot.n)
-    q = rng.uniform(lower, upper, shape)
+    q = rng.uniform(*finite_ranges(robot), shape)
     dq = rng.uniform(-velocity, velocity, shape)
     ddq = rng.uniform(-acceleration, acceleration, shape)
     return Samples(np.arange(count, dtype=float), q, dq, ddq, np.zeros(shape))
@@ -149,8 +141,7 @@ def base_parameters(
     UnknownName
         No such choice.
     """
-    if choice not in CHOICES:
-        raise UnknownName("choice of base columns", choice, CHOICES)
+    check_names("choice of base columns", [choice], CHOICES)
     states = states if states is not None else random_states(model.robot, enough_states(model))
     R, hidden = _without_rounding(model, states, rounding)
     return replace(base_of(model, R, choice, tolerance), by_rounding=hidden)

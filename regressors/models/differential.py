@@ -133,16 +133,16 @@ class DifferentialModel(RegressorModel):
         standard = self.reduction.matrix @ parameters
         inertial, of_drives = np.split(standard, [PARAMETERS_PER_LINK * len(self.robot.bodies)])
         tau = inertial_torque(self.robot, inertial.reshape(-1, PARAMETERS_PER_LINK), q, dq, ddq)
-        motions = drive_motions(self.robot, q, dq, ddq)
-        _, drives = drive_columns(motions, self.terms, self.sign_width, self._loads(motions, q, dq, ddq))
-        return tau + ca.mtimes(drives, sparse(of_drives)) if of_drives.size else tau
+        return tau + ca.mtimes(self._drives(q, dq, ddq), sparse(of_drives)) if of_drives.size else tau
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Joint torques per parameter, shape (n, p) [Nm per unit parameter]."""
         inertial = inertial_regressor(self.robot, q, dq, ddq)
+        return self.reduction.apply(ca.horzcat(inertial, self._drives(q, dq, ddq)))
+
+    def _drives(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         motions = drive_motions(self.robot, q, dq, ddq)
-        _, drives = drive_columns(motions, self.terms, self.sign_width, self._loads(motions, q, dq, ddq))
-        return self.reduction.apply(ca.horzcat(inertial, drives))
+        return drive_columns(motions, self.terms, self.sign_width, self._loads(motions, q, dq, ddq))
 
     def friction_magnitudes(self, samples: Samples) -> Array:
         """Magnitude of every directed friction column of a drive, see `regressors.models.model.RegressorModel`."""

@@ -10,9 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
-from regressors.errors import UnknownName
 from regressors.robot.columns import (
     ASYMMETRY,
     COULOMB,
@@ -27,7 +25,7 @@ from regressors.robot.columns import (
     Terms,
     drive_column,
 )
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, drive_numbers, linear_drives, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
 
@@ -50,16 +48,10 @@ class DriveMotion:
 def drive_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[DriveMotion, ...]:
     """Motion of every drive whose joint moves; one per joint where the robot has no transmission."""
     # q, dq, ddq (n, 1)
-    transmission = robot.transmission
-    if transmission is None:
-        eye, zero = ca.SX.eye(robot.n), ca.SX(1, 1)
-        linear = [joint.kind == "prismatic" for joint in robot.joints]
-        return tuple(
-            DriveMotion(number, q[k], dq[k], ddq[k], eye[k, :], ca.SX(1), zero, False, linear[k])
-            for k, number in enumerate(robot.link_numbers)
-        )
-    motions = []
-    for k, drive in enumerate(transmission.drives):
+    transmission, motions = transmission_of(robot), []
+    for k, (number, drive, linear) in enumerate(
+        zip(drive_numbers(robot), transmission.drives, linear_drives(robot), strict=True)
+    ):
         if drive.rests:
             continue
         row = sparse(transmission.coupling[k : k + 1])
@@ -68,20 +60,9 @@ def drive_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[DriveM
         dratio = ca.gradient(ratio, symbol)
         z = ca.mtimes(row, q) + transmission.offset[k]
         ratio, dratio = (ca.substitute(e, symbol, z) for e in (ratio, dratio))
-        moved = [robot.joints[j].kind for j in range(robot.n) if transmission.coupling[k, j] != 0.0]
-        motions.append(
-            DriveMotion(
-                number=k + 1,
-                z=z,
-                dz=ca.mtimes(row, dq),
-                ddz=ca.mtimes(row, ddq),
-                row=row,
-                ratio=ratio,
-                dratio=ca.sparsify(dratio),
-                has_rotor=drive.rotor_inertia is not None,
-                linear="prismatic" in moved,
-            )
-        )
+        rates = ca.mtimes(row, dq), ca.mtimes(row, ddq)
+        has_rotor = drive.rotor_inertia is not None
+        motions.append(DriveMotion(number, z, *rates, row, ratio, ca.sparsify(dratio), has_rotor, linear))
     return tuple(motions)
 
 
@@ -140,28 +121,20 @@ def drive_columns(
     terms: Terms,
     sign_width: float = 0.0,
     carried: Mapping[int, ca.SX] | None = None,
-) -> tuple[tuple[Column, ...], ca.SX]:
-    """Columns of the drives as joint torques: rotors first, then friction by kind."""  # result (n, len(columns)
+) -> ca.SX:
+    """Joint torques of the columns of `column_list`."""  # result (n, len(columns))
     loads = carried or {}
     rotors = [d for d in drives if d.has_rotor and terms.rotor]
     torques = [d.row.T * rotor_torque(d) for d in rotors]
     for kind, d in friction_terms(drives, terms):
         torques.append(d.row.T * friction_torque(kind, d, terms, sign_width, loads.get(d.number)))
-    return column_list(drives, terms), ca.horzcat(ca.SX(drives[0].row.numel() if drives else 0, 0), *torques)
+    return ca.horzcat(ca.SX(drives[0].row.numel() if drives else 0, 0), *torques)
 
 
 def column_list(drives: tuple[DriveMotion, ...], terms: Terms) -> tuple[Column, ...]:
-    """Columns of the drives without their torques, see `drive_columns`."""
+    """Columns of the drives: rotors first, then friction by kind."""
     rotors = (drive_column(d.number, ROTOR) for d in drives if d.has_rotor and terms.rotor)
     return (*rotors, *(drive_column(d.number, kind, linear=d.linear) for kind, d in friction_terms(drives, terms)))
-
-
-def check_drives(robot: Robot, terms: Terms) -> None:
-    """Raise `UnknownName` if terms are chosen for a drive that the robot does not have."""
-    known = tuple(drive_rows(robot))
-    for number in terms.numbers:
-        if number not in known:
-            raise UnknownName("drive", str(number), [str(k) for k in known])
 
 
 @dataclass(frozen=True)
@@ -180,18 +153,10 @@ class Reflection:
 
 def reflections(robot: Robot) -> dict[int, Reflection]:
     """Reflection of every drive's rotor inertia, by the number that its columns have as owner."""
-    if robot.transmission is None:
-        return {number: Reflection(1.0, False) for number in robot.link_numbers}
-    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
-    rows = zip(robot.transmission.drives, robot.transmission.coupling, strict=True)
-    return {
-        number: Reflection(drive.ratio.reference_ratio, bool(np.any(row[prismatic])))
-        for number, (drive, row) in enumerate(rows, 1)
-    }
+    ratios = (drive.ratio.reference_ratio for drive in transmission_of(robot).drives)
+    return dict(zip(drive_numbers(robot), map(Reflection, ratios, linear_drives(robot)), strict=True))
 
 
 def drive_rows(robot: Robot) -> dict[int, Array]:
     """Row of C of every drive, moving or locked, by the drive's number, the owner of its columns."""
-    if robot.transmission is None:
-        return dict(zip(robot.link_numbers, np.eye(robot.n), strict=True))
-    return dict(enumerate(robot.transmission.coupling, 1))
+    return dict(zip(drive_numbers(robot), transmission_of(robot).coupling, strict=True))

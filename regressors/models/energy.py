@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -20,6 +19,7 @@ from regressors.models.drives import (
     friction_terms,
     friction_torque,
 )
+from regressors.models.model import RegressorModel
 from regressors.models.reduction import Reduction, reduction_by
 from regressors.models.windows import Mask, Window, WindowModel
 from regressors.robot.columns import COULOMB, OFFSET, Terms
@@ -87,7 +87,7 @@ class EnergyModel(WindowModel):
         """Terms, windows and sign width."""
         return {"terms": self.terms, "window": self.window, "sign_width": self.sign_width}
 
-    def instantaneous(self) -> DifferentialModel:
+    def instantaneous(self) -> RegressorModel:
         """Model of the torques whose work this model integrates.
 
         Raises
@@ -96,9 +96,7 @@ class EnergyModel(WindowModel):
             A subclass with further columns, whose torques are not known here.
         """
         model = DifferentialModel(self.robot, self.terms, sign_width=self.sign_width)
-        if model.columns != self.columns:
-            raise InputError(f"{type(self).__name__} does not name the model of single instants that it integrates")
-        return model
+        return model if model.columns == self.columns else super().instantaneous()
 
     def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Energy per parameter, h(q, dq): links, then rotors ``1/2 (F'(z) dz)^2``; friction stores none."""
@@ -130,8 +128,11 @@ class EnergyModel(WindowModel):
         if not np.any(lossy):
             return cumulated
         spread = self._coulomb_spread[:, columns]
-        drives = [c.owner for c in self.reduction.standard if c.kind == COULOMB and c.owner is not None]
-        cumulated[0, lossy] = spread[:, lossy].T @ _paths(self.robot, samples, drives).T
+        rows = drive_rows(self.robot)
+        drives = [rows[c.owner] for c in self.reduction.standard if c.kind == COULOMB and c.owner is not None]
+        C = np.array(drives).reshape(-1, self.robot.n)
+        paths = path_lengths(samples.time, samples.q @ C.T, samples.dq @ C.T)
+        cumulated[0, lossy] = spread[:, lossy].T @ paths.T
         return cumulated
 
     @property
@@ -148,13 +149,6 @@ class EnergyModel(WindowModel):
     def measured_density(self, samples: Samples, measured: Array) -> Array:
         """Power of the joint torques, ``tau' dq``, shape (N, 1) [W]; `measured` has shape (N, n) [Nm]."""
         return np.asarray(np.sum(measured * samples.dq, axis=1, keepdims=True))
-
-
-def _paths(robot: Robot, samples: Samples, numbers: Sequence[int]) -> Array:
-    """Length of the paths of some drives from the first sample on, shape (N, drives) [rad or m]."""
-    rows = drive_rows(robot)
-    C = np.array([rows[number] for number in numbers]).reshape(-1, robot.n)
-    return path_lengths(samples.time, samples.q @ C.T, samples.dq @ C.T)
 
 
 def path_lengths(time: Array, z: Array, dz: Array) -> Array:

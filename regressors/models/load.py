@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,17 +9,19 @@ import casadi as ca
 import numpy as np
 
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.models.model import RegressorModel
 from regressors.models.windows import Window, WindowModel
 from regressors.quantities import place_of
-from regressors.robot.columns import Column, body_columns
-from regressors.robot.robot import Robot
-from regressors.robot.symbolic.kinematics import LinkMotion, body_regressor, chain, sparse, times_inertia
+from regressors.robot.columns import body_columns
+from regressors.robot.inertia import is_rotation
+from regressors.robot.robot import Joint, Robot
+from regressors.robot.symbolic.kinematics import LinkMotion, body_regressor, chain, next_link, times_inertia
 from regressors.samples import Array, Samples
 
 EQUATIONS = ("fx", "fy", "fz", "nx", "ny", "nz")
 LOAD_PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+_COLUMNS = body_columns(LOAD_PARAMETERS, None)  # in the order of [KD96] eq. (10)
 
 
 @checked
@@ -46,21 +47,13 @@ class Sensor:
     equations: tuple[str, ...] = EQUATIONS
 
     def __post_init__(self) -> None:
-        for name in self.equations:
-            if name not in EQUATIONS:
-                raise UnknownName("equation", name, EQUATIONS)
+        check_names("equation", self.equations, EQUATIONS)
         if len(set(self.equations)) != len(self.equations) or not self.equations:
             raise InputError(
                 f"equations: expected at least one, and each once, given {', '.join(self.equations) or 'none'}"
             )
-        R = self.rotation
-        if (
-            R.shape != (3, 3)
-            or not np.all(np.abs(R) < 2.0)
-            or not np.allclose(R @ R.T, np.eye(3), atol=1e-9)
-            or np.linalg.det(R) < 0
-        ):
-            raise InputError(f"sensor axes are not a rotation matrix: {R.tolist()}")
+        if not is_rotation(self.rotation):
+            raise InputError(f"sensor axes are not a rotation matrix: {self.rotation.tolist()}")
         if not np.all(np.isfinite(self.translation)) or np.shape(self.translation) != (3,):
             raise InputError(
                 f"sensor position must be three finite numbers, given {np.asarray(self.translation).tolist()}"
@@ -79,35 +72,35 @@ class Sensor:
         return place_of("link of the chain for the sensor", self.link, [link.name for link in robot.links])
 
 
-def load_columns() -> tuple[Column, ...]:
-    """The load's ten parameters in the order of [KD96] eq. (10)."""
-    return body_columns(LOAD_PARAMETERS, None)
-
-
 def _sensor_motion(robot: Robot, sensor: Sensor, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
     """Motion of the sensor's frame, in its own axes."""
-    links = list(chain(robot, q, dq, ddq))
-    link = links[sensor.place(robot)]
-    Rt, p = sparse(np.asarray(sensor.rotation).T), sparse(sensor.translation)
-    w, dw = link.omega, link.domega
-    return LinkMotion(
-        omega=ca.mtimes(Rt, w),
-        domega=ca.mtimes(Rt, dw),
-        v=ca.mtimes(Rt, link.v + ca.cross(w, p)),
-        a=ca.mtimes(Rt, link.a + ca.cross(dw, p) + ca.cross(w, ca.cross(w, p))),
-        up=ca.mtimes(Rt, link.up),
-        rotation=ca.mtimes(link.rotation, Rt.T),
-        origin=link.origin + ca.mtimes(link.rotation, p),
-        axes=(),
-    )
+    link = list(chain(robot, q, dq, ddq))[sensor.place(robot)]
+    fixed = Joint("sensor", "prismatic", sensor.rotation, sensor.translation)
+    return next_link(link, fixed, *3 * [ca.SX(1, 1)])
 
 
-def _selected(wrench: ca.SX, equations: Sequence[str]) -> ca.SX:
-    return wrench[[EQUATIONS.index(name) for name in equations], :]
+class _SensorModel(RegressorModel):
+    """A model of the wrench at a sensor, or of its integrals."""
+
+    channel = "wrench"
+    keeps_all_links = True
+
+    def __init__(self, robot: Robot, sensor: Sensor | None, per_unit: str = "") -> None:
+        self.robot = robot
+        self.sensor = sensor if sensor is not None else Sensor()
+        self.sensor.place(robot)
+        self.columns = _COLUMNS
+        names = self.sensor.equations
+        self.row_labels = tuple((name, ("N" if name[0] == "f" else "Nm") + per_unit) for name in names)
+        self._equations = [EQUATIONS.index(name) for name in names]
+
+    def _selected(self, measured: Array) -> Array:
+        """Selected equations of all six components, or of the selected ones alone, shape (N, r)."""
+        return measured[:, self._equations] if measured.shape[1] == len(EQUATIONS) else measured
 
 
 @checked
-class LoadModel(RegressorModel):
+class LoadModel(_SensorModel):
     """Wrench at the sensor, ``[F; N] = K phi`` [KD96] eq. (8), (9).
 
     Parameters
@@ -116,16 +109,10 @@ class LoadModel(RegressorModel):
     sensor : Sensor, optional
     """
 
-    channel = "wrench"
-    keeps_all_links = True
     jax_form = "regressors.jax_models.jax_model:LoadPart"
 
     def __init__(self, robot: Robot, sensor: Sensor | None = None) -> None:
-        self.robot = robot
-        self.sensor = sensor if sensor is not None else Sensor()
-        self.sensor.place(robot)
-        self.columns = load_columns()
-        self.row_labels = tuple((name, "N" if name[0] == "f" else "Nm") for name in self.sensor.equations)
+        super().__init__(robot, sensor)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -135,22 +122,15 @@ class LoadModel(RegressorModel):
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Selected rows of K, shape (r, 10) [N and Nm per unit parameter]."""
         body = _sensor_motion(self.robot, self.sensor, q, dq, ddq)
-        return _selected(ca.vertcat(*body_regressor(body.omega, body.domega, body.a)), self.sensor.equations)
+        return ca.vertcat(*body_regressor(body.omega, body.domega, body.a))[self._equations, :]
 
     def right_side(self, samples: Samples, measured: Array) -> Array:
         """The wrench, selected equations; `measured` has shape (N, 6) or (N, r) [N, Nm]."""
-        return _selected_wrench(np.asarray(measured, dtype=float), self.sensor.equations).reshape(-1)
-
-
-def _selected_wrench(measured: Array, equations: Sequence[str]) -> Array:
-    """Columns of the selected equations, from all six components or from the selected ones alone."""
-    if measured.shape[1] == len(EQUATIONS):
-        return measured[:, [EQUATIONS.index(name) for name in equations]]
-    return measured
+        return self._selected(np.asarray(measured, dtype=float)).reshape(-1)
 
 
 @checked
-class LoadIntegralModel(WindowModel):
+class LoadIntegralModel(_SensorModel, WindowModel):
     """Integrals of the wrench over time windows, ``int [F; N] dt = K_I phi`` [KD96] eq. (11)-(13).
 
     In the sensor's rotating axes ``dv/dt`` of eq. (9) is the rate of the components of v plus ``omega x v``; so no
@@ -163,24 +143,18 @@ class LoadIntegralModel(WindowModel):
     window : Window, optional
     """
 
-    channel = "wrench"
-    keeps_all_links = True
     jax_form = "regressors.jax_models.jax_model:LoadIntegralPart"
 
     def __init__(self, robot: Robot, sensor: Sensor | None = None, window: Window | None = None) -> None:
-        self.robot = robot
-        self.sensor = sensor if sensor is not None else Sensor()
-        self.sensor.place(robot)
+        super().__init__(robot, sensor, " s")
         self.window = window if window is not None else Window()
-        self.columns = load_columns()
-        self.row_labels = tuple((name, "N s" if name[0] == "f" else "Nm s") for name in self.sensor.equations)
 
     @property
     def options(self) -> dict[str, Any]:
         """Sensor and windows."""
         return {"sensor": self.sensor, "window": self.window}
 
-    def instantaneous(self) -> LoadModel:
+    def instantaneous(self) -> RegressorModel:
         """Model of the wrench that this model integrates.
 
         Raises
@@ -189,9 +163,7 @@ class LoadIntegralModel(WindowModel):
             A subclass with further columns, whose wrench is not known here.
         """
         model = LoadModel(self.robot, self.sensor)
-        if model.columns != self.columns:
-            raise InputError(f"{type(self).__name__} does not name the model of single instants that it integrates")
-        return model
+        return model if model.columns == self.columns else super().instantaneous()
 
     def _body(self, q: ca.SX, dq: ca.SX) -> LinkMotion:
         return _sensor_motion(self.robot, self.sensor, q, dq, ca.SX(self.robot.n, 1))
@@ -201,7 +173,7 @@ class LoadIntegralModel(WindowModel):
         body = self._body(q, dq)
         force = ca.horzcat(body.v, ca.skew(body.omega), ca.SX(3, 6))
         moment = ca.horzcat(ca.SX(3, 1), -ca.skew(body.v), times_inertia(body.omega))
-        return _selected(ca.vertcat(force, moment), self.sensor.equations)
+        return ca.vertcat(force, moment)[self._equations, :]
 
     def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Integrands of K_I: ``omega x v - R g``, ``[omega x][omega x]``, ``[omega x][. omega]``, shape (r, 10)."""
@@ -210,11 +182,11 @@ class LoadIntegralModel(WindowModel):
         a = ca.cross(w, body.v) - body.up
         force = ca.horzcat(a, ca.mtimes(ca.skew(w), ca.skew(w)), ca.SX(3, 6))
         moment = ca.horzcat(ca.SX(3, 1), -ca.skew(a), ca.mtimes(ca.skew(w), times_inertia(w)))
-        return _selected(ca.vertcat(force, moment), self.sensor.equations)
+        return ca.vertcat(force, moment)[self._equations, :]
 
     def measured_density(self, samples: Samples, measured: Array) -> Array:
         """The wrench itself, selected equations, shape (N, r) [N, Nm]; `measured` has shape (N, 6) or (N, r)."""
-        return _selected_wrench(measured, self.sensor.equations)
+        return self._selected(measured)
 
 
 @checked
@@ -233,7 +205,7 @@ class PayloadModel(RegressorModel):
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.columns = load_columns()
+        self.columns = _COLUMNS
         units = ("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
         self.row_labels = tuple(zip(robot.joint_names, units, strict=True))
 

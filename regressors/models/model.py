@@ -15,10 +15,11 @@ import casadi as ca
 import numpy as np
 import scipy.sparse
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError
 from regressors.models.drives import drive_rows
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.models.reduction import CoulombFriction, Reduction, coulomb_friction
+from regressors.quantities import place_of
 from regressors.robot.columns import DIRECTED_KINDS, Column, Terms
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
@@ -44,21 +45,12 @@ class Combination:
 
     The expression's rows are r states above r densities; row w of W, for each of the r equations, is
     ``difference[w] @ state + integral[w] @ density``. A model of single instants has no densities, and no integral.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,)
-        Instants at which the expression is evaluated [s].
-    difference : sparse array, shape (N, T)
-    integral : sparse array, shape (N, T), or None
-    unit : float
-        Factor from these rows to those of `RegressorModel.assemble`: the window length where these are means.
     """
 
-    time: Array
-    difference: scipy.sparse.csr_array
-    integral: scipy.sparse.csr_array | None = None
-    unit: float = 1.0
+    time: Array  # (T,) instants at which the expression is evaluated [s]
+    difference: scipy.sparse.csr_array  # (N, T)
+    integral: scipy.sparse.csr_array | None = None  # (N, T)
+    unit: float = 1.0  # factor from these rows to those of `RegressorModel.assemble`: the window length of means
 
 
 class RegressorModel(ABC):
@@ -384,30 +376,13 @@ class RegressorModel(ABC):
         return np.ones((samples.time.size, sum(c.kind in DIRECTED_KINDS for c in self.standard_columns)))
 
 
-def _index(name: str, labels: Sequence[str], numbers: Sequence[str]) -> int:
-    for names in (labels, numbers):
-        if name in names:
-            return names.index(name)
-    raise UnknownName("equation", name, (f"{k} ({label})" for k, label in zip(numbers, labels, strict=True)))
-
-
 @dataclass(frozen=True, eq=False)
 class TorqueEquations:
-    """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``, from which equations of motion are built.
+    """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``, from which equations of motion are built."""
 
-    Parameters
-    ----------
-    model : RegressorModel
-        Model of the torques of all joints, one row each.
-    motion : PartialMotion
-        N and q0.
-    used : tuple of int
-        Moving coordinates whose torques are equations.
-    """
-
-    model: RegressorModel
-    motion: PartialMotion
-    used: tuple[int, ...]
+    model: RegressorModel  # of the torques of all joints, one row each
+    motion: PartialMotion  # N and q0
+    used: tuple[int, ...]  # moving coordinates whose torques are equations
 
     @property
     def directions(self) -> Array:
@@ -447,8 +422,7 @@ class PartialModel(RegressorModel):
             )
         self.model, self.motion = model, motion
         self.robot, self.columns, self.reduction = model.robot, model.columns, model.composition
-        numbers = [str(k) for k in range(1, len(motion.labels) + 1)]
-        self.used = sorted({_index(equation, motion.labels, numbers) for equation in equations or motion.labels})
+        self.used = sorted({place_of("equation", equation, motion.labels) for equation in equations or motion.labels})
         torque = {"rad": "Nm", "m": "N"}
         self.row_labels = tuple((motion.labels[k], torque[motion.units[k]]) for k in self.used)
 

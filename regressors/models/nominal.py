@@ -10,7 +10,7 @@ from regressors.models.base import Base
 from regressors.models.model import RegressorModel
 from regressors.robot.columns import COULOMB, OFFSET, ROTOR, VISCOUS, drive_column
 from regressors.robot.inertia import inertia_tensor, parameter_names
-from regressors.robot.robot import Drive, Robot
+from regressors.robot.robot import Robot, drive_numbers, transmission_of
 from regressors.samples import Array
 
 
@@ -20,16 +20,11 @@ def standard_values(robot: Robot) -> dict[str, float]:
     for number, body in zip(robot.body_numbers, robot.bodies, strict=True):
         if body.theta is not None:
             values.update(zip(parameter_names(number), body.theta.tolist(), strict=True))
-    drives = () if robot.transmission is None else robot.transmission.drives
-    for number, drive in enumerate(drives, 1):
-        values.update(_drive_values(number, drive))
+    for number, drive in zip(drive_numbers(robot), transmission_of(robot).drives, strict=True):
+        for kind, value in ((ROTOR, drive.rotor_inertia), (COULOMB, drive.coulomb), (VISCOUS, drive.viscous)):
+            if value is not None and np.isfinite(value):
+                values[drive_column(number, kind).name] = value
     return values
-
-
-def _drive_values(number: int, drive: Drive) -> dict[str, float]:
-    known = {ROTOR: drive.rotor_inertia, COULOMB: drive.coulomb, VISCOUS: drive.viscous}
-    stated = {kind: value for kind, value in known.items() if value is not None and np.isfinite(value)}
-    return {drive_column(number, kind).name: value for kind, value in stated.items()}
 
 
 def parameter_values(model: RegressorModel, base: Base, known: dict[str, float]) -> Array:

@@ -19,24 +19,12 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True, eq=False)
 class PartialMotion:
-    """Affine map from the moving coordinates to the joints, ``q = N s + q0``.
+    """Affine map from the moving coordinates to the joints, ``q = N s + q0``."""
 
-    Parameters
-    ----------
-    labels : tuple of str
-        Names of the moving coordinates, such as ``q2`` or ``z2``.
-    units : tuple of str
-        ``rad`` or ``m``.
-    matrix : ndarray, shape (n, k)
-        ``N``.
-    offset : ndarray, shape (n,)
-        ``q0`` [rad or m].
-    """
-
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    matrix: Array
-    offset: Array
+    labels: tuple[str, ...]  # names of the moving coordinates, such as ``q2`` or ``z2``
+    units: tuple[str, ...]  # ``rad`` or ``m``
+    matrix: Array  # (n, k) N
+    offset: Array  # (n,) q0 [rad or m]
 
     @property
     def complete(self) -> bool:

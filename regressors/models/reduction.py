@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 import scipy.linalg
 
-from regressors.errors import UnknownName
-from regressors.models.drives import check_drives, column_list, drive_motions, drive_rows, reflections
+from regressors.errors import UnknownName, check_names
+from regressors.models.drives import column_list, drive_motions, drive_rows, reflections
 from regressors.numerical import independent_columns
 from regressors.robot.columns import (
     COMBINATION,
@@ -27,7 +27,7 @@ from regressors.robot.columns import (
     drive_column,
 )
 from regressors.robot.inertia import parameter_names
-from regressors.robot.robot import Aggregates, Robot
+from regressors.robot.robot import Aggregates, Robot, drive_numbers
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array, Index, Samples
 
@@ -46,41 +46,17 @@ def standard_columns(robot: Robot) -> tuple[Column, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """Map from the standard parameters' columns to those that remain under the robot's structure.
+    """Map from the standard parameters' columns to those that remain under the robot's structure."""
 
-    Parameters
-    ----------
-    standard : tuple of Column
-        Standard parameters, before the structure is used.
-    columns : tuple of Column
-        Remaining parameters.
-    matrix : ndarray, shape (len(standard), len(columns))
-        ``Y_left = Y_standard @ matrix``.
-    definition : ndarray, shape (len(columns), len(standard))
-        Value of each remaining parameter, ``definition @ standard``.
-    """
-
-    standard: tuple[Column, ...]
-    columns: tuple[Column, ...]
-    matrix: Array
-    definition: Array
+    standard: tuple[Column, ...]  # before the structure is used
+    columns: tuple[Column, ...]  # what remains
+    matrix: Array  # (standard, columns) ``Y_left = Y_standard @ matrix``
+    definition: Array  # (columns, standard) value of each remaining parameter, ``definition @ standard``
 
     @classmethod
     def of(cls, robot: Robot, standard: Sequence[Column], *, reflected: bool = False) -> Reduction:
-        """Reduction of standard columns by the robot's structure.
-
-        Parameters
-        ----------
-        robot : Robot
-        standard : sequence of Column
-        reflected : bool
-            Rotor inertias at the drive coordinates, see `Terms`; combinations that the structure names stay as named.
-
-        Raises
-        ------
-        UnknownName
-            The structure names a parameter that the robot does not have.
-        """
+        """Reduction of standard columns by the robot's structure."""
+        # `reflected` as in `Terms`; combinations that the structure names stay as named
         standard = tuple(standard)
         columns, S, value = _zero_and_equal(robot, standard)
         names = robot.joint_names
@@ -168,7 +144,7 @@ Magnitudes = Callable[[Samples], Array]
 
 def reduction_by(robot: Robot, terms: Terms) -> Reduction:
     """Columns of a robot's bodies, and those that terms choose of its drives, reduced by its structure."""
-    check_drives(robot, terms)
+    check_names("drive", map(str, terms.numbers), [str(number) for number in drive_numbers(robot)])
     drives = drive_motions(robot, *(ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")))
     return Reduction.of(robot, (*inertial_columns(robot), *column_list(drives, terms)), reflected=terms.reflected)
 
@@ -179,23 +155,12 @@ class CoulombFriction:
 
     Coulomb friction has the magnitude 1; load shares, roots and Stribeck friction have others, see
     `regressors.robot.columns.Terms`.
-
-    Parameters
-    ----------
-    columns : ndarray of int, shape (k,)
-        Columns of the model, in ascending order; one that several drives share is repeated for each of them.
-    coupling : ndarray, shape (k, n)
-        Row of C of each column's drive, whose velocity is ``coupling @ dq`` [rad/s or m/s].
-    rows : ndarray, shape (k, r)
-        Contribution of a unit torque of the drive to each equation.
-    magnitudes : callable
-        From N samples to the friction per unit parameter, shape (N, k) [Nm or N per unit].
     """
 
-    columns: Index
-    coupling: Array
-    rows: Array
-    magnitudes: Magnitudes
+    columns: Index  # (k,) of the model, in ascending order; one that several drives share is repeated for each of them
+    coupling: Array  # (k, n) row of C of each column's drive, whose velocity is ``coupling @ dq`` [rad/s or m/s]
+    rows: Array  # (k, r) contribution of a unit torque of the drive to each equation
+    magnitudes: Magnitudes  # from N samples to the friction per unit parameter, shape (N, k) [Nm or N per unit]
 
 
 def coulomb_friction(

@@ -11,7 +11,7 @@ from typing import Any
 
 import casadi as ca
 
-from regressors.errors import UnknownName
+from regressors.errors import check_names
 from regressors.models.differential import DifferentialModel
 from regressors.robot.columns import Column, Terms
 from regressors.robot.robot import Robot
@@ -47,9 +47,7 @@ class SpringModel(DifferentialModel):
     ) -> None:
         super().__init__(robot, terms, sign_width=sign_width, carried=carried)
         self.rest = dict(rest or {})
-        for name in self.rest:
-            if name not in robot.joint_names:
-                raise UnknownName("joint", name, robot.joint_names)
+        check_names("joint", self.rest, robot.joint_names)
         units = ("Nm/rad" if joint.kind == "revolute" else "N/m" for joint in robot.joints)
         springs = (Column(f"k{j}", unit, STIFFNESS) for j, unit in zip(robot.link_numbers, units, strict=True))
         self.columns = (*self.columns, *springs)

@@ -18,7 +18,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.models.model import Combination, RegressorModel
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index, Samples
@@ -49,8 +49,7 @@ class Window:
     step: float | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in WINDOWS:
-            raise UnknownName("window", str(self.kind), WINDOWS)
+        check_names("window", [str(self.kind)], WINDOWS)
         for what in ("length", "step"):
             value = getattr(self, what)
             if value is not None and not (np.isfinite(value) and value > 0):
@@ -88,15 +87,12 @@ class Window:
         if time.size < 2:
             raise InputError(f"a window needs two samples or more, given {time.size}")
         spacing = float(time[-1] - time[0]) / max(time.size - 1, 1)
-        length, step = (_samples(x, spacing, what) for x, what in ((self.length, "length"), (self._step, "step")))
+        length = _samples(self.length, spacing, "length")
+        step = length if self.step is None else _samples(self.step, spacing, "step")
         if length >= time.size:
             raise InputError(f"a window of {self.length:g} s is longer than the motion of {time[-1] - time[0]:g} s")
         first = np.arange(0, time.size - length, step)
         return first, first + length
-
-    @property
-    def _step(self) -> float:
-        return self.step if self.step is not None else self.length
 
 
 def _samples(seconds: float, spacing: float, what: str) -> int:
@@ -106,25 +102,6 @@ def _samples(seconds: float, spacing: float, what: str) -> int:
     if abs(count - round(count)) > 1e-6 * count:
         raise InputError(f"window {what} {seconds:g} s is not a whole number of samples of {spacing:g} s")
     return round(count)
-
-
-@dataclass(frozen=True)
-class _Selection:
-    """States and densities of some columns: their structural nonzeros, those of the states first."""
-
-    function: VectorisedFunction
-    states: int
-    row: Index
-    column: Index
-
-    @classmethod
-    def of(cls, parts: VectorisedFunction, r: int, columns: Index, integrated: Mask) -> _Selection:
-        place = np.full(parts.shape[1], -1)
-        place[columns] = np.arange(columns.size)
-        used = np.flatnonzero((place[parts.column] >= 0) & ((parts.row < r) | ~integrated[parts.column]))
-        used = used[np.argsort(parts.row[used] >= r, kind="stable")]
-        row = parts.row[used]
-        return cls(parts.selection(used), int(np.count_nonzero(row < r)), row % r, place[parts.column[used]])
 
 
 class WindowModel(RegressorModel):
@@ -160,15 +137,22 @@ class WindowModel(RegressorModel):
         return self._compiled(self.expression)
 
     @cached_property
-    def _selections(self) -> dict[bytes, _Selection]:
+    def _selections(self) -> dict[bytes, tuple[VectorisedFunction, int, Index, Index]]:
         """What was compiled for a selection of columns."""
         return {}
 
-    def _selection(self, columns: Index) -> _Selection:
-        if (found := self._selections.get(key := columns.tobytes())) is None:
-            found = _Selection.of(self._parts, len(self.row_labels), columns, self._integrated_exactly())
-            self._selections[key] = found
-        return found
+    def _selection(self, columns: Index) -> tuple[VectorisedFunction, int, Index, Index]:
+        """Structural nonzeros of some columns, those of the states first, their number, and all rows and columns."""
+        if (key := columns.tobytes()) not in self._selections:
+            parts, r = self._parts, len(self.row_labels)
+            place = np.full(parts.shape[1], -1)
+            place[columns] = np.arange(columns.size)
+            integrated = self._integrated_exactly()[parts.column]
+            used = np.flatnonzero((place[parts.column] >= 0) & ((parts.row < r) | ~integrated))
+            used = used[np.argsort(parts.row[used] >= r, kind="stable")]
+            row, column = parts.row[used], place[parts.column[used]]
+            self._selections[key] = parts.selection(used), int(np.count_nonzero(row < r)), row % r, column
+        return self._selections[key]
 
     def _integrated_exactly(self) -> Mask:
         """Which columns have no density here, since `_cumulated` of a subclass knows their integrals, shape (p,)."""
@@ -176,13 +160,11 @@ class WindowModel(RegressorModel):
 
     def _cumulated(self, samples: Samples, columns: Index) -> Array:
         """``state(t) + int density`` from the first sample on, by Simpson's rule, shape (r, k, N)."""
-        selection, motion = self._selection(columns), (samples.q, samples.dq, samples.ddq)
+        function, states, row, column = self._selection(columns)
         cumulated = np.zeros((len(self.row_labels), columns.size, samples.time.size))
-        values = selection.function(*(np.ascontiguousarray(x.T) for x in motion))
-        state, density = values[: selection.states], values[selection.states :]
-        cumulated[selection.row[: selection.states], selection.column[: selection.states]] = state
-        place = selection.row[selection.states :], selection.column[selection.states :]
-        cumulated[place] += _running_integral(density, samples.time, axis=-1)
+        values = function(*(np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)))
+        cumulated[row[:states], column[:states]] = values[:states]
+        cumulated[row[states:], column[states:]] += _running_integral(values[states:], samples.time, axis=-1)
         return cumulated
 
     def assemble(self, samples: Samples) -> Array:

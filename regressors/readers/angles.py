@@ -140,7 +140,8 @@ class AngleReader:
         elif abs(value) > _TURN:
             self._noticed[_LARGE].append((where, text))
         elif self._snap and count is None and (meant := nearly(text)) is not None:
-            self._noticed[_CLOSE].append((where, f"{text} (if {meant} is meant, write {_digits(value)})"))
+            exact = round(value / (math.pi / 2)) * math.pi / 2
+            self._noticed[_CLOSE].append((where, f"{text} (if {meant} is meant, write {exact!r})"))
         return count
 
     def turned(self, R: Array, where: str) -> Array:
@@ -190,7 +191,8 @@ class AngleReader:
             told = [(where, angle) for where, angle in noticed if where in labels]
             if told:
                 angles = ", ".join(dict.fromkeys(angle for _, angle in told))
-                where = _in_short(list(dict.fromkeys(where for where, _ in told)))
+                first, *others = dict.fromkeys(where for where, _ in told)
+                where = f"{first} and {len(others)} more" if others else first
                 yield Finding("snapped" if what == _TOOK else "suspicious", where, f"{what} {angles}", _ADVICE[what])
 
 
@@ -201,11 +203,3 @@ def _printed_angle(angle: float) -> int | None:
         return count
     texts = (f"{angle:.{digits}f}" for digits in (2, 3, 4))
     return next((n for text in texts if abs(float(text) - angle) <= QUATERNION and (n := multiple_of(text))), None)
-
-
-def _digits(value: float) -> str:
-    return repr(round(value / (math.pi / 2)) * math.pi / 2)
-
-
-def _in_short(places: list[str]) -> str:
-    return places[0] if len(places) == 1 else f"{places[0]} and {len(places) - 1} more"

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
@@ -171,12 +173,10 @@ def _count(path: Iterable[TreeJoint]) -> int:
 
 def _limbs(tree: UrdfTree, base: str, tips: Sequence[str]) -> list[list[TreeJoint]]:
     """What each chain has behind the last fork before it, without fingers and joints that move a gripper."""
-    paths = {tip: tree.path(base, tip) or [] for tip in tips}
-    through: dict[str, int] = {}
-    for path in paths.values():
-        for joint in path:
-            through[joint.name] = through.get(joint.name, 0) + 1
-    parted = [_between_forks(path, through) for path in paths.values()]
+    paths = [tree.path(base, tip) or [] for tip in tips]
+    through = Counter(joint.name for path in paths for joint in path)
+    between_forks = ([list(part) for _, part in groupby(path, lambda joint: through[joint.name])] for path in paths)
+    parted = [[part for part in parts if _count(part)] for parts in between_forks]
     deepest: dict[str, int] = {}  # joints behind the last one of a part, on the longest chain
     for parts in parted:
         for k, part in enumerate(parts):
@@ -194,35 +194,24 @@ def _limbs(tree: UrdfTree, base: str, tips: Sequence[str]) -> list[list[TreeJoin
     return list(limbs.values())
 
 
-def _between_forks(path: Sequence[TreeJoint], through: dict[str, int]) -> list[list[TreeJoint]]:
-    """Parts of a path between links where moving chains part."""
-    parts: list[list[TreeJoint]] = []
-    for k, joint in enumerate(path):
-        if k == 0 or through[joint.name] != through[path[k - 1].name]:
-            parts.append([])
-        parts[-1].append(joint)
-    return [part for part in parts if _count(part)]
-
-
 def _rank(limb: Sequence[TreeJoint]) -> tuple[bool, bool, int]:
     """Order of limbs: arms first, wheels last, and the more joints the better."""
-    names = " ".join(f"{joint.name} {joint.child}" for joint in limb)
     ends = f"{limb[-1].name} {limb[-1].child}"
-    return bool(_WHEEL.search(ends) or _FINGER.search(ends)), not _is_arm(names), -_count(limb)
+    return bool(_WHEEL.search(ends) or _FINGER.search(ends)), not _is_arm(limb), -_count(limb)
 
 
-def _is_arm(names: str) -> bool:
+def _is_arm(limb: Sequence[TreeJoint]) -> bool:
+    names = " ".join(f"{joint.name} {joint.child}" for joint in limb)
     return bool(_ARM.search(names)) and not _LEG.search(names)
 
 
 def _proposal(tree: UrdfTree, base: str, limbs: Sequence[Sequence[TreeJoint]]) -> str:
     """The first limb that can be read, with the options that choose it."""
     for limb in limbs:
-        names = " ".join(f"{joint.name} {joint.child}" for joint in limb)
         first = limb[0].parent if _count(tree.path(base, limb[0].parent) or ()) else base
         if given := working_ends(tree, [(first, limb[-1].child)], base, None):
             joints = f"{_count(limb)} joint{'s' * (_count(limb) > 1)}"
-            return f"for the {'arm' if _is_arm(names) else 'limb'} of {joints} give {given}"
+            return f"for the {'arm' if _is_arm(limb) else 'limb'} of {joints} give {given}"
     return "none of them is a serial chain of joints that move on their own"
 
 

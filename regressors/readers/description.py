@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regressors.errors import Finding, InputError, MissingRange, UnknownName
+from regressors.errors import Finding, InputError, MissingRange, UnknownName, about
 from regressors.input_files import read_text
 from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
@@ -56,10 +56,10 @@ def _robot(
 ) -> Robot:
     structure = description.structure
     names = [joint.name for joint in description.joints]
-    try:
+    with about(document.source):
         return Robot(
             name=description.name,
-            joints=tuple(joint.joint() for joint in description.joints),
+            joints=tuple(joint.joint_named(joint.name) for joint in description.joints),
             links=links,
             limits=limits([joint.limits for joint in description.joints]),
             transmission=_transmission(description),
@@ -75,8 +75,6 @@ def _robot(
             home=None if description.home is None else np.array(description.home),
             shapes=tuple(shape.part() for shape in description.shapes),
         )
-    except InputError as error:
-        raise InputError(f"{document.source}: {error}") from error
 
 
 def _transmission(description: Description) -> Transmission | None:
@@ -94,18 +92,6 @@ def _aggregates(section: AggregatesSection, joints: Sequence[str], constants: di
         for name, terms in section.parameters.items()
     }
     return Aggregates(tuple(sorted(section.joints, key=joints.index)), parameters)
-
-
-def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[int] = ()) -> tuple[Column, ...]:
-    """All standard parameters that a description may refer to."""
-    numbers = (*range(1, links + 1), *branches)
-    inertial = [column for k in numbers for column in body_columns(parameter_names(k), k)]
-    motors = [
-        drive_column(k, kind)
-        for k, has_rotor in enumerate(drives, 1)
-        for kind in (*([ROTOR] * has_rotor), *FRICTION_KINDS)
-    ]
-    return (*inertial, *motors)
 
 
 def _count_problems(description: Description, links: Sequence[LinkSection]) -> Problems:
@@ -157,8 +143,9 @@ def _name_problems(description: Description, bodies: Sequence[tuple[int, Link]])
     rotors = [False] * len(joints)
     if description.drives is not None:
         rotors = [drive.rotor_inertia is not None for drive in description.drives]
-    n = len(bodies) - len(description.branches)
-    columns = standard_parameters(n, rotors, [number for number, _ in bodies[n:]])
+    columns = [column for k, _ in bodies for column in body_columns(parameter_names(k), k)]
+    for k, has_rotor in enumerate(rotors, 1):
+        columns += [drive_column(k, kind) for kind in (*([ROTOR] * has_rotor), *FRICTION_KINDS)]
     parameters = {column.name for column in columns}
     named: list[tuple[FieldPath, str]] = [(("zero", k), name) for k, name in enumerate(structure.zero)]
     named += [(("equal", i, k), name) for i, group in enumerate(structure.equal) for k, name in enumerate(group)]

@@ -24,7 +24,7 @@ from pydantic import (
     model_validator,
 )
 
-from regressors.errors import InputError, UnknownName, long_name, shortened
+from regressors.errors import InputError, check_names, long_name, shortened
 from regressors.readers.documents import described
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, rotation_from_rpy, transport
@@ -66,9 +66,8 @@ class Coefficient:
     def value(self, constants: Mapping[str, float]) -> float:
         """Value of the product for given values of the constants."""
         value = self.number
+        check_names("constant", (name for name, _ in self.powers), constants)
         for name, exponent in self.powers:
-            if name not in constants:
-                raise UnknownName("constant", name, constants)
             try:
                 value *= constants[name] ** exponent
             except (OverflowError, ZeroDivisionError):
@@ -257,10 +256,6 @@ class JointSection(PlacedSection, NamedSection):
             raise ValueError("the limits of a prismatic joint are in metres, not in degrees")
         return given
 
-    def joint(self) -> Joint:
-        """Joint of a robot."""
-        return self.joint_named(self.name)
-
 
 class InertiaSection(Section):
     """Inertia tensor [kg m^2] in the axes of the frame, about its origin or about the centre of mass."""
@@ -272,10 +267,6 @@ class InertiaSection(Section):
     xy: float = 0.0
     xz: float = 0.0
     yz: float = 0.0
-
-    def elements(self) -> list[float]:
-        """Six elements in the order of ``theta``."""
-        return [self.xx, self.xy, self.xz, self.yy, self.yz, self.zz]
 
 
 class LinkSection(NamedSection):
@@ -314,8 +305,9 @@ class LinkSection(NamedSection):
         moment = np.array(self.first_moment if self.com is None else self.com)
         if self.com is not None:
             moment = mass * moment
-        theta = np.array([mass, *moment, *inertia.elements()])
-        if inertia.about == "centre-of-mass" and mass > 0:
+        i = inertia
+        theta = np.array([mass, *moment, i.xx, i.xy, i.xz, i.yy, i.yz, i.zz])
+        if i.about == "centre-of-mass" and mass > 0:
             theta = from_centre_of_mass(mass, moment / mass, inertia_tensor(theta))
         if self.frame == FrameSection():
             return theta

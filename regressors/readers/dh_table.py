@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from regressors.errors import LONGEST_NAME, InputError, UnknownName, shortened
+from regressors.errors import LONGEST_NAME, InputError, UnknownName, about, reading, shortened
 from regressors.input_files import read_text
 from regressors.robot.gears import ConstantRatio
-from regressors.robot.inertia import Array, from_centre_of_mass, transport
+from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
 from regressors.robot.robot import Drive, Joint, JointKind, Limits, Link, Robot, Transmission
 
 CONVENTIONS = ("standard", "modified")
@@ -71,10 +71,8 @@ def read_dh_table(path: str | Path) -> Robot:
     Ixx, Ixy, Ixz, Iyy, Iyz, Izz``, and of its drive ``ratio, rotor_inertia, viscous, coulomb``.
     """
     path = Path(path)
-    try:
+    with reading(repr(str(path))):
         lines = read_text(path, encoding="utf-8-sig").splitlines()
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
     head = dict(_said(line) for line in lines if line.startswith("#"))
     convention = head.get("convention", "")
     if convention not in CONVENTIONS:
@@ -82,11 +80,10 @@ def read_dh_table(path: str | Path) -> Robot:
         raise InputError(
             f"{path.name}: expected a first line '# convention: standard' or '# convention: modified'{given}"
         )
-    rows = _rows([(number, line) for number, line in enumerate(lines, 1) if _counts(line)], path.name)
-    try:
+    filled = [(k, line) for k, line in enumerate(lines, 1) if line.strip(" ,;\t") and not line.startswith("#")]
+    rows = _rows(filled, path.name)
+    with about(path.name):
         return _robot(head.get("name") or path.stem, rows, convention, path.name)
-    except InputError as error:
-        raise InputError(f"{path.name}: {error}") from error
 
 
 class _Row(dict[str, float]):
@@ -102,10 +99,6 @@ class _Row(dict[str, float]):
 def _said(line: str) -> tuple[str, str]:
     key, _, value = line.lstrip("# ").partition(":")
     return key.strip().lower(), value.strip().strip(",;").strip()
-
-
-def _counts(line: str) -> bool:
-    return bool(line.strip(" ,;\t")) and not line.startswith("#")
 
 
 def _rows(lines: list[tuple[int, str]], source: str) -> list[_Row]:
@@ -211,8 +204,7 @@ def _joints(rows: list[_Row], convention: str) -> list[Joint]:
 def _parameters(row: _Row, convention: str) -> Array | None:
     if "mass" not in row:
         return None
-    xx, xy, xz, yy, yz, zz = row.array(*_INERTIA)
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    tensor = inertia_tensor(row.array("mass", *_CENTRE, *_INERTIA))
     theta = from_centre_of_mass(row["mass"], row.array(*_CENTRE), tensor)
     if convention == "modified":
         return theta

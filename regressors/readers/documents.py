@@ -21,7 +21,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from regressors.errors import InputError, shortened
+from regressors.errors import InputError, reading, shortened
 from regressors.input_files import read_text
 from regressors.quantities import fault
 
@@ -68,10 +68,8 @@ class Document:
 
 def read_document(path: str | Path, what: str) -> Document:
     """Content of a YAML file; messages name what it is, such as a ``task file``."""
-    try:
+    with reading(f"{what} {path}"):
         text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read {what} {path}: {getattr(error, 'strerror', None) or error}") from error
     return parse_document(text, str(path))
 
 
@@ -124,58 +122,45 @@ class _Nodes:
     def value(self, node: Node, path: FieldPath) -> object:
         self.lines.setdefault(path, node.start_mark.line + 1)
         if node.anchor is not None:
-            self.problems.append((path, "anchors and aliases (&name, *name) are not supported"))
-            return None
+            return self._refuse(path, "anchors and aliases (&name, *name) are not supported")
         kind = str(node.tag).removeprefix(_CORE)
         if isinstance(node, MappingNode) and kind == "map":
             return self._mapping(node, path)
         if isinstance(node, SequenceNode) and kind == "seq":
             return [self.value(item, (*path, k)) for k, item in enumerate(node.value)]
-        if isinstance(node, ScalarNode):
+        if isinstance(node, ScalarNode) and kind in _TEXT:
+            return str(node.value)
+        if isinstance(node, ScalarNode) and kind in ("null", "int", "float", "bool"):
             return self._scalar(node, kind, path)
-        self._refuse_tag(node, path)
-        return None
+        return self._refuse(path, f"YAML tags are not supported, given {shortened(str(node.tag))}")
 
     def _mapping(self, node: MappingNode, path: FieldPath) -> dict[str, object]:
         content: dict[str, object] = {}
         for key, item in node.value:
             line = key.start_mark.line + 1
             if not isinstance(key, ScalarNode):
-                self.problems.append((path, f"a field's name must be text (line {line})"))
+                self._refuse(path, f"a field's name must be text (line {line})")
                 continue
             field = (*path, str(key.value))
             if key.value in content:
-                self.problems.append((field, f"is given twice, again in line {line}"))
+                self._refuse(field, f"is given twice, again in line {line}")
                 continue
             self.lines[field] = line
             content[key.value] = self.value(item, field)
         return content
 
     def _scalar(self, node: ScalarNode, kind: str, path: FieldPath) -> object:
-        if kind in _TEXT:
-            return str(node.value)
-        if kind == "null":
-            return None
-        constructors = {
-            "int": self._constructor.construct_yaml_int,
-            "float": self._constructor.construct_yaml_float,
-            "bool": self._constructor.construct_yaml_bool,
-        }
-        if kind not in constructors:
-            self._refuse_tag(node, path)
-            return None
         if kind in ("int", "float") and "_" in node.value:
-            self.problems.append((path, f"{shortened(node.value)} is not a number: write it without underscores"))
-            return None
+            return self._refuse(path, f"{shortened(node.value)} is not a number: write it without underscores")
         try:
-            value: object = constructors[kind](node)
+            value: object = getattr(self._constructor, f"construct_yaml_{kind}")(node)
         except (ValueError, KeyError):
-            self.problems.append((path, f"{shortened(node.value)} is not a value of type {kind}"))
-            return None
+            return self._refuse(path, f"{shortened(node.value)} is not a value of type {kind}")
         return value
 
-    def _refuse_tag(self, node: Node, path: FieldPath) -> None:
-        self.problems.append((path, f"YAML tags are not supported, given {shortened(str(node.tag))}"))
+    def _refuse(self, path: FieldPath, what: str) -> object:
+        self.problems.append((path, what))
+        return None
 
 
 def _path(location: tuple[str | int, ...]) -> FieldPath:

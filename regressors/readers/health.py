@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -38,9 +39,7 @@ def health(tree: UrdfTree, chain: Chain) -> tuple[Finding, ...]:
         *range_findings(chain.moving),
         *_rates(chain),
         *_placeholders(tree, chain),
-        *_passive(tree, chain),
-        *_lengths(chain),
-        *_unknown_bodies(chain, bodies),
+        *_doubtful(tree, chain, bodies),
         *inertia_findings(bodies, reach),
     )
 
@@ -70,8 +69,8 @@ def _joints_carried(tree: UrdfTree, chain: Chain) -> list[TreeJoint]:
 def _held(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
     """Joints beside the chain that would move what it carries."""
     joints = (joint for joint in _joints_carried(tree, chain) if joint.kind != "fixed")
-    if names := [joint.name for joint in joints if joint.name not in chain.held]:
-        yield Finding("found", _listed("joint", names), "off the chain: held at zero, what they carry is merged")
+    names = [joint.name for joint in joints if joint.name not in chain.held]
+    yield from _of("found", "joint", names, "off the chain: held at zero, what they carry is merged")
 
 
 def _rates(chain: Chain) -> Iterator[Finding]:
@@ -79,8 +78,8 @@ def _rates(chain: Chain) -> Iterator[Finding]:
         ("velocity", "", "give `velocity`, or write it into the file"),
         ("effort", ", so torques are not limited", "write it into the file if `torque_margin` is to count"),
     ):
-        if free := [joint.name for joint in chain.moving if not joint.bounds.get(key)]:
-            yield Finding("missing", _listed("joint", free), f"no {key} limit{unit}", advice)
+        free = [joint.name for joint in chain.moving if not joint.bounds.get(key)]
+        yield from _of("missing", "joint", free, f"no {key} limit{unit}", advice)
 
 
 def _placeholders(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
@@ -103,8 +102,7 @@ def _placeholders(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
         (narrow, "it may be a placeholder, or in another unit: give `position`, or write it into the file"),
         (weak, "masses may be in grams, or the limit is a placeholder"),
     ):
-        if told:
-            yield Finding("suspicious", _listed("joint", told), next(iter(told.values())), advice)
+        yield from _of("suspicious", "joint", list(told), next(iter(told.values()), ""), advice)
 
 
 def _weight(tree: UrdfTree, joint: TreeJoint) -> float:
@@ -116,35 +114,35 @@ def _weight(tree: UrdfTree, joint: TreeJoint) -> float:
     return _GRAVITY * level * sum(float(np.linalg.norm(np.cross(joint.axis, moment))) for moment in moments)
 
 
-def _passive(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
-    """Joints that nothing drives, in a file that says what drives the others."""
+def _doubtful(tree: UrdfTree, chain: Chain, bodies: Sequence[Body]) -> Iterator[Finding]:
+    """Joints that nothing drives in a file that says what drives the others, far ones, and links without a body."""
     free = [joint.name for joint in chain.moving if joint.name not in tree.actuated]
-    if free and len(free) < len(chain.moving):
+    if len(free) < len(chain.moving):
         what = "no transmission, though others have one, so it may be passive"
-        yield Finding("suspicious", _listed("joint", free), what, "leave a passive joint out of `joints`")
-
-
-def _lengths(chain: Chain) -> Iterator[Finding]:
+        yield from _of("suspicious", "joint", free, what, "leave a passive joint out of `joints`")
     far = [joint.name for joint in chain.path if np.linalg.norm(joint.pose[:3, 3]) > _FAR]
-    if far:
-        what = f"more than {_FAR:g} m from the one before"
-        yield Finding("suspicious", _listed("joint", far), what, "lengths are in metres, not in millimetres")
-
-
-def _unknown_bodies(chain: Chain, bodies: Sequence[Body]) -> Iterator[Finding]:
+    what = f"more than {_FAR:g} m from the one before"
+    yield from _of("suspicious", "joint", far, what, "lengths are in metres, not in millimetres")
     known = {body.carrier for body in bodies}
     unknown = [joint.child for joint in chain.moving if joint.child not in known]
-    if unknown:
-        what = "no <inertial>: its parameters are unknown"
-        advice = "identification does not need them, simulation and torque limits do"
-        yield Finding("missing", _listed("link", unknown), what, advice)
+    advice = "identification does not need them, simulation and torque limits do"
+    yield from _of("missing", "link", unknown, "no <inertial>: its parameters are unknown", advice)
 
 
-def _listed(what: str, names: Iterable[str], most: int | None = None) -> str:
-    names = list(names)
-    shown = listing(names) if most is None else names[:most]
-    more = "" if most is None or len(names) <= most else f" and {len(names) - most} more"
-    return f"{what}{'s' if len(names) > 1 else ''} {', '.join(shown)}{more}"
+def _of(
+    kind: Literal["found", "missing", "suspicious"], part: str, names: list[str], what: str, advice: str = ""
+) -> Iterator[Finding]:
+    """What was noticed of some joints, or of some links; nothing if there are none."""
+    if names:
+        yield Finding(kind, f"{part}{'s' * (len(names) > 1)} {', '.join(listing(names))}", what, advice)
+
+
+def _doubts(names: list[str], what: str) -> Iterator[Finding]:
+    """What is doubtful of some links, the first of which are named."""
+    if names:
+        more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
+        where = f"link{'s' * (len(names) > 1)} {', '.join(names[:_FEW])}{more}"
+        yield Finding("suspicious", where, what, _ADVICE)
 
 
 _HEAVY = 1e5  # kg
@@ -199,8 +197,7 @@ def inertia_findings(bodies: Sequence[Body], reach: float) -> Iterator[Finding]:
         ),
     }
     for what, has in faults.items():
-        if names := [body.name for body in bodies if has(body)]:
-            yield Finding("suspicious", _listed("link", names, _FEW), what, _ADVICE)
+        yield from _doubts([body.name for body in bodies if has(body)], what)
     yield from _equal_bodies(bodies)
 
 
@@ -212,5 +209,4 @@ def _equal_bodies(bodies: Sequence[Body]) -> Iterator[Finding]:
             groups[tuple(float(f"{value:.6g}") for value in (body.mass, *body.moments))].append(body.name)
     for (mass, *_), names in groups.items():
         if len(names) >= _FEWEST_EQUAL:
-            what = f"the same {mass:g} kg and the same inertia, so they may be placeholders"
-            yield Finding("suspicious", _listed("link", names, _FEW), what, _ADVICE)
+            yield from _doubts(names, f"the same {mass:g} kg and the same inertia, so they may be placeholders")

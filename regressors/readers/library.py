@@ -31,12 +31,16 @@ _READERS = {  # each imported when it is needed: those of XML take their librari
 _NEAR = 0.7  # likeness of names that may be meant
 
 
+@cache
 def built_in(name: str) -> Robot:
     """Robot that comes with this package."""
+    from regressors.readers.description import parse_description
+
     if name not in built_in_names():
         near = get_close_matches(name, built_in_names(), 1, _NEAR)
         raise UnknownName("built-in robot", name, built_in_names(), near)
-    return _built_in(name)
+    file = resources.files(_DESCRIPTIONS) / f"{name}.yaml"
+    return parse_description(file.read_text(encoding="utf-8"), f"built-in robot {name}")
 
 
 @checked
@@ -110,11 +114,3 @@ def _meant(spec: str) -> str:
 def has_tree(spec: str) -> bool:
     """Whether a file is, by its name, one that holds a tree of links: a chain of it is chosen by base and tip."""
     return Path(spec).suffix.lower() in _XML
-
-
-@cache
-def _built_in(name: str) -> Robot:
-    from regressors.readers.description import parse_description
-
-    file = resources.files(_DESCRIPTIONS) / f"{name}.yaml"
-    return parse_description(file.read_text(encoding="utf-8"), f"built-in robot {name}")

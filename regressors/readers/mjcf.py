@@ -17,7 +17,6 @@ from regressors.input_files import FILE, in_bytes, opened, read_bytes, regular_s
 from regressors.memory_cap import check_memory
 from regressors.readers.chain_ends import Chain, resting_rotation, working_ends
 from regressors.readers.mjcf_tree import (
-    Equalities,
     Tie,
     equalities,
     joint_actuators,
@@ -59,14 +58,12 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     - Not read: contacts, tendons, fluids, ``gravcomp`` (a part of the controller), and how actuators are controlled.
     """
     path = Path(path)
-    model = compiled(path)
+    model, tree = tree_of_mjcf(path, snap_angles=snap_angles)
     joints = names_of(model, "joint")
-    equal = equalities(model, joints)
-    tree = _tree(model, path, equal, snap_angles=snap_angles)
     robot = robot_of_tree(tree, base, tip)
     ends = (tree.root if base is None else base, robot.links[-1].name)
-    for tie in equal.ties:
-        _check_tie(tie, tree, robot, joints, names_of(model, "body"), ends)
+    for tie in equalities(model).ties:
+        _check_tie(tie, tree, robot, ends)
     return robot.replace(
         transmission=_transmission(model, robot, joints),
         gravity=_gravity(model, tree, base),
@@ -77,13 +74,9 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
 def tree_of_mjcf(path: Path, *, snap_angles: bool = True) -> tuple[Any, UrdfTree]:
     """The compiled model of an MJCF, and its tree of links as `read_mjcf` takes it."""
     model = compiled(path)
-    return model, _tree(model, path, equalities(model, names_of(model, "joint")), snap_angles=snap_angles)
-
-
-def _tree(model: Any, path: Path, equal: Equalities, *, snap_angles: bool) -> UrdfTree:
     given = model.names.split(b"\0")[0].decode()
     name = path.stem if given in ("", _UNNAMED) else given
-    return tree_of_model(model, name, path.name, equal, snap_angles=snap_angles)
+    return model, tree_of_model(model, name, path.name, snap_angles=snap_angles)
 
 
 def compiled(path: Path) -> Any:
@@ -107,18 +100,16 @@ def compiled(path: Path) -> Any:
         raise InputError(f"{path.name}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
 
 
-def _check_tie(
-    tie: Tie, tree: UrdfTree, robot: Robot, joints: list[str], bodies: list[str], ends: tuple[str, str]
-) -> None:
+def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, str]) -> None:
     """Refuse a constraint that makes joints of the chain depend on each other, or on others."""
     links = [body.name for body in robot.links]
-    if not _ties(tie, tree, links, joints, bodies):
+    if not _ties(tie, tree, links):
         return
-    names = [joints[joint] for joint in tie.joints if joints[joint] in robot.joint_names]
-    what = f"joint {names[0]!r}" if names else " and ".join(f"body {bodies[body]!r}" for body in tie.bodies[:2])
+    names = [joint for joint in tie.joints if joint in robot.joint_names]
+    what = f"joint {names[0]!r}" if names else " and ".join(f"body {body!r}" for body in tie.bodies[:2])
 
     def accepts(chain: Chain) -> None:
-        if _ties(tie, tree, [joint.child for joint in chain.moving], joints, bodies):
+        if _ties(tie, tree, [joint.child for joint in chain.moving]):
             raise InputError("still a loop")
 
     candidates = [*((link, ends[1]) for link in links), *((ends[0], link) for link in reversed(links))]
@@ -130,18 +121,11 @@ def _check_tie(
     )
 
 
-def _ties(tie: Tie, tree: UrdfTree, links: list[str], joints: list[str], bodies: list[str]) -> bool:
+def _ties(tie: Tie, tree: UrdfTree, links: list[str]) -> bool:
     """Whether a constraint holds between parts that links of a chain move differently."""
     moving = {tree.above[link].name for link in links}
-    moved = {_carrier(tree, links, bodies[body]) for body in tie.bodies}
-    return len(moved) > 1 or any(joints[joint] in moving for joint in tie.joints)
-
-
-def _carrier(tree: UrdfTree, links: list[str], link: str) -> str:
-    """The link of the chain that a body moves with; the tree's root for all that stands still."""
-    while link not in links and link in tree.above:
-        link = tree.above[link].parent
-    return link
+    moved = {tree.carrier(body, links) for body in tie.bodies}
+    return len(moved) > 1 or any(joint in moving for joint in tie.joints)
 
 
 def _left_out(model: Any, robot: Robot, joints: list[str]) -> str:

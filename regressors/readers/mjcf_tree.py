@@ -14,7 +14,7 @@ import numpy as np
 
 from regressors.readers.angles import QUATERNION, AngleReader
 from regressors.readers.urdf_tree import Mimic, TreeJoint, UrdfTree
-from regressors.robot.inertia import Array, from_centre_of_mass, transport
+from regressors.robot.inertia import Array, from_centre_of_mass, pose_of, transport
 from regressors.robot.robot import Joint
 
 try:
@@ -25,15 +25,13 @@ except ImportError:  # said by whoever compiles a model
 
 def names_of(model: Any, kind: str) -> list[str]:
     """Names of all bodies or all joints; one without a name is called by its number."""
-    thing, count = {
-        "body": (mujoco.mjtObj.mjOBJ_BODY, model.nbody),
-        "joint": (mujoco.mjtObj.mjOBJ_JOINT, model.njnt),
-    }[kind]
+    body = kind == "body"
+    thing, count = (mujoco.mjtObj.mjOBJ_BODY, model.nbody) if body else (mujoco.mjtObj.mjOBJ_JOINT, model.njnt)
     given = [mujoco.mj_id2name(model, thing, number) for number in range(count)]
     return [name or _free_name(f"{kind}{number}", given) for number, name in enumerate(given)]
 
 
-def tree_of_model(model: Any, name: str, source: str, equal: Equalities, *, snap_angles: bool = True) -> UrdfTree:
+def tree_of_model(model: Any, name: str, source: str, *, snap_angles: bool = True) -> UrdfTree:
     """Tree of a compiled model, with the frames of `Joint`: a link's frame is that of the joint that moves it.
 
     A link has the axes of its body and its origin in the anchor of the hinge that moves it (MuJoCo's ``pos`` of the
@@ -41,14 +39,14 @@ def tree_of_model(model: Any, name: str, source: str, equal: Equalities, *, snap
     but the last without mass.
     """
     bodies, joints = names_of(model, "body"), names_of(model, "joint")
-    actuators, angles = joint_actuators(model), AngleReader(snap_angles)
+    actuators, equal, angles = joint_actuators(model), equalities(model), AngleReader(snap_angles)
     links: dict[str, Array | None] = {bodies[0]: None}
     tree: list[TreeJoint] = []
     in_link = {0: np.eye(4)}  # pose of a body in the frame of the last of its links
     for body in range(1, model.nbody):
         parent = int(model.body_parentid[body])
         R = angles.turned(rotation_of_quaternion(model.body_quat[body]), f"link {bodies[body]!r}")
-        link, T = bodies[parent], in_link[parent] @ _pose(model.body_pos[body], R)
+        link, T = bodies[parent], in_link[parent] @ pose_of(R, model.body_pos[body])
         begin = int(model.body_jntadr[body])
         own = range(begin, begin + int(model.body_jntnum[body]))
         for joint in own:
@@ -90,7 +88,7 @@ def _joint(
     axis = angles.axis(axis, f"joint {names[0]!r}", " ".join(f"{part:.7g}" for part in axis), QUATERNION)
     at_zero = Joint(names[0], "revolute" if hinge else "prismatic", np.eye(3), anchor, axis)
     start = equal.held.get(number, 0.0) - float(model.qpos0[model.jnt_qposadr[number]])
-    pose, back = T @ at_zero.motion(start), _shift(-anchor)
+    pose, back = T @ at_zero.motion(start), pose_of(np.eye(3), -anchor)
     if number in equal.held:
         return _fixed(*names, pose), back
     limited = bool(model.jnt_limited[number])
@@ -143,18 +141,6 @@ def rotation_of_quaternion(quaternion: Array) -> Array:
     )
 
 
-def _pose(position: Array, R: Array) -> Array:
-    T = _shift(position)
-    T[:3, :3] = R
-    return T
-
-
-def _shift(position: Array) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = position
-    return T
-
-
 def _free_name(name: str, taken: Sequence[str | None]) -> str:
     return _free_name(f"{name}_", taken) if name in taken else name
 
@@ -190,12 +176,9 @@ def reflected(model: Any, values: str, actuators: list[int]) -> float:
 
 def _force(model: Any, actuator: int) -> float:
     force = _reach(model.actuator_forcerange[actuator]) if model.actuator_forcelimited[actuator] else np.inf
-    plain = (
-        int(model.actuator_gaintype[actuator]) == mujoco.mjtGain.mjGAIN_FIXED
-        and int(model.actuator_biastype[actuator]) == mujoco.mjtBias.mjBIAS_NONE
-        and int(model.actuator_dyntype[actuator]) == mujoco.mjtDyn.mjDYN_NONE
-    )
-    if plain and model.actuator_ctrllimited[actuator]:
+    kinds = (model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype)
+    motor = [mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtDyn.mjDYN_NONE]
+    if [int(kind[actuator]) for kind in kinds] == motor and model.actuator_ctrllimited[actuator]:
         force = min(force, abs(float(model.actuator_gainprm[actuator, 0])) * _reach(model.actuator_ctrlrange[actuator]))
     return force
 
@@ -210,8 +193,8 @@ class Tie:
     """A constraint between bodies, or between joints, that is no joint of the tree."""
 
     label: str  # what it is, for messages
-    joints: tuple[int, ...] = ()  # those that it concerns, by their number in the model
-    bodies: tuple[int, ...] = ()
+    joints: tuple[str, ...] = ()  # those that it concerns
+    bodies: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,12 +206,12 @@ class Equalities:
     ties: tuple[Tie, ...]  # all the others
 
 
-def equalities(model: Any, joint_names: Sequence[str]) -> Equalities:
+def equalities(model: Any) -> Equalities:
     """Active equality constraints of a compiled model.
 
     MuJoCo couples two joints by ``q1 - ref1 = sum_k c_k (q2 - ref2)^k``, and holds one by ``q1 - ref1 = c_0``.
     """
-    kinds = mujoco.mjtEq
+    kinds, joints, bodies = mujoco.mjtEq, names_of(model, "joint"), names_of(model, "body")
     mimics: dict[int, Mimic] = {}
     held: dict[int, float] = {}
     ties: list[Tie] = []
@@ -237,13 +220,16 @@ def equalities(model: Any, joint_names: Sequence[str]) -> Equalities:
         if kind == kinds.mjEQ_JOINT and second < 0:
             held[first] = float(model.qpos0[model.jnt_qposadr[first]] + model.eq_data[number][0])
         elif kind == kinds.mjEQ_JOINT:
-            mimics[first] = _mimic(model, number, joint_names[second])
+            mimics[first] = _mimic(model, number, joints[second])
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             what = "connect" if kind == kinds.mjEQ_CONNECT else "weld"
-            ties.append(Tie(f"the equality <{what}>", bodies=_bodies(model, number, (first, second))))
+            at_sites = int(model.eq_objtype[number]) == mujoco.mjtObj.mjOBJ_SITE
+            ends = (int(model.site_bodyid[end]) if at_sites else end for end in (first, second))
+            ties.append(Tie(f"the equality <{what}>", bodies=tuple(bodies[end] for end in ends)))
         elif kind == kinds.mjEQ_TENDON:
-            tendons = [tendon for tendon in (first, second) if tendon >= 0]
-            ties.append(Tie("the equality <tendon>", *_ends_of_tendons(model, tendons)))
+            of_joints, of_bodies = _ends_of_tendons(model, [tendon for tendon in (first, second) if tendon >= 0])
+            names = (tuple(joints[k] for k in of_joints), tuple(bodies[k] for k in of_bodies))
+            ties.append(Tie("the equality <tendon>", *names))
     return Equalities(mimics, held, tuple(ties))
 
 
@@ -254,12 +240,7 @@ def _mimic(model: Any, number: int, leader: str) -> Mimic:
     return Mimic(leader, float(curve.deriv()(-q2)), float(q1 + curve(-q2)))
 
 
-def _bodies(model: Any, number: int, ends: Sequence[int]) -> tuple[int, ...]:
-    at_sites = int(model.eq_objtype[number]) == mujoco.mjtObj.mjOBJ_SITE
-    return tuple(int(model.site_bodyid[end]) if at_sites else end for end in ends)
-
-
-def _ends_of_tendons(model: Any, tendons: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def _ends_of_tendons(model: Any, tendons: Sequence[int]) -> tuple[list[int], list[int]]:
     """Joints and bodies that tendons run over."""
     joints: list[int] = []
     bodies: list[int] = []
@@ -271,4 +252,4 @@ def _ends_of_tendons(model: Any, tendons: Sequence[int]) -> tuple[tuple[int, ...
                 joints.append(what)
             elif kind == mujoco.mjtWrap.mjWRAP_SITE:
                 bodies.append(int(model.site_bodyid[what]))
-    return tuple(joints), tuple(bodies)
+    return joints, bodies

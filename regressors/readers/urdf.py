@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from regressors.errors import InputError
+from regressors.errors import InputError, reading
 from regressors.input_files import read_bytes
 from regressors.readers.chain_ends import carried, chain_of, kind_of, resting_rotation
 from regressors.readers.description import range_of
@@ -26,11 +26,8 @@ def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = No
     See `parse_urdf` for what is read and how the rest of the tree is treated.
     """
     path = Path(path)
-    try:
+    with reading(f"the URDF file {str(path)!r}"):
         content = read_bytes(path)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"cannot read the URDF file {str(path)!r}: {reason}") from error
     return parse_urdf(content, name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
 
 

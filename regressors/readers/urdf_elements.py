@@ -17,7 +17,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from regressors.errors import Finding, InputError, TooLargeError, long_name, shortened
+from regressors.errors import Finding, InputError, TooLargeError, long_name, reading, shortened
 from regressors.input_files import read_bytes
 from regressors.robot.inertia import Array
 
@@ -158,10 +158,8 @@ def xml_kind(path: str | Path) -> str:
     """
     if Path(path).suffix.lower() == ".xacro":
         return XACRO
-    try:
+    with reading(repr(str(path))):
         content = read_bytes(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
     tag, name = _outermost(content), Path(path).name
     if tag == "sdf":
         raise InputError(f"{name}: SDF is not read, expected URDF, xacro or MJCF; give the URDF that it was made from")
@@ -215,18 +213,13 @@ def check_words(robot: XmlElement) -> tuple[Finding, ...]:
     unknown: dict[tuple[str, str], list[str]] = defaultdict(list)
     todo = [robot]
     for element in todo:
-        tags, attributes = READ[element.tag]
-        todo.extend(child for child in element.children if child.tag in tags)
+        todo.extend(child for child in element.children if child.tag in READ[element.tag][0])
         present = {child.tag for child in element.children} - set(_MANY)
-        for child in element.children:
-            if child.tag not in tags and (
-                word := _unknown(child, f"<{child.tag}>", child.tag, element.tag, 0, present)
-            ):
-                unknown[element.tag, word].append(element.label)
-        for name in element.attributes:
-            if name not in attributes and (
-                word := _unknown(element, repr(name), name, element.tag, 1, set(element.attributes))
-            ):
+        children = ((child, f"<{child.tag}>", child.tag, 0, present) for child in element.children)
+        names = ((element, repr(name), name, 1, set(element.attributes)) for name in element.attributes)
+        for where, shown, name, which, given in (*children, *names):
+            known = READ[element.tag][which]
+            if name not in known and (word := _unknown(where, shown, name, element.tag, which, given)):
                 unknown[element.tag, word].append(element.label)
     places: dict[tuple[str, tuple[str, ...]], list[str]] = defaultdict(list)
     for (tag, word), labels in unknown.items():

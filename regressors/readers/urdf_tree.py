@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from regressors.errors import Finding, InputError
 from regressors.readers.angles import AngleReader
 from regressors.readers.urdf_elements import XmlElement, check_words, robot_element
-from regressors.robot.inertia import Array, from_centre_of_mass
+from regressors.robot.inertia import Array, from_centre_of_mass, pose_of
 
 MOVING = ("revolute", "continuous", "prismatic")
 JOINT_TYPES = (*MOVING, "fixed", "floating", "planar")
@@ -74,18 +74,21 @@ class UrdfTree:
             last = joints[-1].parent
         return joints[::-1]
 
+    def carrier(self, link: str, links: Collection[str]) -> str:
+        """The first of some links that is met from a link upwards, itself included; the root where none is."""
+        while link not in links and link in self.above:
+            link = self.above[link].parent
+        return link
+
 
 def _pose(element: XmlElement, angles: AngleReader) -> Array:
     """Pose stated by ``<origin>``: ``R = Rz(yaw) Ry(pitch) Rx(roll)``."""
-    T = np.eye(4)
     origin = element.child("origin")
     if origin is None:
-        return T
+        return np.eye(4)
     if "rpy" not in origin.attributes and "quat_xyzw" in origin.attributes:
         origin.fail("<origin> quat_xyzw: rotations are read from 'rpy' only; write roll, pitch and yaw there")
-    T[:3, 3] = origin.numbers("xyz", (0.0, 0.0, 0.0))
-    T[:3, :3] = angles.rotation(origin)
-    return T
+    return pose_of(angles.rotation(origin), origin.numbers("xyz", (0.0, 0.0, 0.0)))
 
 
 def _inertial_parameters(link: XmlElement, angles: AngleReader) -> Array | None:

@@ -7,6 +7,7 @@ input, and writes its answer as JSON to standard output.
 
 from __future__ import annotations
 
+import ctypes
 import encodings
 import html
 import io
@@ -14,7 +15,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import redirect_stderr, suppress
 from pathlib import Path
 from typing import Any
@@ -38,8 +39,8 @@ _NEW_USER, _NEW_NETWORK = 0x10000000, 0x40000000  # CLONE_NEWUSER, CLONE_NEWNET 
 class _Files:
     """The files that a description may open: around it, and of the packages that it names."""
 
-    def __init__(self, path: Path, packages: list[str]) -> None:
-        self.path, self.packages = path, packages
+    def __init__(self, path: Path) -> None:
+        self.path = path
         folder = path.resolve().parent
         own = next((each for each in (folder, *folder.parents) if (each / "package.xml").is_file()), folder)
         self.roots = {folder, path.parent.absolute(), own}
@@ -90,8 +91,8 @@ class _Files:
         """Folder of a package, from which files may be opened from now on."""
         if not _PACKAGE.fullmatch(name):
             raise Refused(f"$(find {name}): expected the name of a package")
-        folder = find_package(name, self.path, self.packages)
-        if any(folder.is_relative_to(root.resolve()) for root in package_roots(self.packages)):
+        folder = find_package(name, self.path)
+        if any(folder.is_relative_to(root.resolve()) for root in package_roots()):
             self.trusted.add(folder)
         elif (folder / "package.xml").is_file() or self.path.resolve().is_relative_to(folder):
             self.roots.add(folder)
@@ -109,14 +110,14 @@ class _Files:
         return self.path.name
 
 
-def find_package(name: str, near: Path, roots: Iterable[str | Path] = ()) -> Path:
+def find_package(name: str, near: Path) -> Path:
     """Folder of a package.
 
-    Looked through are, in this order, the roots given, those of ``ROS_PACKAGE_PATH``, ``share`` of the prefixes of
+    Looked through are, in this order, the roots of ``ROS_PACKAGE_PATH``, ``share`` of the prefixes of
     ``AMENT_PREFIX_PATH``, and the folders that a file is in, the innermost first. A root is the package itself, holds
     it, or holds the repository that holds it.
     """
-    for folder in _places(name, near, roots):
+    for folder in _places(name, near):
         if folder.is_dir():
             return folder.resolve()
     raise InputError(
@@ -125,8 +126,8 @@ def find_package(name: str, near: Path, roots: Iterable[str | Path] = ()) -> Pat
     )
 
 
-def _places(name: str, near: Path, roots: Iterable[str | Path]) -> Iterator[Path]:
-    for root in package_roots(roots):
+def _places(name: str, near: Path) -> Iterator[Path]:
+    for root in package_roots():
         if root.resolve().name == name:
             yield root
         yield root / name
@@ -138,14 +139,10 @@ def _places(name: str, near: Path, roots: Iterable[str | Path]) -> Iterator[Path
         yield folder / name
 
 
-def package_roots(roots: Iterable[str | Path] = ()) -> list[Path]:
-    """Folders to look for packages in that the user named: those given, and those of the environment of ROS."""
-    shares = (prefix / "share" for prefix in _paths(SEARCHED[1]))
-    return [*map(Path, roots), *_paths(SEARCHED[0]), *shares]
-
-
-def _paths(variable: str) -> list[Path]:
-    return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+def package_roots() -> list[Path]:
+    """Folders to look for packages in that the user named in the environment of ROS."""
+    roots, prefixes = ([Path(x) for x in os.environ.get(name, "").split(os.pathsep) if x] for name in SEARCHED)
+    return [*roots, *(prefix / "share" for prefix in prefixes)]
 
 
 class _Expansion:
@@ -299,7 +296,7 @@ def _expanded(order: dict[str, Any]) -> dict[str, str]:
     except ImportError:
         extra = "pip install 'excite-trajectories[xacro]'"
         return {"error": f"{path.name}: macros are expanded by xacro, which is not installed; {extra}"}
-    files = _Files(path, order["packages"])
+    files = _Files(path)
     memory = f"expanding it takes more than {input_files.in_bytes(order['memory'])}, the most that it may"
     try:
         _Expansion(xacro, files)
@@ -355,8 +352,6 @@ def _leave_network() -> None:
     """Move to a network of its own, without any device, where the system lets it."""
     if not sys.platform.startswith("linux"):
         return
-    import ctypes
-
     with suppress(OSError, AttributeError):
         unshare = ctypes.CDLL(None).unshare
         if unshare(_NEW_NETWORK) != 0:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from regressors import input_files
@@ -26,7 +25,6 @@ def read_xacro(
     base: str | None = None,
     tip: str | None = None,
     arguments: Mapping[str, str] | None = None,
-    packages: Iterable[str | Path] = (),
     snap_angles: bool = True,
 ) -> Robot:
     """Expand a xacro file, and read a serial chain of the URDF that comes out.
@@ -36,20 +34,17 @@ def read_xacro(
     that it names, and does not see the environment.
     """
     path = Path(path)
-    text = expand_xacro(path, arguments, packages)
+    text = expand_xacro(path, arguments)
     robot = parse_urdf(text, name_of_source=f"{path.name}, expanded", base=base, tip=tip, snap_angles=snap_angles)
     return robot.replace(source=f"URDF {path.name}")
 
 
-def expand_xacro(
-    path: str | Path, arguments: Mapping[str, str] | None = None, packages: Iterable[str | Path] = ()
-) -> str:
+def expand_xacro(path: str | Path, arguments: Mapping[str, str] | None = None) -> str:
     """Text of the URDF that a xacro file expands to; parameters as of `read_xacro`."""
     path = Path(path)
     order = {
         "path": str(path),
         "arguments": dict(arguments or {}),
-        "packages": [os.path.abspath(each) for each in packages],
         "seconds": CPU,
         "memory": MEMORY,
         "silence": input_files.SILENCE,

@@ -173,13 +173,10 @@ class Terms:
         ----------
         numbers : container of int
         """
-        chosen = {name: getattr(self, name) for name in _SELECTIONS}
-        left: dict[str, Any] = {
-            name: tuple(number for number in one if number in numbers)
-            for name, one in chosen.items()
-            if not isinstance(one, bool)
-        }
-        return replace(self, **left) if left else self
+        chosen = ((name, getattr(self, name)) for name in _SELECTIONS)
+        by_number = ((name, one) for name, one in chosen if not isinstance(one, bool))
+        left: dict[str, Any] = {name: tuple(k for k in one if k in numbers) for name, one in by_number}
+        return replace(self, **left)
 
 
 _SELECTIONS = ("coulomb", "viscous", "offset", "load_share", "root", "asymmetry", "stribeck")

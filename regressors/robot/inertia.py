@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 PARAMETERS_PER_LINK = 10
-_IXX, _IXY, _IXZ, _IYY, _IYZ, _IZZ = range(4, 10)
+_TENSOR = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])  # places of a tensor's entries in theta
 
 
 def parameter_names(link: int) -> tuple[str, ...]:
@@ -30,6 +30,12 @@ def skew(v: ArrayLike) -> Array:
     """Matrix of the cross product, ``skew(v) @ w = v x w``."""
     x, y, z = np.asarray(v, dtype=float)
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def is_rotation(R: Array) -> bool:
+    """Whether a matrix turns vectors, without a reflection."""
+    small = R.shape == (3, 3) and bool(np.all(np.abs(R) < 2.0))
+    return small and np.allclose(R @ R.T, np.eye(3), atol=1e-9) and not np.linalg.det(R) < 0
 
 
 def rotation_from_rpy(rpy: ArrayLike) -> Array:
@@ -53,14 +59,7 @@ def from_centre_of_mass(mass: float, centre: ArrayLike, inertia: ArrayLike) -> A
 
 def inertia_tensor(theta: ArrayLike) -> Array:
     """Inertia tensor about the frame's origin [kg m^2], shape (3, 3), of one body's ten parameters."""
-    t = np.asarray(theta, dtype=float)
-    return np.array(
-        [
-            [t[_IXX], t[_IXY], t[_IXZ]],
-            [t[_IXY], t[_IYY], t[_IYZ]],
-            [t[_IXZ], t[_IYZ], t[_IZZ]],
-        ]
-    )
+    return np.asarray(np.asarray(theta, dtype=float)[_TENSOR])
 
 
 def pseudo_inertia(theta: ArrayLike) -> Array:
@@ -85,13 +84,19 @@ def from_pseudo_inertia(J: ArrayLike) -> Array:
     return np.concatenate([[J[3, 3]], J[:3, 3], tensor[np.triu_indices(3)]])
 
 
+def pose_of(rotation: ArrayLike, translation: ArrayLike) -> Array:
+    """Pose of a frame from its axes and its origin, shape (4, 4)."""  # rotation (3, 3); translation (3,)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation, translation
+    return T
+
+
 def transport(rotation: ArrayLike, translation: ArrayLike) -> Array:
     """Linear map that re-expresses a body's parameters in another frame.
 
     With ``T`` the pose of the body's frame in the new one, ``J_new = T J T'``; this returns the 10 x 10 matrix of
     that map on ``theta``.
     """  # rotation (3, 3); translation (3,)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation, translation
+    T = pose_of(rotation, translation)
     unit = np.eye(PARAMETERS_PER_LINK)
     return np.column_stack([from_pseudo_inertia(T @ pseudo_inertia(e) @ T.T) for e in unit])

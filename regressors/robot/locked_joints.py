@@ -15,7 +15,7 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, parameter_names, transport
-from regressors.robot.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Structure, Transmission
+from regressors.robot.robot import BASE, Branch, Drive, Joint, Link, Robot, Structure, Transmission, transmission_of
 from regressors.robot.shapes import Part
 
 
@@ -199,9 +199,6 @@ def with_joint_rotors(robot: Robot) -> Robot:
     Without a transmission each joint gets a drive of ratio 1: its ``Ia`` is what the rotor's inertia amounts to at the
     joint, ``Ia = ratio^2 x inertia of the rotor`` [kg m^2].
     """
-    old = robot.transmission
-    if old is None:
-        drives = tuple(Drive(joint.name, rotor_inertia=UNKNOWN) for joint in robot.joints)
-        return robot.replace(transmission=Transmission(np.eye(robot.n), drives, Limits.none(robot.n)))
+    old = transmission_of(robot)
     drives = tuple(d if d.rotor_inertia is not None else replace(d, rotor_inertia=UNKNOWN) for d in old.drives)
     return robot.replace(transmission=replace(old, drives=drives))

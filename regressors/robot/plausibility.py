@@ -10,7 +10,7 @@ from regressors.errors import InputError
 from regressors.quantities import fault
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import Array, inertia_tensor, skew
-from regressors.robot.robot import LIMITED, Limits, Link, Robot
+from regressors.robot.robot import LIMITED, Limits, Link, Robot, transmission_of
 
 _ROUNDING = 1e-3  # of the largest moment: descriptions print three digits or more
 _FEWEST_ALIKE = 3
@@ -83,11 +83,10 @@ def _numbers(robot: Robot) -> list[tuple[str, str, object]]:
     known = [(link.name, link.theta) for link in robot.bodies if link.theta is not None]
     numbers += [(f"link {name}: inertial parameters", "moment", theta.tolist()) for name, theta in known]
     numbers += _of_limits("joints", robot.limits)
-    if robot.transmission is None:
-        return numbers
-    numbers += _of_limits("drives", robot.transmission.limits)
-    numbers.append(("coupling", "ratio", robot.transmission.coupling.tolist()))
-    for drive in robot.transmission.drives:
+    transmission = transmission_of(robot)
+    numbers += _of_limits("drives", transmission.limits)
+    numbers.append(("coupling", "ratio", transmission.coupling.tolist()))
+    for drive in transmission.drives:
         ratio = drive.ratio.value if isinstance(drive.ratio, ConstantRatio) else None
         numbers.append((f"drive {drive.name}: ratio", "ratio", ratio))
         numbers.append((f"drive {drive.name}: rotor inertia", "moment", drive.rotor_inertia))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
@@ -18,21 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.arguments import checked
-from regressors.errors import Finding, InputError, UnknownName, long_name
+from regressors.errors import Finding, InputError, UnknownName, check_names, long_name
 from regressors.quantities import place_of
 from regressors.robot.gears import ConstantRatio, GearFunction
-from regressors.robot.inertia import PARAMETERS_PER_LINK, Array
+from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, is_rotation, pose_of, skew
 from regressors.robot.shapes import Part
 
 JointKind = Literal["revolute", "prismatic"]
-
-
-def _frozen(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
-    array = np.array(values, dtype=float)
-    if array.shape != shape:
-        raise InputError(f"{what}: expected shape {shape}, given {array.shape}")
-    array.setflags(write=False)
-    return array
 
 
 class _Rebuilt:
@@ -41,6 +33,15 @@ class _Rebuilt:
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         values = (getattr(self, f.name) for f in dataclasses.fields(self))  # type: ignore[arg-type]
         return type(self), tuple(dict(value) if isinstance(value, MappingProxyType) else value for value in values)
+
+    def _freeze(self, name: str, shape: tuple[int, ...], what: str) -> Array:
+        """Make a field a read-only array of a shape."""
+        array = np.array(getattr(self, name), dtype=float)
+        if array.shape != shape:
+            raise InputError(f"{what}: expected shape {shape}, given {array.shape}")
+        array.setflags(write=False)
+        object.__setattr__(self, name, array)
+        return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +67,12 @@ class Joint(_Rebuilt):
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
     def __post_init__(self) -> None:
-        R = _frozen(self.rotation, (3, 3), f"joint {self.name!r}, rotation")
-        axis = _frozen(self.axis, (3,), f"joint {self.name!r}, axis")
-        object.__setattr__(self, "rotation", R)
-        object.__setattr__(self, "translation", _frozen(self.translation, (3,), f"joint {self.name!r}, translation"))
-        object.__setattr__(self, "axis", axis)
+        R = self._freeze("rotation", (3, 3), f"joint {self.name!r}, rotation")
+        axis = self._freeze("axis", (3,), f"joint {self.name!r}, axis")
+        self._freeze("translation", (3,), f"joint {self.name!r}, translation")
         if self.kind not in ("revolute", "prismatic"):
             raise InputError(f"joint {self.name!r}: kind must be revolute or prismatic, given {self.kind!r}")
-        if not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or np.linalg.det(R) < 0:
+        if not is_rotation(R):
             raise InputError(f"joint {self.name!r}: rotation is not a rotation matrix")
         if not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9):
             raise InputError(f"joint {self.name!r}: axis must have length 1, given {np.linalg.norm(axis):g}")
@@ -107,16 +106,10 @@ class Joint(_Rebuilt):
 
     def motion(self, q: float) -> Array:
         """Pose of the link frame in the parent's frame at joint position ``q`` [rad or m], shape (4, 4)."""
-        T = np.eye(4)
-        T[:3, 3] = self.translation
         if self.kind == "prismatic":
-            T[:3, :3] = self.rotation
-            T[:3, 3] += self.rotation @ (self.axis * q)
-            return T
-        x, y, z = self.axis
-        K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        T[:3, :3] = self.rotation @ (np.eye(3) + np.sin(q) * K + (1 - np.cos(q)) * K @ K)
-        return T
+            return pose_of(self.rotation, self.translation + self.rotation @ (self.axis * q))
+        K = skew(self.axis)
+        return pose_of(self.rotation @ (np.eye(3) + np.sin(q) * K + (1 - np.cos(q)) * K @ K), self.translation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +133,9 @@ class Link(_Rebuilt):
     def __post_init__(self) -> None:
         if self.theta is None:
             return
-        theta = _frozen(self.theta, (PARAMETERS_PER_LINK,), f"link {self.name!r}, inertial parameters")
+        theta = self._freeze("theta", (PARAMETERS_PER_LINK,), f"link {self.name!r}, inertial parameters")
         if not np.all(np.isfinite(theta)):
             raise InputError(f"link {self.name!r}: inertial parameters must be finite, given {theta.tolist()}")
-        object.__setattr__(self, "theta", theta)
 
 
 BASE = "base"
@@ -181,8 +173,7 @@ class Branch(_Rebuilt):
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        row = _frozen(self.coupling, (np.size(self.coupling),), f"branch {self.name!r}, coupling")
-        object.__setattr__(self, "coupling", row)
+        row = self._freeze("coupling", (np.size(self.coupling),), f"branch {self.name!r}, coupling")
         if not np.all(np.isfinite(row)) or not np.isfinite(self.offset):
             raise InputError(
                 f"branch {self.name!r}: coupling and offset must be finite, given {row.tolist()} and {self.offset}"
@@ -223,10 +214,9 @@ class Limits(_Rebuilt):
     def __post_init__(self) -> None:
         n = np.size(self.lower)
         for name in (f.name for f in dataclasses.fields(self)):
-            array = _frozen(getattr(self, name), (n,), f"limit {name}")
+            array = self._freeze(name, (n,), f"limit {name}")
             if np.any(np.isnan(array)):
                 raise InputError(f"limit {name}: NaN at number {int(np.argmax(np.isnan(array))) + 1} is not a number")
-            object.__setattr__(self, name, array)
 
     @classmethod
     def none(cls, n: int) -> Limits:
@@ -293,7 +283,7 @@ class Transmission(_Rebuilt):
     offset: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        C = np.array(self.coupling, dtype=float)
+        C = self._freeze("coupling", np.shape(self.coupling), "transmission, coupling")
         if C.ndim != 2 or C.shape[0] != len(self.drives) or self.limits.lower.size != len(self.drives):
             raise InputError(
                 f"transmission: {len(self.drives)} drives need as many coupling rows and limits, "
@@ -301,10 +291,9 @@ class Transmission(_Rebuilt):
             )
         if not np.all(np.isfinite(C)):
             raise InputError("transmission: the coupling matrix must hold finite numbers")
-        C.setflags(write=False)
-        object.__setattr__(self, "coupling", C)
-        offset = self.offset if np.size(self.offset) else np.zeros(len(self.drives))
-        object.__setattr__(self, "offset", _frozen(offset, (len(self.drives),), "transmission, offset"))
+        if not np.size(self.offset):
+            object.__setattr__(self, "offset", np.zeros(len(self.drives)))
+        self._freeze("offset", (len(self.drives),), "transmission, offset")
 
 
 @dataclass(frozen=True)
@@ -401,16 +390,16 @@ class Robot(_Rebuilt):
         names = self.joint_names
         if len(set(names)) != n:
             raise InputError(f"robot {self.name!r}: two joints share a name: {', '.join(names)}")
-        object.__setattr__(self, "gravity", _frozen(self.gravity, (3,), "gravity"))
+        self._freeze("gravity", (3,), "gravity")
         object.__setattr__(self, "constants", MappingProxyType(dict(self.constants)))
         if not np.all(np.isfinite(self.gravity)):
             raise InputError(
                 f"robot {self.name!r}: gravity must hold three finite numbers, given {self.gravity.tolist()}"
             )
         if self.home is not None:
-            object.__setattr__(self, "home", _frozen(self.home, (n,), f"robot {self.name!r}, home"))
-            if not np.all(np.isfinite(self.home)):
-                raise InputError(f"robot {self.name!r}: home must hold finite numbers, given {self.home.tolist()}")
+            home = self._freeze("home", (n,), f"robot {self.name!r}, home")
+            if not np.all(np.isfinite(home)):
+                raise InputError(f"robot {self.name!r}: home must hold finite numbers, given {home.tolist()}")
         self.limits.check(tuple(f"joint {name}" for name in names))
         if self.transmission is not None:
             if self.transmission.coupling.shape[1] != n:
@@ -419,9 +408,7 @@ class Robot(_Rebuilt):
         if self.branches:
             _check_branches(self)
         known = (BASE, *(body.name for body in self.bodies))
-        for part in self.shapes:
-            if part.link not in known:
-                raise UnknownName(f"link with a shape, of robot {self.name!r},", part.link, known)
+        check_names(f"link with a shape, of robot {self.name!r},", (part.link for part in self.shapes), known)
 
     @property
     def n(self) -> int:
@@ -469,24 +456,58 @@ class Robot(_Rebuilt):
 
     def description(self) -> dict[str, object]:
         """The whole robot as plain lists, numbers and strings, ready for JSON."""
-        plain = _plain(self)
-        assert isinstance(plain, dict)
-        del plain["notes"]
+        content = plain(self)
+        assert isinstance(content, dict)
+        del content["notes"]
         # robots without them keep the hash that they had before there were branches, or homes
         if not self.branches:
-            del plain["branches"]
+            del content["branches"]
         if self.home is None:
-            del plain["home"]
-        del plain["shapes"]
+            del content["home"]
+        del content["shapes"]
         if self.shapes:
-            plain["shapes"] = [part.to_dict() for part in self.shapes]
-        return plain
+            content["shapes"] = [part.to_dict() for part in self.shapes]
+        return content
 
     def sha256(self) -> str:
         """Hash of the content, independent of the format and the place of the file that it was read from."""
         content = {key: value for key, value in self.description().items() if key not in ("source", "shapes")}
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def placed_bodies(robot: Robot) -> Iterator[tuple[str, str, Joint, Array, float]]:
+    """Each body after the one that carries it: its name, that one's, its joint, row and offset of its coordinate."""
+    below = BASE
+    for link, joint, row in zip(robot.links, robot.joints, np.eye(robot.n), strict=True):
+        yield link.name, below, joint, row, 0.0
+        below = link.name
+    for branch in robot.branches:
+        yield branch.name, branch.parent, branch.joint, branch.coupling, branch.offset
+
+
+def finite_ranges(robot: Robot) -> tuple[Array, Array]:
+    """Lower and upper position limits of the joints; half a turn either way where there is none."""
+    lower, upper = robot.limits.lower, robot.limits.upper
+    return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+
+
+def transmission_of(robot: Robot) -> Transmission:
+    """How its drives move its joints; where that is not stated, each by one of its own, of which nothing is known."""
+    if robot.transmission is not None:
+        return robot.transmission
+    return Transmission(np.eye(robot.n), tuple(map(Drive, robot.joint_names)), Limits.none(robot.n))
+
+
+def drive_numbers(robot: Robot) -> tuple[int, ...]:
+    """Number of each of these drives in parameter names."""
+    return robot.link_numbers if robot.transmission is None else tuple(range(1, len(robot.transmission.drives) + 1))
+
+
+def linear_drives(robot: Robot) -> tuple[bool, ...]:
+    """Whether each of these drives moves a prismatic joint."""
+    prismatic = [joint.kind == "prismatic" for joint in robot.joints]
+    return tuple(bool(np.any(row[prismatic])) for row in transmission_of(robot).coupling)
 
 
 def _check_name(name: object) -> None:
@@ -517,19 +538,20 @@ def _check_branches(robot: Robot) -> None:
         raise InputError(f"{here}: two links or branches share a number: {', '.join(map(str, numbers))}")
 
 
-def _plain(value: object) -> object:
+def plain(value: object) -> object:
+    """Nested dicts and lists of plain values, which JSON holds, and which can be compared."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        fields = {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
         untyped = isinstance(value, Robot | Joint | Link | Branch | Limits)
         return fields if untyped else {"type": type(value).__name__, **fields}
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, frozenset):
-        return sorted(_plain(item) for item in value)  # type: ignore[type-var]
+        return sorted(plain(item) for item in value)  # type: ignore[type-var]
     if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not np.isfinite(value):
         return str(value)
     return value

@@ -199,12 +199,9 @@ def test_no_other_pose_has_more_room(seed: int) -> None:
     assert room(limits, pose[None])[0] > 0
 
 
-def test_joints_without_position_limits_take_the_preferred_pose() -> None:
+def test_joints_without_position_limits_are_at_zero() -> None:
     limits = linear_limits(robot_with(positions((-INF, INF), (1, 2), (-INF, INF))))
     np.testing.assert_allclose(interior_pose(limits, 3), [0.0, 1.5, 0.0], atol=1e-9)
-    preferred = np.array([7.0, 8.0, 9.0])
-    np.testing.assert_allclose(interior_pose(limits, 3, preferred), [7.0, 1.5, 9.0], atol=1e-9)
-    np.testing.assert_array_equal(preferred, [7.0, 8.0, 9.0])
     np.testing.assert_array_equal(interior_pose((), 2), [0.0, 0.0])
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, TypeVar
 
 import casadi as ca
@@ -108,6 +108,10 @@ class Side:
         assert self.stiction is not None
         return self.stiction - self.coulomb
 
+    def falling(self, speed: Directed, exp: Callable[[Directed], Directed]) -> Directed:
+        """Friction at a speed without its viscous part."""
+        return self.coulomb + self.drop * exp(-((speed / self.stribeck) ** self.exponent))
+
 
 @dataclass(frozen=True)
 class Stribeck(FrictionCurve):
@@ -126,20 +130,14 @@ class Stribeck(FrictionCurve):
         """The equation of the class; viscous friction is that of the side given by the velocity's sign."""
         v, s = directed(dz, direction)
         speed = np.abs(v)
-        ahead, behind = (
-            side.coulomb + side.drop * np.exp(-((speed / side.stribeck) ** side.exponent))
-            for side in (self.forward, self.backward)
-        )
+        ahead, behind = self.forward.falling(speed, np.exp), self.backward.falling(speed, np.exp)
         viscous = np.where(v > 0, self.forward.viscous, self.backward.viscous) * v
         return np.asarray(by_direction(s, ahead, behind) + viscous + self.offset)
 
     def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
         """The equation of the class; viscous friction is that of the side given by the velocity's sign."""
         speed = ca.fabs(dz)
-        ahead, behind = (
-            side.coulomb + side.drop * ca.exp(-((speed / side.stribeck) ** side.exponent))
-            for side in (self.forward, self.backward)
-        )
+        ahead, behind = self.forward.falling(speed, ca.exp), self.backward.falling(speed, ca.exp)
         viscous = self.forward.viscous * ca.fmax(dz, 0) + self.backward.viscous * ca.fmin(dz, 0)
         return by_direction(direction, ahead, behind) + viscous + self.offset
 
@@ -154,7 +152,13 @@ class Wrapped(FrictionCurve):
 
     def __post_init__(self) -> None:
         if self.curve.layer > self.layer or (self.curve.layer == self.layer and not self.repeatable):
-            raise _wrong_order(self.curve, self)
+            inside, around = type(self.curve).__name__, type(self).__name__
+            wrong = f"friction: a {inside} curve must not be inside"
+            if inside == around:
+                raise InputError(f"{wrong} another one, which would ignore it")
+            raise InputError(
+                f"{wrong} a {around} one, which would ignore it; put it outermost, {inside}({around}(...), ...)"
+            )
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """Torque of the curve inside."""
@@ -163,6 +167,10 @@ class Wrapped(FrictionCurve):
     def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
         """Expression of the curve inside."""
         return self.curve.expression(dz, direction)
+
+    def at(self, temperature: float | None) -> FrictionCurve:
+        """The same around the curve at one temperature."""
+        return replace(self, curve=self.curve.at(temperature))
 
 
 @dataclass(frozen=True)
@@ -185,21 +193,6 @@ class Scaled(Wrapped):
     def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """``factor * curve``."""
         return np.asarray(self.factor * self.curve.torque_at(dz, temperature, direction))
-
-    def at(self, temperature: float | None) -> FrictionCurve:
-        """``factor * curve``."""
-        return Scaled(self.curve.at(temperature), self.factor)
-
-
-def _wrong_order(inner: FrictionCurve, outer: FrictionCurve) -> InputError:
-    """Error for curves that wrap each other in the wrong order."""
-    inside, around = type(inner).__name__, type(outer).__name__
-    if inside == around:
-        return InputError(f"friction: a {inside} curve must not be inside another one, which would ignore it")
-    return InputError(
-        f"friction: a {inside} curve must not be inside a {around} one, which would ignore it; put it outermost, "
-        f"{inside}({around}(...), ...)"
-    )
 
 
 def directed(dz: ArrayLike, direction: ArrayLike | None) -> tuple[Array, Array]:

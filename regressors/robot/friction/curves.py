@@ -6,78 +6,47 @@ Each drive's curve gives the friction torque at its coordinate, ``f(dz)``; at th
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import UnknownName, about, check_names
 from regressors.robot.friction.curve import (
-    CoulombViscous,
-    FrictionCurve,
-    FunctionFriction,
-    Scaled,
-    Side,
-    Stribeck,
-    TableFriction,
+    CoulombViscous as CoulombViscous,
+    FrictionCurve as FrictionCurve,
+    FunctionFriction as FunctionFriction,
+    Scaled as Scaled,
+    Side as Side,
+    Stribeck as Stribeck,
+    TableFriction as TableFriction,
 )
 from regressors.robot.friction.load_and_temperature import (
-    Loaded,
-    Slope,
-    Warm,
+    Loaded as Loaded,
+    Slope as Slope,
+    Warm as Warm,
     carried,
-    carried_along,
+    carried_along as carried_along,
     carried_expression,
-    drive_temperatures,
-    drives_with_friction,
+    drive_temperatures as drive_temperatures,
+    drives_with_friction as drives_with_friction,
     loading,
     scaled,
-    smooth_direction,
+    smooth_direction as smooth_direction,
     table_part,
-    torques_at_drives,
+    torques_at_drives as torques_at_drives,
 )
-from regressors.robot.friction.uncertainty import CurveUncertainty, changed, curve_parameters, uncertainty_at
-from regressors.robot.robot import Robot
+from regressors.robot.friction.uncertainty import (
+    CurveUncertainty as CurveUncertainty,
+    changed as changed,
+    curve_parameters as curve_parameters,
+    uncertainty_at,
+)
+from regressors.robot.robot import Robot, plain, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
-
-__all__ = [
-    "CoulombViscous",
-    "CurveUncertainty",
-    "FrictionCurve",
-    "FrictionCurves",
-    "FunctionFriction",
-    "Loaded",
-    "Scaled",
-    "Side",
-    "Slope",
-    "Stribeck",
-    "TableFriction",
-    "Warm",
-    "carried_along",
-    "changed",
-    "curve_parameters",
-    "drive_temperatures",
-    "drives_with_friction",
-    "smooth_direction",
-    "torques_at_drives",
-]
-
-
-def _plain(value: object) -> object:
-    """Nested lists of plain values, which can be compared where dataclasses of arrays cannot."""
-    if isinstance(value, Mapping):
-        return {name: _plain(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if is_dataclass(value) and not isinstance(value, type):
-        return [type(value).__name__, *(_plain(getattr(value, field.name)) for field in fields(value))]
-    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +86,7 @@ class FrictionCurves:
         """True for the same curves with the same uncertainty."""
         if not isinstance(other, FrictionCurves):
             return NotImplemented
-        return _plain((self.curves, self.uncertainty)) == _plain((other.curves, other.uncertainty))
+        return plain((self.curves, self.uncertainty)) == plain((other.curves, other.uncertainty))
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -128,7 +97,7 @@ class FrictionCurves:
     @classmethod
     def of_robot(cls, robot: Robot) -> FrictionCurves:
         """Coulomb and viscous friction of the drives whose description states it."""
-        drives = () if robot.transmission is None else robot.transmission.drives
+        drives = transmission_of(robot).drives
         known = {d.name: [x for x in (d.coulomb, d.viscous) if x is not None and np.isfinite(x)] for d in drives}
         stated = {d.name: CoulombViscous(_stated(d.coulomb), _stated(d.viscous)) for d in drives if not d.rests}
         return cls({name: curve for name, curve in stated.items() if known[name]})
@@ -137,41 +106,19 @@ class FrictionCurves:
         """Return the curves multiplied by one factor each, taken as exact; the factor is 1 where none is given.
 
         Load shares are limited to 0.99, see `regressors.robot.friction.load_and_temperature.scaled`.
-
-        Parameters
-        ----------
-        factors : mapping of str to float
         """
-        curves = {name: self.curve(name) for name in self.curves}
-        return FrictionCurves(
-            {name: scaled(curve, factors.get(name, 1.0)) for name, curve in curves.items() if curve is not None}
-        )
+        known = ((name, curve) for name in self.curves if (curve := self.curve(name)) is not None)
+        return FrictionCurves({name: scaled(curve, factors.get(name, 1.0)) for name, curve in known})
 
     def at(self, temperature: float | Mapping[str, float] | None) -> FrictionCurves:
-        """Curves at one temperature each.
-
-        Parameters
-        ----------
-        temperature : float, mapping of str to float, or None
-            One for all, or by name; the reference temperature of a curve if it is None or not named [deg C].
-
-        Raises
-        ------
-        UnknownName
-            A temperature of a drive that has no curve.
-        InputError
-            A temperature that is not finite, or at which friction would be negative, see
-            `regressors.robot.friction.load_and_temperature.Warm.at`.
-        """
+        """Curves at one temperature for all, or by name; at its reference where a curve's is not given [deg C]."""
         each = temperature if isinstance(temperature, Mapping) else dict.fromkeys(self.curves, temperature)
-        for name in each:
-            if name not in self.curves:
-                raise UnknownName("friction curve", name, tuple(self.curves))
+        check_names("friction curve", each, tuple(self.curves))
         curves, uncertainty = {}, {}
         for name in self.curves:
             curve = self.curve(name)
             assert curve is not None
-            with _errors_naming(name):
+            with about(name):
                 curves[name] = curve.at(each.get(name))
             if name in self.uncertainty and (kept := uncertainty_at(self.uncertainty[name], curve, each.get(name))):
                 uncertainty[name] = kept
@@ -196,19 +143,9 @@ class FrictionCurves:
         return curve
 
     def speed_notes(self, robot: Robot, dq: Array) -> tuple[str, ...]:
-        """Notes on a motion that is faster than the friction tables reach.
-
-        Parameters
-        ----------
-        robot : Robot
-        dq : ndarray, shape (N, n)
-            [rad/s or m/s]
-        """
-        beyond = [
-            (name, table.extrapolated(dq @ row))
-            for name, row in drives_with_friction(robot)
-            if (table := table_part(self.curve(name))) is not None
-        ]
+        """Notes on a motion that is faster than the friction tables reach."""  # dq (N, n)
+        tables = ((name, table_part(curve), row) for _, name, curve, row in self._of_drives(robot))
+        beyond = [(name, table.extrapolated(dq @ row)) for name, table, row in tables if table is not None]
         return tuple(
             f"friction of {name}: {count} samples are faster than its table; its last value was used"
             for name, count in beyond
@@ -217,10 +154,8 @@ class FrictionCurves:
 
     def check(self, robot: Robot) -> None:
         """Raise `UnknownName` for a curve whose name no drive of the robot has."""
-        known = robot.joint_names if robot.transmission is None else [d.name for d in robot.transmission.drives]
-        for name in self.curves:
-            if name not in known:
-                raise UnknownName("drive" if robot.transmission else "joint", name, known)
+        known = [drive.name for drive in transmission_of(robot).drives]
+        check_names("drive" if robot.transmission else "joint", self.curves, known)
 
     def joint_torque(
         self,
@@ -231,45 +166,18 @@ class FrictionCurves:
         temperature: Array | None = None,
         load: Array | None = None,
     ) -> Array:
-        """Friction torques at the joints, ``C' f(C dq)``.
+        """Friction torques at the joints, ``C' f(C dq)``, shape (N, n) [Nm or N].
 
-        Parameters
-        ----------
-        robot : Robot
-            With the drives that the curves are named after; drives that do not move contribute nothing.
-        q, dq : ndarray, shape (N, n)
-            [rad, rad/s, or with m]; no kind of curve depends on q at present.
-        direction : ndarray, shape (N, k), optional
-            Direction of friction of each of `drives_with_friction`; the exact signs of their velocities if not given.
-        temperature : ndarray, shape (N, k), optional
-            Temperature of each of these drives, see `drive_temperatures`; the curves' reference temperatures if not
-            given [deg C].
-        load : ndarray, shape (N, n), optional
-            Joint torques of the motion without friction, for friction that grows with load; zero if not given [Nm or
-            N].
-
-        Returns
-        -------
-        ndarray, shape (N, n)
-            [Nm or N]
-
-        Raises
-        ------
-        UnknownName
-            A curve of a drive that the robot does not have.
-        InputError
-            A temperature as in `at`; friction that grows with load, of a robot that does not have one drive for each
-            joint.
-        """
+        No kind of curve depends on q at present. The direction of friction and the temperature are those of each of
+        `drives_with_friction`, by default the signs of their velocities, and the reference temperatures of the curves.
+        The load is the joint torques of the motion without friction, by default zero.
+        """  # q, dq, load (N, n); direction, temperature (N, k)
         self.check(robot)
         total = np.zeros_like(dq)
         z = None if load is None or not self.loaded else load @ torques_at_drives(robot).T
-        for k, (name, row) in enumerate(drives_with_friction(robot)):
-            curve = self.curve(name)
-            if curve is None:
-                continue
+        for k, name, curve, row in self._of_drives(robot):
             v, s = dq @ row, None if direction is None else direction[:, k]
-            with _errors_naming(name):
+            with about(name):
                 f = curve.torque(v, s) if temperature is None else curve.torque_at(v, temperature[:, k], s)
             if z is not None:
                 f = f + loading(curve, np.sign(v) if s is None else s) * np.abs(z[:, k])
@@ -285,57 +193,21 @@ class FrictionCurves:
         direction: Array | None = None,
         temperature: Array | None = None,
     ) -> Array:
-        """Joint torques without friction, from those with friction.
-
-        Parameters
-        ----------
-        robot, q, dq, direction, temperature
-            See `joint_torque`.
-        tau : ndarray, shape (N, n)
-            Joint torques with friction, as measured [Nm or N].
-
-        Returns
-        -------
-        ndarray, shape (N, n)
-            With these as the load, `joint_torque` is their difference from tau.
-
-        Raises
-        ------
-        UnknownName, InputError
-            See `joint_torque`.
-        """
+        """Joint torques without friction, from those with it; with these as load, `joint_torque` is the difference."""
         rest = tau - self.joint_torque(robot, q, dq, direction, temperature)
         if not self.loaded:
             return np.asarray(rest)
         z = rest @ torques_at_drives(robot).T
-        for k, (name, row) in enumerate(drives_with_friction(robot)):
-            if (curve := self.curve(name)) is not None:
-                z[:, k] = carried(z[:, k], loading(curve, np.sign(dq @ row) if direction is None else direction[:, k]))
+        for k, _, curve, row in self._of_drives(robot):
+            z[:, k] = carried(z[:, k], loading(curve, np.sign(dq @ row) if direction is None else direction[:, k]))
         return np.asarray(z @ np.array([row for _, row in drives_with_friction(robot)]))
 
     def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX, load: ca.SX | None = None) -> ca.SX:
-        """``C' f(C dq)`` as an expression.
-
-        Parameters
-        ----------
-        robot : Robot
-        dq : SX, shape (n, 1)
-        direction : SX, shape (k, 1)
-            Direction of friction of each of `drives_with_friction`, such as `smooth_direction`.
-        load : SX, shape (n, 1), optional
-            See `joint_torque`.
-
-        Returns
-        -------
-        SX, shape (n, 1)
-        """
+        """``C' f(C dq)`` as an expression, see `joint_torque`."""  # dq, load (n, 1); direction (k, 1)
         self.check(robot)
         total = ca.SX.zeros(robot.n, 1)
         z = None if load is None or not self.loaded else ca.mtimes(sparse(torques_at_drives(robot)), load)
-        for k, (name, row) in enumerate(drives_with_friction(robot)):
-            curve = self.curve(name)
-            if curve is None:
-                continue
+        for k, _, curve, row in self._of_drives(robot):
             f = curve.expression(ca.mtimes(sparse(row[None]), dq), direction[k])
             if z is not None:
                 f += loading(curve, direction[k]) * ca.fabs(z[k])
@@ -343,37 +215,20 @@ class FrictionCurves:
         return total
 
     def carried_expression(self, robot: Robot, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
-        """Joint torques without friction as an expression, see `carried_torque`.
-
-        Parameters
-        ----------
-        robot : Robot
-        dq, tau : SX, shape (n, 1)
-        direction : SX, shape (k, 1)
-
-        Returns
-        -------
-        SX, shape (n, 1)
-        """
+        """Joint torques without friction as an expression, see `carried_torque`."""  # dq, tau (n, 1)
         rest = tau - self.joint_expression(robot, dq, direction)
         if not self.loaded:
             return rest
-        drives = drives_with_friction(robot)
         z = ca.mtimes(sparse(torques_at_drives(robot)), rest)
-        parts = [
-            z[k] if curve is None else carried_expression(z[k], loading(curve, direction[k]))
-            for k, curve in enumerate(self.curve(name) for name, _ in drives)
-        ]
-        return ca.mtimes(sparse(np.array([row for _, row in drives]).T), ca.vertcat(*parts))
+        for k, _, curve, _ in self._of_drives(robot):
+            z[k] = carried_expression(z[k], loading(curve, direction[k]))
+        return ca.mtimes(sparse(np.array([row for _, row in drives_with_friction(robot)]).T), z)
 
-
-@contextmanager
-def _errors_naming(name: str) -> Iterator[None]:
-    """Prefix input errors of the block with the drive's name."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from error
+    def _of_drives(self, robot: Robot) -> Iterator[tuple[int, str, FrictionCurve, Array]]:
+        """Those of `drives_with_friction` that have a curve: which one, its name, its curve, and its row of C."""
+        for k, (name, row) in enumerate(drives_with_friction(robot)):
+            if (curve := self.curve(name)) is not None:
+                yield k, name, curve, row
 
 
 def _stated(value: float | None) -> float:

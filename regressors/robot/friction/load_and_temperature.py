@@ -23,7 +23,7 @@ from regressors.robot.friction.curve import (
     by_direction,
     directed,
 )
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, drive_numbers, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
 
@@ -61,10 +61,6 @@ class Loaded(Wrapped):
         """Torque of the curve without load; the shares do not depend on temperature."""
         return self.curve.torque_at(dz, temperature, direction)
 
-    def at(self, temperature: float | None) -> FrictionCurve:
-        """The curve at one temperature, with the same shares."""
-        return Loaded(self.curve.at(temperature), *self.shares)
-
 
 def loading(curve: FrictionCurve, direction: Directed) -> Directed | float:
     """``k s``, the change of friction per unit of carried torque; zero for curves without a load share."""
@@ -98,18 +94,15 @@ _NOTHING = 1e-12  # of a drive's velocity along a direction
 
 def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
     """Name and row of C of every drive whose joint moves; joints themselves where the robot has no transmission."""
-    transmission = robot.transmission
-    if transmission is None:
-        return tuple(zip(robot.joint_names, np.eye(robot.n), strict=True))
+    transmission = transmission_of(robot)
     rows = zip(transmission.drives, transmission.coupling, strict=True)
     return tuple((drive.name, row) for drive, row in rows if not drive.rests)
 
 
 def moving_drive_numbers(robot: Robot) -> dict[str, int]:
     """Number in parameter names of every drive whose joint moves, by name."""
-    if robot.transmission is None:
-        return dict(zip(robot.joint_names, robot.link_numbers, strict=True))
-    return {drive.name: k for k, drive in enumerate(robot.transmission.drives, 1) if not drive.rests}
+    numbers = zip(transmission_of(robot).drives, drive_numbers(robot), strict=True)
+    return {drive.name: number for drive, number in numbers if not drive.rests}
 
 
 def drive_temperatures(robot: Robot, temperature: Array) -> Array:

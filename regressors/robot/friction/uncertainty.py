@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.robot.friction.curve import (
     CoulombViscous,
     FrictionCurve,
@@ -80,9 +80,7 @@ class CurveUncertainty:
 
     def check(self, curve: FrictionCurve) -> None:
         """Raise `UnknownName` for a parameter that a curve does not have."""
-        for name in self.parameters:
-            if name not in (known := curve_parameters(curve)):
-                raise UnknownName("parameter of the friction curve", name, known)
+        check_names("parameter of the friction curve", self.parameters, curve_parameters(curve))
 
 
 def curve_parameters(curve: FrictionCurve) -> tuple[str, ...]:
@@ -98,9 +96,7 @@ def curve_parameters(curve: FrictionCurve) -> tuple[str, ...]:
 
 def changed(curve: FrictionCurve, changes: Mapping[str, float]) -> FrictionCurve:
     """A copy of a curve with increments added to some of its parameters."""
-    for name in changes:
-        if name not in (known := curve_parameters(curve)):
-            raise UnknownName("parameter of the friction curve", name, known)
+    check_names("parameter of the friction curve", changes, curve_parameters(curve))
     return _changed(curve, changes)
 
 

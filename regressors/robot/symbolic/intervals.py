@@ -27,14 +27,6 @@ def _wider(low: Array, high: Array) -> Interval:
     )
 
 
-def _add(a: Interval, b: Interval) -> Interval:
-    return a[0] + b[0], a[1] + b[1]
-
-
-def _sub(a: Interval, b: Interval) -> Interval:
-    return a[0] - b[1], a[1] - b[0]
-
-
 def _mul(a: Interval, b: Interval) -> Interval:
     products = [x * y for x in a for y in b]
     return np.minimum.reduce(products), np.maximum.reduce(products)
@@ -44,10 +36,6 @@ def _inv(a: Interval) -> Interval:
     """Reciprocal; unbounded where the divisor may be zero."""
     crosses = (a[0] <= 0) & (a[1] >= 0)
     return np.where(crosses, -np.inf, 1.0 / a[1]), np.where(crosses, np.inf, 1.0 / a[0])
-
-
-def _div(a: Interval, b: Interval) -> Interval:
-    return _mul(a, _inv(b))
 
 
 def _even(function: Callable[[Array], Array]) -> Callable[[Interval], Interval]:
@@ -95,10 +83,10 @@ _UNARY: dict[int, Callable[[Interval], Interval]] = {
     ca.OP_INV: _inv,
 }
 _BINARY: dict[int, Callable[[Interval, Interval], Interval]] = {
-    ca.OP_ADD: _add,
-    ca.OP_SUB: _sub,
+    ca.OP_ADD: lambda a, b: (a[0] + b[0], a[1] + b[1]),
+    ca.OP_SUB: lambda a, b: (a[0] - b[1], a[1] - b[0]),
     ca.OP_MUL: _mul,
-    ca.OP_DIV: _div,
+    ca.OP_DIV: lambda a, b: _mul(a, _inv(b)),
     ca.OP_FMIN: lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
     ca.OP_FMAX: lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])),
 }

@@ -55,7 +55,7 @@ def chain(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]
     """Motion of each link in turn, by the outward Newton-Euler recursion."""  # q, dq, ddq (n, 1)
     state = _base_motion(robot)
     for i, joint in enumerate(robot.joints):
-        state = _next_link(state, joint, q[i], dq[i], ddq[i])
+        state = next_link(state, joint, q[i], dq[i], ddq[i])
         yield state
 
 
@@ -64,7 +64,8 @@ def _base_motion(robot: Robot) -> LinkMotion:
     return LinkMotion(zero, zero, zero, -gravity, gravity, ca.SX.eye(3), zero, ())
 
 
-def _next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
+def next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
+    """Motion of the link that a joint on another one moves."""  # q, dq, ddq (1, 1)
     R, p = relative_pose(joint, q)
     Rt = R.T
     w, dw = parent.omega, parent.domega
@@ -102,7 +103,7 @@ def _branch_motion(parent: LinkMotion, branch: Branch, q: ca.SX, dq: ca.SX, ddq:
     Joint j moves it through its parent and through its own joint, ``axis_j + coupling_j axis_s``.
     """
     s, ds, dds = (ca.mtimes(sparse(branch.coupling[None]), x) for x in (q, dq, ddq))
-    moved = _next_link(parent, branch.joint, s + branch.offset, ds, dds)
+    moved = next_link(parent, branch.joint, s + branch.offset, ds, dds)
     *through_parent, (angular, linear) = moved.axes
     entries = max(len(through_parent), int(np.flatnonzero(branch.coupling)[-1]) + 1)
     axes = through_parent + [(ca.SX(3, 1), ca.SX(3, 1))] * (entries - len(through_parent))

@@ -22,8 +22,18 @@ from regressors.samples import Array
 
 LANES = 4  # instants in one pass of the loop
 _V = f"<{LANES} x double>"
-_BINARY = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
 _INTRINSIC = {ca.OP_SQRT: "llvm.sqrt", ca.OP_FABS: "llvm.fabs"}
+_INSTRUCTIONS = {  # of one or two vectors
+    ca.OP_ADD: f"fadd {_V} {{0}}, {{1}}",
+    ca.OP_SUB: f"fsub {_V} {{0}}, {{1}}",
+    ca.OP_MUL: f"fmul {_V} {{0}}, {{1}}",
+    ca.OP_DIV: f"fdiv {_V} {{0}}, {{1}}",
+    ca.OP_TWICE: f"fadd {_V} {{0}}, {{0}}",
+    ca.OP_SQ: f"fmul {_V} {{0}}, {{0}}",
+    ca.OP_NEG: f"fneg {_V} {{0}}",
+    ca.OP_INV: f"fdiv {_V} <{', '.join(['double 1.0'] * LANES)}>, {{0}}",
+    **{op: f"call {_V} @{name}.v{LANES}f64({_V} {{0}})" for op, name in _INTRINSIC.items()},
+}
 _BY_INSTANT = {  # functions of the C library
     ca.OP_SIN: ("sin", 1),
     ca.OP_COS: ("cos", 1),
@@ -68,17 +78,12 @@ def _target() -> Any:
 
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
-        library = _c_library()
+        library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)  # on POSIX what this process has
         for name, _ in _BY_INSTANT.values():  # by address: a name that LLVM does not find would end the process
             llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
         return llvm, llvm.Target.from_default_triple()
     except (ImportError, AttributeError, OSError, RuntimeError) as error:
         raise NotCompiledError(str(error)) from error
-
-
-def _c_library() -> ctypes.CDLL:
-    """A library with the functions of <math.h>: on POSIX those that this process has."""
-    return ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
 
 
 def _compiled(text: str) -> tuple[Any, Any]:
@@ -160,25 +165,14 @@ class _Body:
 
     def _operation(self, op: int, of: list[str]) -> Iterator[str]:
         """Lines whose last one defines a new value."""
-        one = of[0]
-        if op in _BINARY:
-            yield f"  {self._new()} = {_BINARY[op]} {_V} {one}, {of[1]}"
-        elif op == ca.OP_TWICE:
-            yield f"  {self._new()} = fadd {_V} {one}, {one}"
-        elif op == ca.OP_SQ:
-            yield f"  {self._new()} = fmul {_V} {one}, {one}"
-        elif op == ca.OP_NEG:
-            yield f"  {self._new()} = fneg {_V} {one}"
-        elif op == ca.OP_INV:
-            yield f"  {self._new()} = fdiv {_V} {_constant(1.0)}, {one}"
-        elif op in _INTRINSIC:
-            yield f"  {self._new()} = call {_V} @{_INTRINSIC[op]}.v{LANES}f64({_V} {one})"
+        if op in _INSTRUCTIONS:
+            yield f"  {self._new()} = {_INSTRUCTIONS[op].format(*of)}"
         elif op in _BY_INSTANT:
             yield from self._by_instant(_BY_INSTANT[op][0], of)
         elif op in _SMALLER:
-            yield from self._chosen(_SMALLER[op], one, of[1])
+            yield from self._chosen(_SMALLER[op], *of)
         elif op == ca.OP_SIGN:
-            yield from self._sign(one)
+            yield from self._sign(*of)
         else:
             raise NotCompiledError(f"CasADi instruction {op} has no counterpart here")
 

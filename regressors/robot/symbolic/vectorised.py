@@ -40,7 +40,7 @@ def _of_c(function: Callable[..., float], counterpart: np.ufunc) -> Callable[...
     return values
 
 
-_BINARY = {
+_FUNCTIONS = {
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
     ca.OP_MUL: np.multiply,
@@ -48,8 +48,6 @@ _BINARY = {
     ca.OP_POW: _of_c(math.pow, np.power),
     ca.OP_FMIN: lambda a, b, out: np.minimum(a, b, out=out),  # by name: NumPy takes two positional ones only
     ca.OP_FMAX: lambda a, b, out: np.maximum(a, b, out=out),
-}
-_UNARY = {
     ca.OP_NEG: np.negative,
     ca.OP_SQ: np.square,
     ca.OP_SIN: _of_c(math.sin, np.sin),
@@ -61,7 +59,6 @@ _UNARY = {
     ca.OP_FABS: np.fabs,
     ca.OP_INV: np.reciprocal,
 }
-_FUNCTIONS = {**_BINARY, **_UNARY}
 
 
 def _check(function: ca.Function) -> None:
@@ -70,8 +67,8 @@ def _check(function: ca.Function) -> None:
     kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
     for op in set(kinds) - known:
         raise ValueError(f"CasADi instruction {op} has no NumPy counterpart here")
-    for k in (k for k, op in enumerate(kinds) if op == ca.OP_CONST):
-        _finite(function.instruction_constant(k))
+    if not all(np.isfinite(function.instruction_constant(k)) for k, op in enumerate(kinds) if op == ca.OP_CONST):
+        raise NumericalError("a constant of the model is not finite; check the lengths, masses and limits of the robot")
 
 
 def _source(function: ca.Function) -> str:
@@ -85,26 +82,11 @@ def _source(function: ca.Function) -> str:
         elif op == ca.OP_OUTPUT:
             lines.append(f"    out[{o[1]}] = w{i[0]}")
         elif op == ca.OP_CONST:
-            lines.append(f"    w{o[0]} = {_finite(function.instruction_constant(k))!r}")
-        elif op == ca.OP_TWICE:
-            lines.append(f"    w{o[0]} = f{ca.OP_ADD}(w{i[0]}, w{i[0]}, b[{o[0]}])")
-        elif op in _BINARY:
-            lines.append(f"    w{o[0]} = f{op}(w{i[0]}, w{i[1]}, b[{o[0]}])")
+            lines.append(f"    w{o[0]} = {function.instruction_constant(k)!r}")
         else:
-            lines.append(f"    w{o[0]} = f{op}(w{i[0]}, b[{o[0]}])")
+            name, operands = (ca.OP_ADD, [*i, *i]) if op == ca.OP_TWICE else (op, i)
+            lines.append(f"    w{o[0]} = f{name}({''.join(f'w{k}, ' for k in operands)}b[{o[0]}])")
     return "\n".join(lines)
-
-
-def _finite(constant: float) -> float:
-    if not np.isfinite(constant):
-        raise NumericalError("a constant of the model is not finite; check the lengths, masses and limits of the robot")
-    return constant
-
-
-def _compiled(function: ca.Function) -> Callable[..., None]:
-    scope: dict[str, Callable[..., None]] = {}
-    exec(compile(_source(function), f"<vectorised {function.name()}>", "exec"), scope)
-    return scope["run"]
 
 
 def _program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
@@ -136,7 +118,9 @@ class _ArrayProgram:
     """Instructions on NumPy arrays, with the buffers for one number of instants."""
 
     def __init__(self, function: ca.Function) -> None:
-        self._run = _compiled(function)
+        scope: dict[str, Callable[..., None]] = {}
+        exec(compile(_source(function), f"<vectorised {function.name()}>", "exec"), scope)
+        self._run = scope["run"]
         self._registers = function.sz_w()
         self._buffers: list[Array] = []
         self._size = function.numel_out(0)

@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 from refused import refusal
 
 from regressors.errors import InputError, UnknownName
-from regressors.readers.description import parse_description, read_description, standard_parameters
+from regressors.readers.description import parse_description, read_description
 from regressors.readers.description_schema import Coefficient
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import from_centre_of_mass
@@ -277,14 +277,6 @@ def test_refuses_files_that_cannot_be_read(tmp_path: Path) -> None:
     path.write_bytes(b"name: \xff\n")
     with pytest.raises(InputError, match=r"binary\.yaml: not a text file in UTF-8 \(byte 7\)"):
         read_description(path)
-
-
-def test_standard_parameters() -> None:
-    names = tuple(column.name for column in standard_parameters(2, [True, False]))
-    assert names[:10] == ("m1", "m1c1x", "m1c1y", "m1c1z", "I1xx", "I1xy", "I1xz", "I1yy", "I1yz", "I1zz")
-    drive_1 = ("Ia1", "F1c", "F1v", "F1o", "F1l", "F1r", "F1a", "F1s")
-    assert set(names[20:]) == {*drive_1, *(name.replace("1", "2") for name in drive_1[1:])}
-    assert len(names) == 20 + 8 + 7
 
 
 # Coefficients --------------------------------------------------------------------------------------------------------

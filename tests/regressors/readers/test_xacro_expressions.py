@@ -345,7 +345,7 @@ def test_the_process_that_expands_is_closed(folder: Path, monkeypatch: pytest.Mo
 import json, sys
 from pathlib import Path
 from regressors.readers import xacro_expansion as process
-process._close(process._Files(Path(sys.argv[1]), []))
+process._close(process._Files(Path(sys.argv[1])))
 outcome = {}
 calls = {"a socket": lambda: __import__("_socket").socket(), **{CALLS}}
 for name, call in calls.items():
@@ -433,7 +433,6 @@ def test_arguments(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("how", "inside"),
     [
-        *(("packages", inside) for inside in ("", "some_arm", "ros/some_arm")),
         *(("ROS_PACKAGE_PATH", inside) for inside in ("", "some_arm", "ros/some_arm")),
         ("AMENT_PREFIX_PATH", "prefix/share/some_arm"),
     ],
@@ -443,9 +442,8 @@ def test_packages_are_found(how: str, inside: str, tmp_path: Path, monkeypatch: 
     package(place.parent if inside else place)
     (tmp_path / "arm.xacro").write_text(ARM, encoding="utf-8")
     root = {"": place, "some_arm": place, "ros/some_arm": place.parents[1]}.get(inside, tmp_path / "workspace/prefix")
-    if how != "packages":
-        monkeypatch.setenv(how, f"/nowhere:{root}")
-    robot = read_xacro(tmp_path / "arm.xacro", packages=[root] if how == "packages" else [])
+    monkeypatch.setenv(how, f"/nowhere:{root}")
+    robot = read_xacro(tmp_path / "arm.xacro")
     assert robot.joint_names == ("j1", "j2")
 
 
