@@ -239,13 +239,13 @@ def _quoted(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z_][\w-]*", name) else json.dumps(name, ensure_ascii=False)
 
 
-_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class SideEntry(BaseModel):
+class SideEntry(_Entry):
     """Friction in one direction."""
 
-    model_config = _CONFIG
     coulomb: Friction
     viscous: Friction = 0.0
     stiction: Friction | None = None
@@ -253,18 +253,16 @@ class SideEntry(BaseModel):
     exponent: Exponent = 2.0
 
 
-class SlopeEntry(BaseModel):
+class SlopeEntry(_Entry):
     """Temperature dependence of friction in one direction."""
 
-    model_config = _CONFIG
     coulomb: Friction = 0.0
     viscous: Friction = 0.0
 
 
-class TemperatureEntry(BaseModel):
+class TemperatureEntry(_Entry):
     """Temperature dependence of friction."""
 
-    model_config = _CONFIG
     reference: Celsius
     coulomb: Friction | None = None
     viscous: Friction | None = None
@@ -273,26 +271,23 @@ class TemperatureEntry(BaseModel):
     range: Annotated[list[Celsius], Field(min_length=2, max_length=2)] | None = None
 
 
-class LoadEntry(BaseModel):
+class LoadEntry(_Entry):
     """Share of the carried torque in each direction."""
 
-    model_config = _CONFIG
     forward: Friction
     backward: Friction
 
 
-class UncertaintyEntry(BaseModel):
+class UncertaintyEntry(_Entry):
     """Covariance of a curve's parameters."""
 
-    model_config = _CONFIG
     parameters: Annotated[list[str], Field(min_length=1)]
     covariance: list[list[Friction]]
 
 
-class CurveEntry(BaseModel):
+class CurveEntry(_Entry):
     """Curve of one drive."""
 
-    model_config = _CONFIG
     model: Literal["coulomb-viscous", "stribeck", "table"]
     coulomb: Friction | None = None
     viscous: Friction | None = None
@@ -306,10 +301,9 @@ class CurveEntry(BaseModel):
     uncertainty: UncertaintyEntry | None = None
 
 
-class FrictionFile(BaseModel):
+class FrictionFile(_Entry):
     """Complete friction file."""
 
-    model_config = _CONFIG
     schema_: Literal["excite.friction/1"] = Field(alias="schema")
     drives: dict[str, CurveEntry]
 

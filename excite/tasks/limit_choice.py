@@ -72,11 +72,7 @@ class LimitChoice:
         None, "ranges", "Position limits per joint.", metavar="L:U,...", flag="position-limit"
     )
     velocity: tuple[float, ...] | None = essential(
-        None,
-        "numbers",
-        "Velocity limits; one for all joints, or one each.",
-        metavar="V,...",
-        flag="velocity-limit",
+        None, "numbers", "Velocity limits; one for all joints, or one each.", metavar="V,...", flag="velocity-limit"
     )
     acceleration: tuple[float, ...] | None = essential(
         None, "numbers", "Acceleration limits.", metavar="A,...", flag="acceleration-limit"

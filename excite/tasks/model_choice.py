@@ -104,11 +104,7 @@ class ModelChoice:
     sensor_xyz: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's origin in that link's frame.", metavar="X,Y,Z")
     sensor_rpy: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's axes: roll, pitch, yaw.", metavar="R,P,Y")
     equations: tuple[str, ...] | None = option(
-        None,
-        "names",
-        "Equations to use: components of the wrench, or torques of joints.",
-        unset="all",
-        metavar="fx,nz",
+        None, "names", "Equations to use: components of the wrench, or torques of joints.", unset="all", metavar="fx,nz"
     )
     friction: DriveChoice = essential(
         True,
@@ -127,10 +123,7 @@ class ModelChoice:
         flag="reflected-rotors/motor-side-rotors",
     )
     offset: DriveChoice = option(
-        False,
-        "drives",
-        "A constant friction offset per drive without a curve as a parameter.",
-        flag="offset/no-offset",
+        False, "drives", "A constant friction offset per drive without a curve as a parameter.", flag="offset/no-offset"
     )
     load_share: DriveChoice = option(
         False,

@@ -131,11 +131,7 @@ class Objective:
         late=True,
     )
     plausible_robots: int | None = option(
-        None,
-        "integer",
-        "The worst of this many robots drawn from the prior counts; see below.",
-        metavar="N",
-        late=True,
+        None, "integer", "The worst of this many robots drawn from the prior counts; see below.", metavar="N", late=True
     )
     nearly_unidentifiable: str = option(
         "drop-rounding",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
@@ -85,9 +85,6 @@ def options_of(part: type) -> Iterator[tuple[dataclasses.Field[Any], Option]]:
             yield field, field.metadata[_KEY]
 
 
-Check = Callable[[Any], None]
-
-
 MOUNTS: dict[str, tuple[float, float, float]] = {  # roll, pitch and yaw of the base [rad]
     "floor": (0.0, 0.0, 0.0),
     "wall": (0.0, math.pi / 2, 0.0),
@@ -156,9 +153,7 @@ def _sequence(value: Any) -> Sequence[Any]:
 
 
 def _numbers(value: object) -> tuple[float, ...]:
-    if isinstance(value, Real):
-        return (_number(value),)
-    return tuple(_number(x) for x in _sequence(value))
+    return (_number(value),) if isinstance(value, Real) else _triple(value)
 
 
 def _ranges(value: object) -> tuple[tuple[float, float], ...]:
@@ -211,14 +206,10 @@ def _drives(value: object) -> object:
 def _parameters(value: object) -> dict[str, float]:
     if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
         raise _Unfit
-    return {name: _finite(number) for name, number in value.items()}
-
-
-def _finite(value: object) -> float:
-    number = _number(value)
-    if not math.isfinite(number):
+    numbers = {name: _number(number) for name, number in value.items()}
+    if not all(map(math.isfinite, numbers.values())):
         raise _Unfit
-    return number
+    return numbers
 
 
 def _any(value: object) -> object:
@@ -236,12 +227,8 @@ def _folders(value: object) -> tuple[object, ...]:
     return tuple(str(each) if isinstance(each, Path) else each for each in folders)
 
 
-def _margin(value: object) -> float | str:
-    return value if isinstance(value, str) and value in MARGINS else _number(value)
-
-
-def _count(value: object) -> int | str:
-    return value if isinstance(value, str) and value in COUNTS else _integer(value)
+def _or_word(words: Container[str], convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return lambda value: value if isinstance(value, str) and value in words else convert(value)
 
 
 def _mount(value: object) -> str | tuple[float, ...]:
@@ -301,8 +288,8 @@ _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what
     "text": (_name, "a name"),
     "file": (_any, "the name of a file, or its content"),
     "prior": (_prior, "a relative uncertainty, or parameters with value and deviation"),
-    "margin": (_margin, f"a number, {' or '.join(MARGINS)}"),
-    "count": (_count, f"a whole number, or {AUTO}"),
+    "margin": (_or_word(MARGINS, _number), f"a number, {' or '.join(MARGINS)}"),
+    "count": (_or_word(COUNTS, _integer), f"a whole number, or {AUTO}"),
     "mount": (_mount, f"{', '.join(MOUNTS)}, or roll, pitch and yaw"),
     "payload": (_payload, "a list of numbers, or the name of a file"),
     "drives": (_drives, "all, none, or names or numbers of drives"),

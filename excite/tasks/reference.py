@@ -128,7 +128,7 @@ class MotionSource:
 _INSTANTS = 4000  # at which torques are looked at, whose extrema have no formula
 _BETWEEN = 4  # parts of the step between two samples of a file
 _AT_ONCE = 20_000
-_ROUNDING = 1e-9  # of a limit that a motion may touch
+_ROUNDING = 1e-9  # of a limit that a motion may touch, and s by which an instant may precede its sample
 _INTERPOLATED = 1e-3  # the same of samples
 
 
@@ -222,9 +222,6 @@ def _instants(source: MotionSource, parts: int) -> Iterator[Array]:
         instants = np.linspace(0.0, source.motion.duration, _INSTANTS + 1)
     for first in range(0, instants.size, _AT_ONCE):
         yield instants[first : first + _AT_ONCE]
-
-
-_ROUNDING = 1e-9  # s, by which an instant may precede its sample
 
 
 @dataclass(frozen=True, eq=False)
