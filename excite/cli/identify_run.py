@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import excite
 from excite.cli.main import NOT_HELD
-from excite.cli.options import FigureChoice
-from excite.cli.progress import deferred_interrupt, interrupted_status, one_interrupt, progress_of_repetitions
+from excite.cli.options import FigureChoice, check_not_typed, typed_options
+from excite.cli.progress import interrupted_status, one_interrupt, progress_of_repetitions, stoppable
 from excite.cli.streams import in_options, remark, say, tell
 from excite.cli.summary import print_verdict, print_view, show
 from excite.design.design_json import find_design
@@ -34,6 +33,9 @@ from excite.registry import CHOSEN, is_addressed, is_own
 from excite.storage.records import check_replaceable, json_of
 from excite.storage.result_folder import figure_names, result_folder
 from excite.study.repetitions import Repetitions, repetitions
+from excite.tasks.installation import Installation
+from excite.tasks.model_choice import ModelChoice
+from excite.verification.tolerances import Tolerances
 from excite.verification.verification import KIND
 from excite.views.identification_view import identification_view, repetitions_view
 from excite.views.verification_view import verification_view, verifications_view
@@ -52,23 +54,20 @@ _GIVEN = (
 _NOT_REPEATED = ("estimator", "standstill", "signals")
 
 
-def identify_and_write(
-    name: str,
-    paths: Sequence[Path],
-    out: Path,
-    typed: Mapping[str, Any],
-    of_recipe: Mapping[str, Any],
-    given: Mapping[str, Any],
-) -> None:
+def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any) -> None:
     """Identify from logs and write a result's folder."""
+    of_recipe = {name: value for name, value in typed_options(Recipe).items() if value is not None}
     if given["repeat"]:
         Recipe(**of_recipe).check_repeatable(given["repeat"])
+    else:
+        check_not_typed(("executor", "workers"), "is for repetitions: give their number, --repeat N")
+        Recipe(**of_recipe)
     tell("reading the logs")
     with result_folder(out):
         figures: FigureChoice = given["figures"]
         check_free(out, (*figure_names(FIGURES, figures.formats), CURVES), replace=given["force"])
         with one_interrupt() as interruption:
-            result = _identified(name, paths, typed, of_recipe, given)
+            result = _identified(robot, logs, of_recipe, given)
             interruption.ignore()
             files = result.save(out, replace=given["force"])
             files = [*figures.write(result, out), *files]
@@ -76,8 +75,6 @@ def identify_and_write(
         if given["repeat"]:
             tell("repeating the experiment in simulation")
             where = {"executor": given["executor"], "workers": given["workers"]}
-            from excite.cli.identify_run import repeat_and_write  # imports jax
-
             result, repeated = repeat_and_write(result, out, given["repeat"], given["seed"], figures, **where)
             status = repeated or status
             drawn = figure_names([REPETITIONS], figures.formats) if result.repetitions is not None else []
@@ -99,12 +96,10 @@ def show_result(result: excite.Identification, files: Sequence[Path], out: Path)
 
 
 def _identified(
-    name: str,
-    paths: Sequence[Path],
-    typed: Mapping[str, Any],
-    of_recipe: Mapping[str, Any],
-    given: Mapping[str, Any],
+    robot: str, logs: Sequence[Path], of_recipe: Mapping[str, Any], given: Mapping[str, Any]
 ) -> excite.Identification:
+    typed = typed_options(Installation, ModelChoice)
+    typed.pop("friction_curves", None)
     own = {"model": typed["model"]} if is_own(typed.get("model", "")) else {}
     folder = design_folder(given["design_folder"], given["mapping"], given["designs"])
     design = None if folder is None else excite.load_design(folder, given["parts"], **own)
@@ -122,7 +117,7 @@ def _identified(
         names = (CHOSEN if choose else ()) if isinstance(choose, bool) else choose
         choose = tuple(each for each in names if each not in _NOT_REPEATED)
     return excite.identify(
-        name, list(paths), design=design, choose=choose, progress=tell, **{name: given[name] for name in _GIVEN},
+        robot, list(logs), design=design, choose=choose, progress=tell, **{name: given[name] for name in _GIVEN},
         **typed, **of_recipe,
     )  # fmt: skip
 
@@ -167,16 +162,12 @@ def repeat_and_write(
     workers: int | None,
 ) -> tuple[Identification, int]:
     """Repeat an identification in simulation, add the statistics to its result, and draw them beside it."""
+    shown = progress_of_repetitions(count)
+    waits = is_addressed("executor", executor)  # for Dask, while which a signal is heeded at once
     try:
-        with _interrupts(executor) as answer, progress_of_repetitions(count) as progress:
-
-            def report_progress(done: int, of: int) -> None:
-                progress(done, of)
-                if done < of:
-                    answer()
-
+        with one_interrupt(), shown if waits else stoppable(shown, "stopping after the repetitions at work") as report:
             repeated_runs = repetitions(
-                result, count, seed, report_progress, executor=executor, workers=workers, kept=out / SO_FAR
+                result, count, seed, report, executor=executor, workers=workers, kept=out / SO_FAR
             )
             result = replace(result, kept=result.facts, repetitions=summary_of(repeated_runs))
             amend_result_file(out, result)
@@ -208,27 +199,18 @@ def summary_of(repeated: Repetitions) -> RepetitionSummary:
     return RepetitionSummary(repeated.count, repeated.seed, tuple(RepeatedParameter(*row) for row in rows))
 
 
-@contextmanager
-def _interrupts(executor: str) -> Iterator[Callable[[], None]]:
-    """Defer a signal to the end of the repetitions at work; while this process waits for Dask, heed it at once."""
-    if is_addressed("executor", executor):
-        with one_interrupt():
-            yield lambda: None
-        return
-    with deferred_interrupt("stopping after the repetitions at work") as answer:
-        yield answer
-
-
 def verify_and_write(
     folder: Path,
     logs: Sequence[Path],
     out: Path | None,
-    *,
+    torque: float,
+    motion: float,
     parts: tuple[str, ...],
     figures: FigureChoice,
     **options: Any,
 ) -> None:
     """Judge a result on logs, and write each verdict."""
+    tolerances = Tolerances(torque, motion)
     result = excite.load_result(folder, parts)
     target, stems = out or result.folder or folder, _stems(logs)
     with result_folder(target):
@@ -237,7 +219,7 @@ def verify_and_write(
         judged = []
         for log in logs:
             tell(f"judging {folder} on {log}")
-            judged.append(excite.verify(result, log, **options))
+            judged.append(excite.verify(result, log, tolerances=tolerances, **options))
         written = [verification.save(target, name=stem) for verification, stem in zip(judged, stems, strict=True)]
         if figures:
             tell("drawing")

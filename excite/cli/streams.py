@@ -37,13 +37,9 @@ def open_streams() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
-        _write_what_is_known(getattr(sys, name))
-
-
-def _write_what_is_known(stream: TextIO) -> None:
-    """Let a stream write a question mark for characters that its encoding lacks, as those of consoles of Windows do."""
-    if isinstance(stream, io.TextIOWrapper) and not (stream.encoding or "").lower().startswith("utf"):
-        stream.reconfigure(errors="replace")
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper) and not (stream.encoding or "").lower().startswith("utf"):
+            stream.reconfigure(errors="replace")  # a question mark for what its encoding lacks, as consoles of Windows
 
 
 def say(text: str) -> None:
@@ -105,11 +101,6 @@ class Verbosity:
     # when the command line was read, on the clock `time.monotonic` [s]
     began: float = field(default_factory=time.monotonic)
 
-    @property
-    def plain(self) -> bool:
-        """True if none of the options is given."""
-        return not (self.quiet or self.verbose or self.as_json)
-
 
 def verbosity() -> Verbosity:
     """What the command at work prints."""
@@ -168,7 +159,7 @@ class _Sign:
     def __init__(self, handle: int, *, moves: bool) -> None:
         self.handle, self.moves, self.what = handle, moves, "working"
         self.began = self.step_began = time.monotonic()
-        self.shown = self.drawn = self.left_out = self.quiet = False
+        self.shown = self.drawn = self.left_out = False
         self.lock, self.ended = threading.RLock(), threading.Event()
         self.watch = ForkSafeThread(target=self._watch, daemon=True)
 
@@ -183,7 +174,7 @@ class _Sign:
     def show(self) -> None:
         """Print the step at work; not through streams, which may be in the middle of a write."""
         with self.lock:
-            if self.ended.is_set() or self.left_out or self.quiet or (self.shown and not self.moves):
+            if self.ended.is_set() or self.left_out or (self.shown and not self.moves):
                 return
             self.shown = True
             self._print()
@@ -193,7 +184,7 @@ class _Sign:
         with self.lock:
             self.what, self.step_began, self.left_out = what, time.monotonic(), False
             self.shown = self.shown or time.monotonic() - self.began > SECONDS
-            if self.shown and not self.quiet:
+            if self.shown and not self.ended.is_set():
                 self._print()
 
     def _print(self) -> None:
@@ -256,7 +247,7 @@ def sign_of_life() -> Iterator[None]:
 def _handle() -> int | None:
     """Number of the file that stderr is; None where it is none."""
     try:
-        return None if sys.stderr is None else sys.stderr.fileno()
+        return sys.stderr.fileno()
     except (AttributeError, OSError, ValueError):
         return None
 
@@ -283,8 +274,7 @@ def clear_line() -> None:
 def be_quiet() -> None:
     """Print no step of this command."""
     for sign in _signs:
-        sign.quiet = True
-        sign.clear()
+        sign.end()
 
 
 _PLAIN = ("dumb", "unknown")
