@@ -58,11 +58,6 @@ class Command(click.Command):
         """Parse the words of the command, those that ``--set`` stands for before the others."""
         return super().parse_args(ctx, args if ctx.resilient_parsing else [*self._set_words(ctx, args), *args])
 
-    def full_help(self, ctx: click.Context) -> str:
-        """Help with every option and all notes."""
-        ctx.meta[_HELP_ALL] = True
-        return self.get_help(ctx)
-
     def visible_options(self, ctx: click.Context) -> list[click.Option]:
         """Every option that is not hidden."""
         return [each for each in self.get_params(ctx) if isinstance(each, click.Option) and not each.hidden]
@@ -178,9 +173,10 @@ def _options_of_options() -> list[click.Option]:
 
 
 def _show_all(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """Print the help with every option and all notes."""
     if wanted and not ctx.resilient_parsing:
-        assert isinstance(ctx.command, Command)
-        click.echo(ctx.command.full_help(ctx), color=ctx.color)
+        ctx.meta[_HELP_ALL] = True
+        click.echo(ctx.get_help(), color=ctx.color)
         ctx.exit()
 
 

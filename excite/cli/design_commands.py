@@ -6,10 +6,12 @@ import click
 
 from excite.cli.command import command, further_option
 from excite.cli.lazy import runs
-from excite.cli.option_types import FILE, Folder, RobotName
+from excite.cli.option_types import FILE, RobotName
 from excite.cli.options import (
     executor_options,
     figure_options,
+    file_option,
+    folder_option,
     own_parts,
     robot_file_options,
     settings_options,
@@ -102,8 +104,8 @@ What is written to DIR:
   starts/          every start, written as soon as it ends; the same command after a kill goes on from them""",
 )
 @click.argument("robot", type=RobotName())
-@click.option("--out", "out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--task", "task_file", type=FILE, metavar="FILE", help="YAML file with these options as keys.")
+@folder_option("--out", "out", required=True, help="Folder to write.")
+@file_option("--task", "task_file", help="YAML file with these options as keys.")
 @click.option(
     "--base",
     multiple=True,
@@ -166,8 +168,8 @@ where it is enough, 1 where another motion is needed, which --out writes.
     help={"period": "Period of the next motion."},
     unset={"period": "that of the shortest experiment"},
 )
-@click.option("--task", "task_file", type=FILE, metavar="FILE", help="Task file of the next motion.")
-@click.option("--out", type=Folder(), metavar="DIR", help="Folder for the next motion.")
+@file_option("--task", "task_file", help="Task file of the next motion.")
+@folder_option("--out", help="Folder for the next motion.")
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 @runs("study_run:plan_from_options")
 def plan() -> None:
@@ -209,7 +211,7 @@ Cells run on all cores, each with its starts one after the other. The same comma
 Exit status: 0 every cell has a design within its limits; 1 at least one has not, and the table says why.""",
 )
 @click.argument("file", type=FILE)
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@folder_option("--out", required=True, help="Folder to write.")
 @executor_options("Where the cells run.", "Number of processes.  [default: one per core]")
 @figure_options()
 @click.option("--report", is_flag=True, help="Write campaign.html too: table and figure as one page.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
@@ -19,7 +18,7 @@ from excite.cli.main import NOT_HELD
 from excite.cli.options import FigureChoice, robot_file_of, split_base, typed_options
 from excite.cli.progress import interrupted_status, one_interrupt, progress_of_cells, progress_of_starts
 from excite.cli.streams import in_options, remark, say, tell, verbosity
-from excite.cli.summary import show
+from excite.cli.summary import finite, show
 from excite.design.comparison import Judgement
 from excite.design.design import Design
 from excite.design.design_folder import (
@@ -57,7 +56,6 @@ from regressors.readers.library import has_tree
 from regressors.robot.robot import Robot
 
 _SearchUntil = Callable[[Callable[[], None]], Design]  # of what is called when only saving remains
-PERIODS = "periods"  # folder of the searches at each period that a precision takes
 
 
 _BASE_TOO = "--base-link names the first link of a chain; --base still takes it too"
@@ -192,7 +190,7 @@ def _precision_search(
         remark(f"excite: note: {in_options(note)}")
 
     def prepared(formulation: Formulation, name: str) -> KeptStarts:
-        starts = out / PERIODS / name
+        starts = out / "periods" / name
         with writing(starts):
             starts.mkdir(parents=True, exist_ok=True)
         try:
@@ -241,9 +239,8 @@ def compare_designs(designs: Sequence[Path], model: str | None, window: str | No
 
 
 def _plain(judgement: Judgement) -> dict[str, object]:
-    criteria = {name: value if math.isfinite(value) else None for name, value in judgement.criteria.items()}
-    goal = judgement.goal if judgement.goal is not None and math.isfinite(judgement.goal) else None
-    return {**asdict(judgement), "goal": goal, "criteria": criteria}
+    criteria = {name: finite(value) for name, value in judgement.criteria.items()}
+    return {**asdict(judgement), "goal": finite(judgement.goal), "criteria": criteria}
 
 
 def run_and_write(

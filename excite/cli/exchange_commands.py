@@ -11,7 +11,7 @@ import click
 from excite.cli.command import command
 from excite.cli.lazy import runs
 from excite.cli.option_types import FILE, Folder, Number, PartName, RobotName
-from excite.cli.options import own_parts, robot_file_options, settings_options
+from excite.cli.options import file_option, own_parts, robot_file_options, settings_options
 from excite.cli.streams import verbosity
 from excite.registry import MODEL_FORMATS, MOTION_FORMATS
 from excite.tasks.further_settings import EnsembleSettings
@@ -36,7 +36,7 @@ Examples:
 @settings_options(Installation)
 @settings_options(ModelChoice, only=_SHOWN_OF_MODEL, essential=_SHOWN_OF_MODEL)
 @click.option("--capsules", is_flag=True, help="Print a URDF's shape as capsules, to begin a world file with.")
-@click.option("--out", type=FILE, metavar="FILE", help="Write the robot as robot YAML.")
+@file_option("--out", help="Write the robot as robot YAML.")
 @click.option("--force", is_flag=True, help="Replace a FILE that is already there.")
 def robots(robot: str | None, out: Path | None, capsules: bool, **given: Any) -> None:
     """List the built-in robots; with ROBOT (a built-in name, a robot YAML, a URDF or an MJCF) show one.
@@ -97,7 +97,7 @@ answers, with the questions as comments: correct it before you use it.""",
     "--robot", type=RobotName(), metavar="ROBOT", help="Robot that moved, for the names and the ranges of its joints."
 )
 @robot_file_options("--base")
-@click.option("--write-mapping", type=FILE, metavar="MAP.yaml", help="Mapping to write, for --mapping.")
+@file_option("--write-mapping", metavar="MAP.yaml", help="Mapping to write, for --mapping.")
 @click.option("--force", is_flag=True, help="Replace a mapping that is already there.")
 @runs("exchange_run:show_recording")
 def logs() -> None:
@@ -165,13 +165,11 @@ document what it makes of the samples (rtde, krl, rapid), and a curve through th
     type=PartName("export format", tuple(dict.fromkeys((*MOTION_FORMATS, *MODEL_FORMATS)))),
     help="Format; see below.",
 )
-@click.option("--out", required=True, type=FILE, metavar="FILE", help="File to write.")
+@file_option("--out", required=True, help="File to write.")
 @click.option(
     "--rate", type=Number(), metavar="HZ", help="Samples per second of a motion.  [default: that of the format]"
 )
-@click.option(
-    "--robot-file", type=FILE, metavar="FILE", help="Description of the robot to change a copy of, for a model."
-)
+@file_option("--robot-file", help="Description of the robot to change a copy of, for a model.")
 @settings_options(EnsembleSettings)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace files that are already there.")
@@ -207,12 +205,9 @@ The page is one file that needs no network: mail it, or open it from a disk in a
 Exit status 0: written; 2: bad input, and an older page stays.""",
 )
 @click.argument("paths", nargs=-1, required=True, type=Folder(), metavar="DIR...")
-@click.option("--out", required=True, type=FILE, metavar="FILE.html", help="Page to write.")
-@click.option(
-    "--robot-file",
-    type=FILE,
-    metavar="FILE.urdf",
-    help="URDF of the robot, whose meshes (STL, OBJ, DAE) the player shows.",
+@file_option("--out", required=True, metavar="FILE.html", help="Page to write.")
+@file_option(
+    "--robot-file", metavar="FILE.urdf", help="URDF of the robot, whose meshes (STL, OBJ, DAE) the player shows."
 )
 @own_parts
 @click.option("--force", is_flag=True, help="Replace a page that is already there.")

@@ -28,8 +28,7 @@ _DESIGN, _RESULT = "design.json", "result.json"
 def export_and_show(folder: Path, form: str, out: Path, **given: Any) -> None:
     """Export a design or a result, and end with the exit status."""
     if given["samples"] is None:
-        of_ensembles = ("seed", "level", "prior")
-        check_not_typed(of_ensembles, "is of an ensemble: give the number of its robots, --samples N")
+        check_not_typed(("seed", "level", "prior"), "is of an ensemble: give the number of its robots, --samples N")
     exported = (_model if _holds_result(folder, form) else _motion)(folder, form, out, given)
     _show(exported)
     sys.exit(interrupted_status() if exported.facts.get("interrupted") else 0 if exported.holds else NOT_HELD)

@@ -6,10 +6,11 @@ import click
 
 from excite.cli.command import command, further_option
 from excite.cli.lazy import runs
-from excite.cli.option_types import FILE, Folder, Names, RobotName
+from excite.cli.option_types import FILE, Names, RobotName
 from excite.cli.options import (
     drop_option,
     figure_options,
+    folder_option,
     mapping_option,
     own_parts,
     robot_file_options,
@@ -62,7 +63,7 @@ robot from one pose to the next; with --world the summary lists the straight lin
 Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is written.""",
 )
 @click.argument("robot", type=RobotName())
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@folder_option("--out", required=True, help="Folder to write.")
 @robot_file_options("--base")
 @settings_options(Installation)
 @click.option("--drives", type=Names(), metavar="1,3", help="Drives to measure, by name or number.  [default: all]")
@@ -124,7 +125,7 @@ What is written to DIR:
 )
 @click.argument("robot", type=RobotName())
 @click.argument("logs", nargs=-1, required=True, type=FILE, metavar="LOG...")
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@folder_option("--out", required=True, help="Folder to write.")
 @robot_file_options("--base")
 @settings_options(Installation, without=("gravity",))
 @click.option(
@@ -135,10 +136,10 @@ What is written to DIR:
     metavar="1,3",
     help="Drives, or joints of a robot without drives, by name or number.  [default: all]",
 )
-@click.option("--plan", type=Folder(), metavar="DIR", help="Plan that was played; its windows are found in the logs.")
+@folder_option("--plan", help="Plan that was played; its windows are found in the logs.")
 @mapping_option
 @drop_option
-@click.option("--parameters", type=Folder(), metavar="RESULT", help="Result of 'excite identify' for the model.")
+@folder_option("--parameters", metavar="RESULT", help="Result of 'excite identify' for the model.")
 @own_parts
 @settings_options(FitSettings)
 @figure_options()

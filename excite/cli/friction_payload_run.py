@@ -149,19 +149,18 @@ def _stays(box: Any) -> str:
 
 def calibrate_and_write(robot: str, out: Path, **given: Any) -> None:
     """Calibrate the gains of the drives, and write their factors."""
-    mass = given["mass"]
     tell("reading the logs and calibrating")
     with save_gains(out, replace=given["force"]) as write:
         calibrated = excite.calibrate_gains(
             robot,
             list(given["loaded"]),
             list(given["without"]),
-            mass,
+            given["mass"],
             kind="common" if given["common"] else "each",
             logs=_logs_of(given),
             **_robot_of(given),
         )
-        write(calibrated.gains, robot=calibrated.robot, mass=mass)
+        write(calibrated.gains, robot=calibrated.robot, mass=given["mass"])
     steps = [f"excite payload identify ROBOT --with LOG --without LOG --gains {out} --out DIR"]
     show(gains_view(calibrated), [out], content=lambda: {"out": str(out), **calibrated.content()}, next_steps=steps)
 
@@ -171,7 +170,6 @@ def identify_and_write(robot: str, out: Path, **given: Any) -> None:
     if bool(given["loaded"]) == bool(given["wrench"]):
         raise click.UsageError("give the logs of the motion with the load, as --with or as --wrench")
     chosen = {"all": CONTROLLERS, "none": ()}.get(given["controller"], (given["controller"],))
-    wrench = bool(given["wrench"])
     tell("reading the logs and identifying")
     with result_folder(out):
         check_no_payload(out, chosen, replace=given["force"])
@@ -179,7 +177,7 @@ def identify_and_write(robot: str, out: Path, **given: Any) -> None:
             robot,
             list(given["loaded"] or given["wrench"]),
             without=list(given["without"]),
-            wrench=wrench,
+            wrench=bool(given["wrench"]),
             logs=_logs_of(given),
             frame=_frame_of(given),
             **{name: given[name] for name in ("result", "gains", "gain_deviation", "frame_name", "rated")},

@@ -11,6 +11,8 @@ from excite.cli.options import (
     drop_option,
     executor_options,
     figure_options,
+    file_option,
+    folder_option,
     mapping_option,
     own_parts,
     robot_file_options,
@@ -79,10 +81,8 @@ What is written to DIR:
 )
 @click.argument("robot", type=RobotName())
 @click.argument("logs", nargs=-1, required=True, type=FILE, metavar="LOG...")
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option(
-    "--design", "design_folder", type=Folder(), metavar="DIR", help="Design that was played; also gives the model."
-)
+@folder_option("--out", required=True, help="Folder to write.")
+@folder_option("--design", "design_folder", help="Design that was played; also gives the model.")
 @further_option(
     "--designs",
     type=Folder(),
@@ -104,10 +104,8 @@ What is written to DIR:
         "equations": "Rows to use.  [default: all]",
     },
 )
-@click.option(
+@file_option(
     "--friction-curves",
-    type=FILE,
-    metavar="FILE",
     help="Known friction curves, which are subtracted; drives without one keep their friction parameters.",
 )
 @further_option(
@@ -176,7 +174,7 @@ What is written to DIR (or --out), per log:
 )
 @click.argument("folder", type=Folder(), metavar="DIR")
 @click.argument("logs", nargs=-1, required=True, type=FILE, metavar="LOG...")
-@click.option("--out", type=Folder(), metavar="DIR", help="Folder to write.  [default: that of the result]")
+@folder_option("--out", help="Folder to write.  [default: that of the result]")
 @mapping_option
 @drop_option
 @settings_options(Tolerances)

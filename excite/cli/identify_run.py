@@ -74,17 +74,10 @@ def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any
         status = NOT_HELD if result.doubts else 0
         if given["repeat"]:
             tell("repeating the experiment in simulation")
-            where = {"executor": given["executor"], "workers": given["workers"]}
-            result, repeated = repeat_and_write(result, out, given["repeat"], given["seed"], figures, **where)
+            result, repeated = repeat_and_write(result, out, given)
             status = repeated or status
             drawn = figure_names([REPETITIONS], figures.formats) if result.repetitions is not None else []
             files = [*(out / name for name in drawn), *files]
-    show_result(result, files, out)
-    sys.exit(status)
-
-
-def show_result(result: excite.Identification, files: Sequence[Path], out: Path) -> None:
-    """Show a result, and what to do next: the cures of doubts, or else to verify."""
     cures = dict.fromkeys(in_options(doubt.cure) for doubt in result.doubts)
     steps = list(cures) or [f"excite verify {files[-1].parent} OTHER.csv, with a log that was not used here"]
 
@@ -93,6 +86,7 @@ def show_result(result: excite.Identification, files: Sequence[Path], out: Path)
         return {"out": str(out), **{k: v for k, v in result_content(result).items() if k not in left_out}}
 
     show(identification_view(result), files, content=content, next_steps=steps, all_in="result.json")
+    sys.exit(status)
 
 
 def _identified(
@@ -130,15 +124,12 @@ def _has_curves(design: Any, typed: Mapping[str, Any]) -> bool:
     return bool(design.task.changed(**named, friction_curves=None).model.channel == "effort")
 
 
-_DESIGNS = Path("designs")
-
-
 def design_folder(given: Path | None, mapping: Path | None, places: Sequence[Path]) -> Path | None:
     """Folder of the design that was played."""
     named = None if mapping is None or given is not None else read_mapping(mapping).design
     if mapping is None or named is None:
         return given
-    searched = tuple(places) or (mapping.parent, _DESIGNS)
+    searched = tuple(places) or (mapping.parent, Path("designs"))
     found = find_design(named, searched)
     where = ", ".join(str(place) for place in searched)
     if found is None:
@@ -151,24 +142,14 @@ def design_folder(given: Path | None, mapping: Path | None, places: Sequence[Pat
     return found
 
 
-def repeat_and_write(
-    result: Identification,
-    out: Path,
-    count: int,
-    seed: int,
-    figures: FigureChoice,
-    *,
-    executor: str,
-    workers: int | None,
-) -> tuple[Identification, int]:
+def repeat_and_write(result: Identification, out: Path, given: Mapping[str, Any]) -> tuple[Identification, int]:
     """Repeat an identification in simulation, add the statistics to its result, and draw them beside it."""
+    count, where = given["repeat"], {"executor": given["executor"], "workers": given["workers"]}
     shown = progress_of_repetitions(count)
-    waits = is_addressed("executor", executor)  # for Dask, while which a signal is heeded at once
+    waits = is_addressed("executor", given["executor"])  # for Dask, while which a signal is heeded at once
     try:
         with one_interrupt(), shown if waits else stoppable(shown, "stopping after the repetitions at work") as report:
-            repeated_runs = repetitions(
-                result, count, seed, report, executor=executor, workers=workers, kept=out / SO_FAR
-            )
+            repeated_runs = repetitions(result, count, given["seed"], report, **where, kept=out / SO_FAR)
             result = replace(result, kept=result.facts, repetitions=summary_of(repeated_runs))
             amend_result_file(out, result)
     except KeyboardInterrupt:
@@ -179,8 +160,8 @@ def repeat_and_write(
     except LostWorkersError as error:
         saved = f"the result in {out} is saved, without repetitions"
         raise LostWorkersError(*error.args, saved + _continued(out)) from error
-    if figures:
-        figures.write_view(repetitions_view(result, repeated_runs), out)
+    if given["figures"]:
+        given["figures"].write_view(repetitions_view(result, repeated_runs), out)
     if repeated_runs.interrupted:
         done = f"with {repeated_runs.count} of {count} repetitions"
         say(f"excite: interrupted; the result is saved, {in_options(done + _continued(out))}")

@@ -46,7 +46,6 @@ _FILES = {
     "identify_commands": ("identify", "verify"),
     "study_commands": ("simulate", "predict", "study"),
 }
-_PLACES = {name: f"{file}:{name}" for file, names in _FILES.items() for name in names}
 BAD_INPUT, NOT_HELD = 2, 1
 _OBJECTS = 50_000  # before the collector looks for cycles: imports and figures make many objects and next to no cycles
 
@@ -56,7 +55,7 @@ _OBJECTS = 50_000  # before the collector looks for cycles: imports and figures 
     summaries=_COMMANDS,
     groups=_GROUPS,
     renamed={"campaign": "sweep"},
-    places=_PLACES,
+    places={name: f"{file}:{name}" for file, names in _FILES.items() for name in names},
     epilog="""\b
 Start with:
   excite robots                          which robots are built in
@@ -168,12 +167,10 @@ def _run() -> NoReturn:
     except click.UsageError as error:
         hint = f"; see '{error.ctx.command_path} --help'" if error.ctx is not None else ""
         _fail(error.format_message().rstrip(".") + hint, BAD_INPUT)
-    except click.ClickException as error:
-        _fail(error.format_message(), BAD_INPUT)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the pipe is closed: discard further output
         sys.exit(NOT_HELD)
-    except (InputError, NumericalError) as error:
+    except (click.ClickException, InputError, NumericalError) as error:
         _fail(str(error), BAD_INPUT)
     except ExciteError as error:
         _fail(str(error), NOT_HELD)

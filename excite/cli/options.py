@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from excite.cli.option_types import (
     PRECISION,
     PRIOR,
     RANGES,
+    Folder,
     Names,
     Number,
     Numbers,
@@ -70,6 +72,7 @@ _TYPES: dict[Kind, Any] = {
     "precision": PRECISION,
     "impacts": IMPACT,
 }
+_METAVARS = {"drives": "all|1,3", "integer": "N", "s": "S", "Hz": "HZ"}  # by kind or unit, where an option states none
 
 
 def settings_options(
@@ -116,9 +119,11 @@ def _click_option(name: str, default: Any, option: Option) -> Callable[[Command]
     text = option.described(name) + (f"  [default: {option.unset}]" if option.unset is not None else "")
     shared: dict[str, Any] = {"cls": click.Option if option.essential else FurtherOption, "help": text}
     default = None if option.unset is not None else default
-    if option.kind == "flag" or "/" in (option.flag or ""):
-        both = f"--{option.flag.replace('/', '/--')}" if option.flag and "/" in option.flag else flag_of(name, option)
-        return click.option(both, name, is_flag=True, default=default, **shared)
+    words = option.flag or name.replace("_", "-")
+    if option.kind == "flag" and default is True and option.flag is None:
+        words += f"/no-{words}"
+    if option.kind == "flag" or "/" in words:
+        return click.option("--" + words.replace("/", "/--"), name, is_flag=True, default=default, **shared)
     return click.option(
         flag_of(name, option),
         name,
@@ -126,8 +131,8 @@ def _click_option(name: str, default: Any, option: Option) -> Callable[[Command]
         multiple=option.kind in _SEVERAL or name == "constraints",
         default=_typed_default(default, option),
         required=option.required,
-        metavar=option.metavar,
-        callback=_all_of if option.kind == "folders" else None,
+        metavar=option.metavar or _METAVARS.get(option.kind) or _METAVARS.get(option.unit(name)),
+        callback=(lambda _, __, several: sum(several, ())) if option.kind == "folders" else None,
         **shared,
     )
 
@@ -143,11 +148,6 @@ def _typed_default(default: Any, option: Option) -> Any:
     if isinstance(default, tuple) and option.kind in ("names", "numbers"):
         return ",".join(f"{each:g}" if isinstance(each, float) else each for each in default)
     return default
-
-
-def _all_of(ctx: click.Context, param: click.Parameter, value: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
-    """Names of an option that is given several times, each time with one or several."""
-    return tuple(name for several in value for name in several)
 
 
 def _type(name: str, option: Option) -> Any:
@@ -215,6 +215,8 @@ def executor_options(where: str, processes: str) -> Callable[[Command], Command]
     return lambda command: executor(workers(command))
 
 
+file_option = partial(click.option, type=FILE, metavar="FILE")
+folder_option = partial(click.option, type=Folder(), metavar="DIR")
 own_parts = further_option(
     "--part",
     "parts",
@@ -225,9 +227,7 @@ own_parts = further_option(
 )
 
 
-mapping_option = click.option(
-    "--mapping", type=FILE, metavar="FILE", help="YAML file with the columns and units of a log in another format."
-)
+mapping_option = file_option("--mapping", help="YAML file with the columns and units of a log in another format.")
 drop_option = further_option(
     "--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out instead of refusing the log."
 )

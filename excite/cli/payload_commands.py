@@ -10,8 +10,16 @@ import click
 
 from excite.cli.command import command
 from excite.cli.lazy import runs
-from excite.cli.option_types import FILE, Folder, RobotName
-from excite.cli.options import drop_option, figure_options, mapping_option, robot_file_options, settings_options
+from excite.cli.option_types import RobotName
+from excite.cli.options import (
+    drop_option,
+    figure_options,
+    file_option,
+    folder_option,
+    mapping_option,
+    robot_file_options,
+    settings_options,
+)
 from excite.identification.recipe import Recipe
 from excite.tasks.further_settings import (
     CalibrationSettings,
@@ -46,7 +54,7 @@ def _log_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _log_option(name: str, text: str, *, required: bool = False) -> Callable[[Any], Any]:
     names = ("--with", "loaded") if name == "loaded" else (f"--{name}",)
-    return click.option(*names, required=required, multiple=True, type=FILE, metavar="LOG", help=f"{text}; repeatable.")
+    return file_option(*names, required=required, multiple=True, metavar="LOG", help=f"{text}; repeatable.")
 
 
 @command(
@@ -73,7 +81,7 @@ What is written to DIR: design.json and trajectory.csv, as by 'excite design'.
 Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
 )
 @click.argument("robot", type=RobotName())
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@folder_option("--out", required=True, help="Folder to write.")
 @_robot_options
 @settings_options(PayloadMotionSettings)
 @settings_options(LoadFrame)
@@ -156,9 +164,9 @@ Exit code: 0 done; 1 written, but a doubt remains, such as a mass that is hardly
 @_log_option("without", "Log without the load")
 @_log_option("loaded", "Log with the load, fixed to the last link")
 @_log_option("wrench", "Instead of --with: log of the wrench of a sensor that carries the load")
-@click.option("--result", type=Folder(), metavar="DIR", help="Instead of --without: the robot's identified model.")
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--gains", type=FILE, metavar="FILE", help="Gains from 'excite payload gains'.")
+@folder_option("--result", help="Instead of --without: the robot's identified model.")
+@folder_option("--out", required=True, help="Folder to write.")
+@file_option("--gains", help="Gains from 'excite payload gains'.")
 @settings_options(PayloadSettings)
 @settings_options(LoadFrame)
 @_robot_options

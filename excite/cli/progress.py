@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -174,14 +174,11 @@ def progress_of_samples(verb: str = "simulated") -> Iterator[_Steps]:
 def one_interrupt() -> Iterator[Interruption]:
     """Let the first signal in the block raise KeyboardInterrupt; a second one ends the process at once."""
     installed = current_interruption()
-    if installed is None:
-        with answered_signals() as own:
-            yield own
-        return
-    try:
-        yield installed
-    finally:
-        installed.heed()
+    with answered_signals() if installed is None else nullcontext(installed) as interruption:
+        try:
+            yield interruption
+        finally:
+            interruption.heed()
 
 
 @contextmanager
@@ -204,5 +201,4 @@ def stoppable(progress: AbstractContextManager[_Steps], message: str) -> Iterato
 
 def interrupted_status() -> int:
     """Exit status after a signal: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
-    installed = current_interruption()
-    return Interruption().status if installed is None else installed.status
+    return (current_interruption() or Interruption()).status

@@ -15,7 +15,7 @@ from constraints.linear import QUANTITIES, linear_limits
 from constraints.world_file import capsules_text, urdf_capsules
 from excite.cli.options import task_of
 from excite.cli.streams import in_options, remark, verbosity
-from excite.cli.summary import console, print_table, show
+from excite.cli.summary import console, finite, print_table, show
 from excite.export.models.robot_yaml import write_robot
 from excite.information.nearly_unidentifiable import left_out_by_rounding
 from excite.information.target import left_to_right_base
@@ -76,7 +76,7 @@ def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any
         "moving_joints": list(moving),
         "base": {
             "rank": base.rank,
-            "gap": base.gap if math.isfinite(base.gap) else None,
+            "gap": finite(base.gap),
             "columns": list(base.names),
             "expressions": list(base.expressions),
             "units": list(base.units),
@@ -90,8 +90,7 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
     out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", soft_wrap=True)
     print_table("joints", ("number", "name", "kind", "link", "mass [kg]"), _bodies(whole))
-    limits = _limits(whole)
-    if limits:
+    if limits := _limits(whole):
         print_table("limits", ("coordinate", *QUANTITIES), limits)
     else:
         out.print("no limits are known")

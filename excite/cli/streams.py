@@ -88,9 +88,6 @@ def printed_warnings() -> Iterator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-_KEY = "excite.verbosity"
-
-
 @dataclass
 class Verbosity:
     """What the command line asks to be printed."""
@@ -105,19 +102,15 @@ class Verbosity:
 def verbosity() -> Verbosity:
     """What the command at work prints."""
     ctx = click.get_current_context(silent=True)
-    return Verbosity() if ctx is None else _of(ctx)
-
-
-def _of(ctx: click.Context) -> Verbosity:
-    chosen: Verbosity = ctx.meta.setdefault(_KEY, Verbosity())
+    chosen: Verbosity = Verbosity() if ctx is None else ctx.meta.setdefault("excite.verbosity", Verbosity())
     return chosen
 
 
 def _choose(ctx: click.Context, param: click.Parameter, value: Any) -> None:
     """Note one option; a group's counts for its commands too."""
-    chosen, asked = _of(ctx), value == "json" if param.name == "form" else bool(value)
-    if not asked:
+    if value in (False, None, "text"):
         return
+    chosen = verbosity()
     setattr(chosen, "as_json" if param.name == "form" else str(param.name), True)
     if chosen.quiet and chosen.verbose:
         raise click.UsageError("--quiet and --verbose exclude each other", ctx)
@@ -139,13 +132,10 @@ def loudness_options() -> list[click.Option]:
 
 def form_options(taken: Iterable[str]) -> list[click.Option]:
     """``--json``, and its older spelling ``--format json`` where that name is free."""
-    options = [_flag(["--json", "as_json"], "Print the summary as one JSON document.")]
-    if "--format" not in taken:
-        kinds = click.Choice(["text", "json"])
-        options.append(
-            click.Option(["--format", "form"], type=kinds, hidden=True, expose_value=False, callback=_choose)
-        )
-    return options
+    kinds = click.Choice(["text", "json"])
+    older = click.Option(["--format", "form"], type=kinds, hidden=True, expose_value=False, callback=_choose)
+    json = _flag(["--json", "as_json"], "Print the summary as one JSON document.")
+    return [json] if "--format" in taken else [json, older]
 
 
 SECONDS = 1.5
@@ -230,7 +220,9 @@ def _line(what: str) -> str:
 @contextmanager
 def sign_of_life() -> Iterator[None]:
     """Say what the command in the block is doing, if it takes longer."""
-    handle = _handle()
+    handle: int | None = None
+    with suppress(AttributeError, OSError, ValueError):  # where stderr is no file
+        handle = sys.stderr.fileno()
     if handle is None:
         yield
         return
@@ -242,14 +234,6 @@ def sign_of_life() -> Iterator[None]:
     finally:
         sign.end()
         _signs.remove(sign)
-
-
-def _handle() -> int | None:
-    """Number of the file that stderr is; None where it is none."""
-    try:
-        return sys.stderr.fileno()
-    except (AttributeError, OSError, ValueError):
-        return None
 
 
 def tell(what: str) -> None:

@@ -7,7 +7,15 @@ import click
 from excite.cli.command import command
 from excite.cli.lazy import runs
 from excite.cli.option_types import FILE, Folder, RobotName
-from excite.cli.options import executor_options, figure_options, mapping_option, own_parts, settings_options
+from excite.cli.options import (
+    executor_options,
+    figure_options,
+    file_option,
+    folder_option,
+    mapping_option,
+    own_parts,
+    settings_options,
+)
 from excite.identification.recipe import Recipe
 from excite.simulation.settings import SimulationSettings
 from excite.tasks.further_settings import Extents, MotionSettings, StudySettings
@@ -76,7 +84,7 @@ than 1 % of their range, of velocities by more than 5 %. LOG.json says when torq
 limits.""",
 )
 @click.argument("source", type=Folder(), metavar="DIR|FILE")
-@click.option("--out", required=True, type=FILE, metavar="LOG.csv", help="Log to write.")
+@file_option("--out", required=True, metavar="LOG.csv", help="Log to write.")
 @settings_options(MotionSettings)
 @click.option("--ways/--no-ways", default=None, hidden=True, help="Former name of --approach-and-return.")
 @settings_options(SimulationSettings)
@@ -174,18 +182,14 @@ What is written to DIR:
 )
 @click.argument("robot", type=RobotName(), metavar="ROBOT")
 @click.argument("logs", nargs=-1, type=FILE, metavar="[LOG...]")
-@click.option(
-    "--design", "designs", multiple=True, type=Folder(), metavar="DIR", help="Design to simulate; repeatable."
-)
-@click.option(
+@folder_option("--design", "designs", multiple=True, help="Design to simulate; repeatable.")
+@file_option(
     "--trajectory",
     "trajectories",
     multiple=True,
-    type=FILE,
-    metavar="FILE",
     help="Another motion to simulate, laid out as trajectory.csv, for the parameters of the first design; repeatable.",
 )
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@folder_option("--out", required=True, help="Folder to write.")
 @settings_options(StudySettings)
 @executor_options(
     "Where repetitions run, with the same numbers; those of a study of less than 10 s stay in this process.",

@@ -15,7 +15,7 @@ from excite.cli.design_commands import OF_NEXT_MOTION
 from excite.cli.main import NOT_HELD
 from excite.cli.options import FigureChoice, check_not_typed, robot_file_of, task_of, typed_options
 from excite.cli.streams import remark, tell
-from excite.cli.summary import show
+from excite.cli.summary import finite, show
 from excite.design.design_folder import check_no_design, data_files
 from excite.design.start_results import StartResult
 from excite.design.task_file import read_task_file, task_from_options
@@ -180,7 +180,8 @@ def _content(step: excite.NextMotion, out: Path | None) -> dict[str, Any]:
         "enough": step.enough,
         "planned": list(step.planned),
         "parameters": [
-            {name: _finite(value) for name, value in vars(parameter).items()} | {"enough": parameter.enough}
+            {name: finite(value) if isinstance(value, float) else value for name, value in vars(parameter).items()}
+            | {"enough": parameter.enough}
             for parameter in step.parameters
         ],
         "next": None
@@ -191,7 +192,3 @@ def _content(step: excite.NextMotion, out: Path | None) -> dict[str, Any]:
             **{name: value for name, value in json_of(forecast).items() if name != "parameters"},
         },
     }
-
-
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value

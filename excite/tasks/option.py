@@ -38,11 +38,12 @@ class Option:
     """Description of one field of settings, in addition to its type and default."""
 
     kind: Kind  # kind of values that it accepts
-    help: str  # one sentence, without the unit, which is that of the quantity
-    metavar: str | None = None  # placeholder of its value in the help
+    help: str  # one sentence, without the unit, which is that of the quantity, and without the drives to choose from
+    metavar: str | None = None  # placeholder of its value in the help, if it is not that of the kind or the unit
     part: str | None = None  # kind of parts in the registry: the option accepts their names, or objects
     choices: tuple[str, ...] = ()  # all values that it accepts, where these are few
-    # name on the command line, if it is not the field's; after a slash, the name that turns a flag off
+    # name on the command line, if it is not the field's; after a slash, the name that turns a flag off, if it is not
+    # no- and the name for one that is on by default
     flag: str | None = None
     hidden: bool = False  # not on the command line
     late: bool = False  # in stored tasks only where it is not the default: the option is younger than their schema
@@ -59,7 +60,9 @@ class Option:
         return QUANTITIES[quantity].unit if self.kind in NUMERIC and quantity in QUANTITIES else ""
 
     def described(self, name: str) -> str:
-        """The sentence, with the unit at the end of its first clause."""
+        """The sentence, with the unit at the end of its first clause, or with the drives that can be chosen."""
+        if self.kind == "drives" and self.flag is None:
+            return f"{self.help}: of all drives, none, or these."
         if not (unit := self.unit(name)):
             return self.help
         return re.sub(r"(?=; |\. |\.$)", f" [{unit}]", self.help, count=1)
