@@ -267,10 +267,7 @@ _figure_width = further_option(
 
 
 def figure_options(default: str = "png") -> Callable[[Command], Command]:
-    """Decorator that gives a command the options of figures, and one argument ``figures``, a `FigureChoice`.
-
-    With the default ``none``, ``--figures`` alone means ``png``.
-    """
+    """Decorator that gives a command the options of figures, and one argument ``figures``, a `FigureChoice`."""
     alone: dict[str, Any] = {"is_flag": False, "flag_value": "png"} if default == "none" else {}
     formats = further_option(
         "--figures",

@@ -312,12 +312,7 @@ _COMMANDS: Mapping[str, str] = {
 
 
 def in_options(message: str) -> str:
-    """A message with every option and call in backticks in its command-line form, and nothing a terminal would obey.
-
-    An option `torque_margin` becomes ``--torque-margin``, one with a value, `drop='nan'`, ``--drop nan``, one that is
-    turned off, `approach_and_return=False`, ``--no-approach-and-return``, and a call, `plan_friction`,
-    ``'excite friction plan'``.
-    """
+    """A message with every option and call in backticks in its command-line form, and nothing a terminal would obey."""
     return re.sub(r"`(\w+)(?:=([^`]*))?`", _option, printable(" ".join(message.split("\n"))))
 
 

@@ -96,28 +96,14 @@ class SampledMotion:
 
 @dataclass(frozen=True, eq=False)
 class MotionSource:
-    """A motion and its origin.
+    """A motion and its origin."""
 
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-        Gives the moving joints.
-    motion : Reference
-    ramps : GivenTorque or None
-    file : Path or None
-        File of the motion, where it is not the design's own.
-    origin : mapping
-        Design or friction plan, for the sidecar of a log.
-    """
-
-    robot: Robot
-    task: Task
+    robot: Robot  # the whole robot
+    task: Task  # gives the moving joints
     motion: Reference
     ramps: GivenTorque | None
-    file: Path | None
-    origin: Mapping[str, Any]
+    file: Path | None  # of the motion, where it is not the design's own
+    origin: Mapping[str, Any]  # design or friction plan, for the sidecar of a log
 
     @property
     def planned(self) -> bool:
