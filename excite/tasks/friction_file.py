@@ -239,13 +239,13 @@ def _quoted(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z_][\w-]*", name) else json.dumps(name, ensure_ascii=False)
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class SideEntry(_Entry):
+class SideEntry(BaseModel):
     """Friction in one direction."""
 
+    model_config = _CONFIG
     coulomb: Friction
     viscous: Friction = 0.0
     stiction: Friction | None = None
@@ -253,16 +253,18 @@ class SideEntry(_Entry):
     exponent: Exponent = 2.0
 
 
-class SlopeEntry(_Entry):
+class SlopeEntry(BaseModel):
     """Temperature dependence of friction in one direction."""
 
+    model_config = _CONFIG
     coulomb: Friction = 0.0
     viscous: Friction = 0.0
 
 
-class TemperatureEntry(_Entry):
+class TemperatureEntry(BaseModel):
     """Temperature dependence of friction."""
 
+    model_config = _CONFIG
     reference: Celsius
     coulomb: Friction | None = None
     viscous: Friction | None = None
@@ -271,23 +273,26 @@ class TemperatureEntry(_Entry):
     range: Annotated[list[Celsius], Field(min_length=2, max_length=2)] | None = None
 
 
-class LoadEntry(_Entry):
+class LoadEntry(BaseModel):
     """Share of the carried torque in each direction."""
 
+    model_config = _CONFIG
     forward: Friction
     backward: Friction
 
 
-class UncertaintyEntry(_Entry):
+class UncertaintyEntry(BaseModel):
     """Covariance of a curve's parameters."""
 
+    model_config = _CONFIG
     parameters: Annotated[list[str], Field(min_length=1)]
     covariance: list[list[Friction]]
 
 
-class CurveEntry(_Entry):
+class CurveEntry(BaseModel):
     """Curve of one drive."""
 
+    model_config = _CONFIG
     model: Literal["coulomb-viscous", "stribeck", "table"]
     coulomb: Friction | None = None
     viscous: Friction | None = None
@@ -301,9 +306,10 @@ class CurveEntry(_Entry):
     uncertainty: UncertaintyEntry | None = None
 
 
-class FrictionFile(_Entry):
+class FrictionFile(BaseModel):
     """Complete friction file."""
 
+    model_config = _CONFIG
     schema_: Literal["excite.friction/1"] = Field(alias="schema")
     drives: dict[str, CurveEntry]
 
